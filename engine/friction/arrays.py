@@ -1,8 +1,8 @@
-"""A friction problem as arrays, with the operations every solver shares.
+"""The arrays of a friction problem, and the operations that all solvers share.
 
 The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,
-u = G w + C r + q, Coulomb's law between each r_i and u_i. B is the identity without such rows, see
-`engine.friction.bilateral`; C is diagonal, one compliance a contact, and 0 between rigid bodies.
+u = G w + C r + q, and Coulomb's law between each r_i and u_i. Without bilateral rows B is the identity, see
+`engine.friction.bilateral`. C is diagonal with one compliance per contact, and 0 between rigid bodies.
 """
 
 from typing import NamedTuple
@@ -22,18 +22,18 @@ NOT_CONVERGED = 1
 
 @by_address
 class ContactRows(NamedTuple):
-    """The rows of G: contact i touches the unknowns of the nodes ``node[i]``; -1: no such node."""
+    """The rows of G: contact i acts on the unknowns of the nodes ``node[i]``; -1: no node."""
 
     node: np.ndarray  # (nc, runs) int64
-    pair: np.ndarray  # (nc, runs, runs) int64, first piece of the system for every two of them, see `blocks`
-    G: np.ndarray  # (nc, 3, 8 runs) rows (N, T1, T2): six columns and two zeros for each node
+    pair: np.ndarray  # (nc, runs, runs) int64, first piece of the system for each pair of nodes, see `blocks`
+    G: np.ndarray  # (nc, 3, 8 runs) rows (N, T1, T2): six columns and two zeros per node
 
 
 @by_address
 class ContactLanes(NamedTuple):
-    """The contacts' numbers, eight contacts side by side; what is behind the last one is 0."""
+    """The numbers of the contacts, eight contacts side by side; entries past the last contact are 0."""
 
-    present: np.ndarray  # (m,) 1 for a contact, 0 behind the last one
+    present: np.ndarray  # (m,) 1 for a contact, 0 past the last one
     mu: np.ndarray  # (m,)
     compliance: np.ndarray  # (m,)
     scale: np.ndarray  # (m,) mean diagonal of the contact's own Delassus block
@@ -48,37 +48,38 @@ class ContactLanes(NamedTuple):
     du: np.ndarray  # (3, m)
     b: np.ndarray  # (3, m)
     A: np.ndarray  # (9, m) eliminated block: dr = -b - A G dw
-    Q: np.ndarray  # (9, m) derivative of the contact's equation with respect to u; scaling W of the interior point
+    Q: np.ndarray  # (9, m) derivative of the contact's equation with respect to u; in the interior-point method W
     yielding: np.ndarray  # (9, m) (I + C A)^-1 of the interior-point method
-    best: np.ndarray  # (3, m) impulses of the smallest residual within an attempt
-    base: np.ndarray  # (3, m) impulses from which to continue when the natural map fails
+    best: np.ndarray  # (3, m) impulses with the smallest residual within an attempt
+    base: np.ndarray  # (3, m) impulses to continue from if the natural map fails
     kept: np.ndarray  # (3, m) impulses of the best attempt
 
 
 @by_address
 class FrictionArrays(NamedTuple):
-    """A whitened friction problem of at most ``nc`` contacts and ``n`` unknowns, and work space.
+    """A whitened friction problem with at most ``nc`` contacts and ``n`` unknowns, and its workspace.
 
-    The unknowns w come in nodes of six and two zeros: the velocities of a body, or multipliers of bilateral rows.
+    The unknowns w are grouped in nodes of six plus two zeros: the velocities of a body, or multipliers of bilateral
+    rows.
     """
 
     rows: ContactRows
     system: Elimination
     bilateral: BilateralSystem
-    q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the law's shift
+    q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the shift of the impact law
     mu: np.ndarray  # (nc,)
-    compliance: np.ndarray  # (nc,) velocity by which a contact gives way under an impulse of 1
-    r: np.ndarray  # (nc, 3) impulses: start on entry, solution on return
+    compliance: np.ndarray  # (nc,) velocity at which a contact yields under an impulse of 1
+    r: np.ndarray  # (nc, 3) impulses: starting values on entry, solution on return
     u: np.ndarray  # (nc, 3) relative velocities of the solution
     w: np.ndarray  # (n,) velocity change of the solution
     dw: np.ndarray  # (n,)
     K: np.ndarray  # (48 pieces,) system, see `blocks`
-    F: np.ndarray  # (48 nodes,) multipliers and inverses of its diagonal pieces
+    F: np.ndarray  # (48 nodes,) multipliers, and inverses of the diagonal, of its diagonal pieces
     contacts: ContactLanes
 
 
 def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int = 0) -> FrictionArrays:
-    """Allocate a problem.
+    """Allocate the arrays of a problem.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
     nc : int
         Number of contacts.
     runs : int
-        A contact touches at most so many nodes.
+        Largest number of nodes that a contact acts on.
     bilateral : int
         Number of bilateral rows.
     """
@@ -109,7 +110,7 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
     node, pair = integers.view(np.int64)[: nc * runs], integers.view(np.int64)[nc * runs :]
     node[:] = -1
     lanes = ContactLanes(*ones, *threes[:9], *nines, *threes[9:])
-    lanes.unit[:] = 1.0  # as `units.restore` leaves it: a residual may be asked for before anything is solved
+    lanes.unit[:] = 1.0  # as `units.restore` leaves it: the residual may be needed before anything is solved
     q, r, u = per_contact
     mu, compliance = numbers
     return FrictionArrays(
@@ -130,17 +131,17 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
 
 
 def _bilateral_rows(n: int, pieces: int, diagonal: int, bilateral: int) -> BilateralSystem:
-    """Allocate bilateral rows and their system of ``n`` unknowns."""
+    """Allocate bilateral rows and their system with ``n`` unknowns."""
     J, length, K, F, right, miss = aligned_zeros((bilateral, 2 * ROW), bilateral, pieces, diagonal, n, n)
     at, pair, node = np.zeros(bilateral, np.int64), np.zeros((bilateral, 2), np.int64), np.full((bilateral, 2), -1)
     return BilateralSystem(at, node, pair, J, length, K, F, right, miss)
 
 
-NO_ROWS = _bilateral_rows(0, 0, 0, 0)  # nothing to write to: all problems without such rows share them
+NO_ROWS = _bilateral_rows(0, 0, 0, 0)  # never written to, so all problems without such rows share it
 
 
 def dense_rows(node: Integers, rows: Array, n: int) -> Array:
-    """Return rows that are stored node by node, shape (m, j, 8 runs), as dense rows, shape (m, j, n)."""
+    """Return rows stored node by node, shape (m, j, 8 runs), as dense rows, shape (m, j, n)."""
     dense = np.zeros((*rows.shape[:2], n))
     for i, s in np.argwhere(node >= 0):
         at = ROW * node[i, s]
@@ -149,25 +150,25 @@ def dense_rows(node: Integers, rows: Array, n: int) -> Array:
 
 
 class Goal(NamedTuple):
-    """The condition under which a problem counts as solved."""
+    """The condition for a problem to count as solved."""
 
     tolerance: float  # relative residual to reach
-    scale: float  # mean diagonal of the Delassus operator, in which impulses are velocities
+    scale: float  # mean diagonal of the Delassus operator, which converts impulses to velocities
 
 
 class Effort(NamedTuple):
-    """The number of steps that a method may take."""
+    """The number of steps allowed to a method."""
 
     least: int
     most: int
-    patience: int  # poor steps in a row after which the method is given up
+    patience: int  # number of consecutive poor steps after which the method is abandoned
 
 
 @inner
 def take_contacts(nc, p):
-    """Copy the problem to the lanes, and measure each contact's mean Delassus diagonal; return the mean of all.
+    """Copy the problem to the lanes, compute each contact's mean Delassus diagonal, and return the mean of all.
 
-    The diagonal is what it would be without bilateral rows.
+    The diagonal is computed without regard to bilateral rows.
     """
     c, mean = p.contacts, 0.0
     for i in range(c.mu.shape[0]):
@@ -189,7 +190,7 @@ def take_contacts(nc, p):
 
 @inner
 def square(rows, i):
-    """Return the sum of the squares of contact i's rows."""
+    """Return the sum of squares of contact i's rows."""
     squares = spread(0.0)
     for k in range(3):
         for s in range(rows.node.shape[1]):
@@ -201,7 +202,7 @@ def square(rows, i):
 
 @inner
 def give_contacts(nc, p):
-    """Copy the impulses and velocities from the lanes."""
+    """Copy the impulses and velocities back from the lanes."""
     for i in range(nc):
         for k in range(3):
             p.r[i, k] = p.contacts.r[k, i]
@@ -210,7 +211,7 @@ def give_contacts(nc, p):
 
 @inner
 def copy(source, target):
-    """Copy three numbers of every contact."""
+    """Copy three numbers per contact."""
     for k in range(3):
         for i in range(0, source.shape[1], LANES):
             write(read(source[k], i), target[k], i)
@@ -241,7 +242,7 @@ def relative(rows, i, w, u):
 
 @inner
 def all_relative(nc, rows, w, u):
-    """Write G w, eight contacts side by side, and zeros behind the last one."""
+    """Write G w, eight contacts side by side, with zeros past the last contact."""
     for i in range(nc):
         relative(rows, i, w, u)
     for i in range(nc, u.shape[1]):
@@ -250,7 +251,7 @@ def all_relative(nc, rows, w, u):
 
 @inner
 def finish(nc, p):
-    """Write the velocities w and u that belong to the impulses r."""
+    """Write the velocities w and u that result from the impulses r."""
     c = p.contacts
     clear(p.w)
     for i in range(nc):

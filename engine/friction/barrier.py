@@ -6,25 +6,25 @@ import numpy as np
 
 from engine.jit import inner, kernel
 
-NEWTON = 60  # steps for one barrier
-CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough for the next barrier
-INSIDE = 0.95  # share of the way to the boundary in one step
-ROUNDING = 1e-16  # share of the barrier's curvature that keeps Newton's matrix regular at the edge of sliding
-GAP = 1e-8  # accuracy of an end, in units of the forces
-FIRST, SHARPER = 1.0, 300.0  # weight of the end against the first barrier, and its factor from one to the next
-ROOM = 1e4  # largest |y|: where friction wedges, forces would grow without end
-ENDLESS = 1e-2 * ROOM  # beyond so many times the forces there is no end
+NEWTON = 60  # largest number of steps for one barrier weight
+CLOSE = 1e-3  # squared Newton decrement below which the weight is changed
+INSIDE = 0.95  # largest step, as a share of the distance to the boundary
+ROUNDING = 1e-16  # share of the barrier's curvature that keeps Newton's matrix regular at the onset of sliding
+GAP = 1e-8  # accuracy of an end of the range, in units of the forces
+FIRST, SHARPER = 1.0, 300.0  # first weight of the objective relative to the barrier, and the factor between weights
+ROOM = 1e4  # largest |y|: forces would grow without limit where friction wedges
+ENDLESS = 1e-2 * ROOM  # beyond this multiple of the forces the range counts as unbounded
 
 
 class Cones(NamedTuple):
-    """Forces s = start + basis y, with one cone s_0 >= |s_T| for each contact."""
+    """Forces s = start + basis y, with one cone s_0 >= |s_T| per contact."""
 
     start: np.ndarray  # (nc, 3)
     basis: np.ndarray  # (nc, 3, d)
 
 
 class CentreWork(NamedTuple):
-    """Work space of the functions here."""
+    """Workspace of the functions in this module."""
 
     s: np.ndarray  # (nc, 3) forces
     ds: np.ndarray  # (nc, 3) their change in a step
@@ -37,12 +37,13 @@ class CentreWork(NamedTuple):
 
 @kernel
 def least(cones, way, inside, work):
-    """Return the least way . y within the cones, from ``inside`` them; -inf if friction wedges: there is none.
+    """Return the minimum of way . y within the cones, starting at ``inside``; -inf if friction wedges (unbounded).
 
     Parameters
     ----------
     cones : Cones
     way, inside : (d,) arrays
+        The objective, and an interior point of the cones.
     work : CentreWork
     """
     y, push, weight = work.y, work.push, FIRST
@@ -64,7 +65,7 @@ def least(cones, way, inside, work):
 
 @kernel
 def centre(cones, push, y, work):
-    """Move ``y`` to the minimum of push . y plus the barrier; it is inside the cones and stays there.
+    """Move ``y`` to the minimum of push . y plus the barrier; it starts and stays inside the cones.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def centre(cones, push, y, work):
 
 @inner
 def _newton_system(basis, push, y, s, bend, slope, step):
-    """Write second derivatives (lower half) into ``bend`` and minus the first ones into ``step``."""
+    """Write the second derivatives (lower half) into ``bend`` and the negative first derivatives into ``step``."""
     nc, d = basis.shape[0], basis.shape[2]
     room = ROOM * ROOM
     for a in range(d):
@@ -135,7 +136,7 @@ def _newton_system(basis, push, y, s, bend, slope, step):
 
 @inner
 def _solve(A, x):
-    """Solve A x = x by Cholesky's factors, the lower half of A given and overwritten; return x . A^-1 x."""
+    """Solve A x = x by Cholesky factorisation; only the lower half of A is read and overwritten. Return x . A^-1 x."""
     d, trace, square = x.shape[0], 0.0, 0.0
     for a in range(d):
         trace += A[a, a]
@@ -160,7 +161,7 @@ def _solve(A, x):
 
 @inner
 def _barrier(s, ds, y, step, length):
-    """Return the barrier at s + length ds; inf outside."""
+    """Return the barrier at s + length ds; inf outside the cones."""
     room, value = ROOM * ROOM, 0.0
     for a in range(y.shape[0]):
         room -= (y[a] + length * step[a]) ** 2
@@ -177,7 +178,7 @@ def _barrier(s, ds, y, step, length):
 
 @inner
 def _reach(s, ds):
-    """Return how many times ``ds`` the forces may move until one of them meets the boundary of its cone."""
+    """Return the largest multiple of ``ds`` by which the forces can move until one reaches the boundary of its cone."""
     reach = np.inf
     for i in range(s.shape[0]):
         a = ds[i, 0] * ds[i, 0] - ds[i, 1] * ds[i, 1] - ds[i, 2] * ds[i, 2]

@@ -1,12 +1,12 @@
-"""Bilateral rows J w = 0 (ideal joints, drives) among the unknowns of a friction problem, exact, without projection.
+"""Bilateral rows J w = 0 (ideal joints, drives) in a friction problem, satisfied exactly and without projection.
 
-Each row has a multiplier among the unknowns, in a node that is eliminated after the velocities that it touches, so that
-the system
+Each row has a multiplier among the unknowns, in a node that is eliminated after the velocities that the row acts on, so
+that the system
 
-    B = [[I, J'], [-J, eps I]],    rows of J of length one,
+    B = [[I, J'], [-J, eps I]],    rows of J scaled to length one,
 
-has few blocks. Its symmetric part is positive definite: no pivoting, and redundant rows (a planar four-bar linkage in
-space) do no harm. What eps leaves, J w = eps l, is taken out by one more solve.
+has few blocks. Its symmetric part is positive definite, so no pivoting is needed and redundant rows (a planar four-bar
+linkage in space) do no harm. The remainder due to eps, J w = eps l, is removed by one more solve.
 """
 
 from typing import NamedTuple
@@ -24,22 +24,22 @@ TINY = 1e-300
 
 @by_address
 class BilateralSystem(NamedTuple):
-    """The bilateral rows of a friction problem, whitened, and their factorised system."""
+    """The whitened bilateral rows of a friction problem, and their factorised system."""
 
-    at: np.ndarray  # (nt,) int64, where the row's multiplier is among the unknowns
-    node: np.ndarray  # (nt, 2) int64, the bodies' nodes that the row touches; -1: none
+    at: np.ndarray  # (nt,) int64, index of the row's multiplier among the unknowns
+    node: np.ndarray  # (nt, 2) int64, nodes of the bodies that the row acts on; -1: none
     pair: np.ndarray  # (nt, 2) int64, first piece of the system for the body and the multiplier's node
-    J: np.ndarray  # (nt, 16) six columns and two zeros for each body; any length
+    J: np.ndarray  # (nt, 16) six columns and two zeros per body; of any length
     length: np.ndarray  # (nt,) lengths of the rows; written by `factorise_bilateral`
     K: np.ndarray  # (48 pieces,) factors of B; written by `factorise_bilateral`
     F: np.ndarray  # (48 nodes,)
-    right: np.ndarray  # (n,) right-hand side, work space
-    miss: np.ndarray  # (n,) work space
+    right: np.ndarray  # (n,) right-hand side, workspace
+    miss: np.ndarray  # (n,) workspace
 
 
 @kernel
 def factorise_bilateral(system, rows):
-    """Write the lengths of the rows and the factors of B; to be called after every change of J.
+    """Write the lengths of the rows and the factors of B; call it after each change of J.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def factorise_bilateral(system, rows):
 
 @inner
 def add_bilateral(rows, K):
-    """Write the bilateral rows and columns into the identity: B."""
+    """Add the bilateral rows and columns to the identity, which gives B."""
     for i in range(rows.at.shape[0]):
-        if rows.length[i] > 0.0:  # a row of zeros constrains nothing: its multiplier stays 0
+        if rows.length[i] > 0.0:  # a zero row constrains nothing, and its multiplier stays 0
             node, across, f = rows.at[i] // ROW, rows.at[i] % ROW, 1 / rows.length[i]
             K[PIECE * node + (ROW + 1) * across] = EPS
             for s in range(2):
@@ -76,7 +76,7 @@ def add_bilateral(rows, K):
 
 @inner
 def solve_bilateral(system, rows, w):
-    """Solve B w = w in place, for eps -> 0; without bilateral rows there is nothing to do."""
+    """Solve B w = w in place for eps -> 0; without bilateral rows nothing is done."""
     if rows.at.shape[0] > 0:
         for k in range(w.shape[0]):
             rows.right[k] = w[k]
@@ -90,7 +90,7 @@ def solve_bilateral(system, rows, w):
 
 @inner
 def _miss(rows, w):
-    """Write what is left of the right-hand side, without eps: right - B w."""
+    """Write the residual without eps: right - B w."""
     for k in range(w.shape[0]):
         rows.miss[k] = rows.right[k] - w[k]
     for i in range(rows.at.shape[0]):
@@ -107,16 +107,16 @@ def _miss(rows, w):
 
 @kernel
 def hold_bilateral(system, rows, c, w):
-    """Write the least change w of the velocities with J w + c = 0.
+    """Write the smallest change w of the velocities with J w + c = 0.
 
     Parameters
     ----------
     system : Elimination
         The blocks of the problem's system.
     rows : BilateralSystem
-        With the factors of the present J.
+        The rows, with the factors for the current J.
     c : (nt,) array
-        In the scaling of the rows J.
+        Velocities to cancel, in the scaling of the rows J.
     w : (n,) array
         Written.
     """

@@ -1,13 +1,13 @@
-"""Systems of the bodies' velocities in 6 x 6 blocks: assembly from contacts, factors without pivoting, solution.
+"""Systems in the bodies' velocities in 6 x 6 blocks: assembly from contacts, factorisation without pivoting, solution.
 
-The unknowns come in nodes of six: the velocities of a body, or the multipliers of up to six bilateral rows. Only pairs
-of nodes with a contact or a row between them have blocks, and those that elimination fills, which are known beforehand
-(`engine.friction.elimination`). Nodes are numbered in the order of their elimination. Node a's diagonal block is piece
-a of ``K``; the pair of a and a later node b has two: the block right of the diagonal, K_ab, and the transposed one
-below it, K_ba'. Both have a's unknowns down and b's across. A row of a piece is eight numbers, the last two of them 0,
-and so is a node's part of a vector: a register of the processor holds it.
+The unknowns are grouped in nodes of six: the velocities of a body, or the multipliers of up to six bilateral rows.
+Blocks exist only for pairs of nodes with a contact or a row between them, and where elimination creates fill-in, which
+is known beforehand (`engine.friction.elimination`). Nodes are numbered in the order of elimination. Node a's diagonal
+block is piece a of ``K``; the pair of a and a later node b has two pieces: the block right of the diagonal, K_ab, and
+the transpose of the one below it, K_ba'. In both, rows belong to a's unknowns and columns to b's. A row of a piece is
+eight numbers, the last two of them 0, and so is a node's part of a vector, so that it fits a register of the processor.
 
-The symmetric part of all systems here is positive definite: no pivoting is needed.
+The symmetric part of all systems here is positive definite, so no pivoting is needed.
 """
 
 from typing import NamedTuple
@@ -18,20 +18,20 @@ from engine.compiler.tuples_by_address import by_address
 from engine.jit import inner
 from engine.lanes import LANES, fused, read, spread, total, write
 
-BODY = 6  # velocities of a body
+BODY = 6  # velocities per body
 ROW = LANES
 PIECE = BODY * ROW
 
 
 @by_address
 class Elimination(NamedTuple):
-    """Which blocks a system has, and in which order they are eliminated; see `engine.friction.elimination`."""
+    """The blocks of a system and their order of elimination; see `engine.friction.elimination`."""
 
-    first: np.ndarray  # (nodes + 1,) int64, where each node's pairs begin
+    first: np.ndarray  # (nodes + 1,) int64, index of each node's first pair
     pair: np.ndarray  # (pairs,) int64, the first of each pair's two pieces
     later: np.ndarray  # (pairs,) int64, the pair's other node, ascending for each node
-    begin: np.ndarray  # (nodes,) int64, where each node's targets begin
-    target: np.ndarray  # (targets,) int64, the first piece between the later nodes of every two pairs of a node
+    begin: np.ndarray  # (nodes,) int64, index of each node's first target
+    target: np.ndarray  # (targets,) int64, first piece between the later nodes of every two pairs of a node
 
 
 @inner
@@ -52,7 +52,7 @@ def start_system(system, K):
 
 @inner
 def add_contact(rows, i, A, smooth, K):
-    """Add G_i' A_i G_i to the system, for contact i's 3 x 3 block in the rows of ``A``. Only A_NN counts if ``smooth``.
+    """Add G_i' A_i G_i to the system for contact i, with A_i in column i of ``A``; only A_NN is used if ``smooth``.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _add_diagonal(G, s, i, A, K, at):
 
 @inner
 def _add_pair(G, s, t, i, A, K, at):
-    """Add G_s' A_i G_t to the right piece of a pair, and G_s' A_i' G_t to the transposed one below the diagonal."""
+    """Add G_s' A_i G_t to the right piece of a pair, and G_s' A_i' G_t to its transposed piece below the diagonal."""
     g0, g1, g2 = G[0], G[1], G[2]
     h0, h1, h2 = read(g0, t), read(g1, t), read(g2, t)
     y0 = fused(A[0, i], h0, fused(A[1, i], h1, A[2, i] * h2))
@@ -123,8 +123,8 @@ def _add_pair(G, s, t, i, A, K, at):
 def factorise(system, K, F):
     """Replace K by its factors.
 
-    The diagonal piece k becomes L_k U_k, U_k in place, the multipliers of L_k and the inverses of U_k's diagonal in
-    ``F``, transposed; K_kb becomes L_k^-1 K_kb and K_bk' becomes U_k'^-1 K_bk', so that K_bc loses K_bk K_kc.
+    Diagonal piece k becomes L_k U_k: U_k in place, the multipliers of L_k and the inverse diagonal of U_k in ``F``,
+    transposed. K_kb becomes L_k^-1 K_kb and K_bk' becomes U_k'^-1 K_bk', so that K_bc is reduced by K_bk K_kc.
     """
     for k in range(system.begin.shape[0]):
         at, target = PIECE * k, system.begin[k]
@@ -144,7 +144,7 @@ def factorise(system, K, F):
 
 @inner
 def _factorise_diagonal(K, F, at):
-    """Eliminate the unknowns of one node within its diagonal piece; what is left of the diagonal is not read."""
+    """Eliminate the unknowns of one node within its diagonal piece; the remaining diagonal is not used afterwards."""
     for k in range(BODY):
         pivot, inverse = read(K, at + ROW * k), 1 / K[at + (ROW + 1) * k]
         F[at + (ROW + 1) * k] = inverse
@@ -156,7 +156,7 @@ def _factorise_diagonal(K, F, at):
 
 @inner
 def _eliminate_pair(K, F, at, pair):
-    """Apply the node's factors to a pair's pieces: L^-1 to the right one, U'^-1 to the transposed one below."""
+    """Apply the node's factors to the pieces of a pair: L^-1 to the right one, U'^-1 to the transposed one below."""
     y0 = read(K, pair)
     y1 = read(K, pair + 8) - F[at + 1] * y0
     y2 = read(K, pair + 16) - F[at + 2] * y0 - F[at + 10] * y1
@@ -199,7 +199,7 @@ def _subtract_product(K, target, left, right):
 
 @inner
 def substitute(system, K, F, x):
-    """Solve K x = x in place, for factors from `factorise`."""
+    """Solve K x = x in place, with the factors from `factorise`."""
     nodes = system.begin.shape[0]
     for node in range(nodes):
         k, at = ROW * node, PIECE * node

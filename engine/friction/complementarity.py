@@ -1,15 +1,15 @@
-"""Contacts' law as an equation f(r, u) = 0, its derivatives P and Q, and its elimination: eight contacts at a time.
+"""The contact law as an equation f(r, u) = 0, its derivatives P and Q, and its elimination: eight contacts at a time.
 
-Coulomb's law (eq. 5) reads K* > u + mu |u_T| N  _|_  r < K. Impulses arrive multiplied by the contact's own Delassus
-scale s: r and u are both velocities here, and f' = P s dr + Q du. Two equations say the same:
+Coulomb's law (eq. 5) reads K* > u + mu |u_T| N  _|_  r < K. Impulses are passed in multiplied by the contact's own
+Delassus scale s, so that r and u are both velocities here, and f' = P s dr + Q du. Two equations are equivalent to it:
 
-- the natural map r - P_K(r - (u + mu |u_T| N)), piecewise smooth: one or two Newton steps from a near start;
+- the natural map r - P_K(r - (u + mu |u_T| N)), piecewise smooth: one or two Newton steps from a nearby start;
 - the smoothed Fischer-Burmeister function. With a = (mu r_N, r_T) and b = (u_N + mu |u_T|, mu u_T), both scaled by
-  1/max(1, mu), the law is Lorentz > a _|_ b < Lorentz, and that is the root of phi = a + b - z for tau -> 0,
-  z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. It is smooth and good from any start.
+  1/max(1, mu), the law is Lorentz > a _|_ b < Lorentz, which is the root of phi = a + b - z for tau -> 0,
+  z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. It is smooth and works from any start.
 
-Each formula stands for eight contacts that stick, slide or are open, each as it is: the derivatives of all cases cost
-less than asking which case it is. Contacts without friction have only a normal equation; 0 = r_T are their others.
+Each formula treats eight contacts that may stick, slide or be open independently: computing the derivatives for all
+cases costs less than branching. Contacts without friction have only a normal equation; their others are r_T = 0.
 """
 
 from engine.friction.cone import project
@@ -40,15 +40,15 @@ def smoothed_mismatch(mu, r0, r1, r2, u0, u1, u2, tau2):
 
 @inner
 def natural_map(i, mu, r0, r1, r2, u0, u1, u2, P, Q, f):
-    """Write the natural map of the contacts from i on and its derivatives, P = I - D and Q = D E; return |f|^2.
+    """Write the natural map of eight contacts from i on and its derivatives, P = I - D and Q = D E; return |f|^2.
 
     D is the derivative of the projection, E that of the shifted velocity u + mu |u_T| N.
     """
     slip = root(u1 * u1 + u2 * u2)
     p0, p1, p2 = r0 - u0 - mu * slip, r1 - u1, r2 - u2
     t = root(p1 * p1 + p2 * p2)
-    parts = mu * t <= -p0  # inside the polar cone: open
-    sticks = (t <= mu * p0) & (mu > 0.0)  # inside the cone; else beside it, where it slides
+    parts = mu * t <= -p0  # inside the polar cone: the contact opens
+    sticks = (t <= mu * p0) & (mu > 0.0)  # inside the cone; outside both cones the contact slides
     k = 1 / (1 + mu * mu)
     n = k * (p0 + mu * t)
     length = 1 / larger(t, TINY)
@@ -76,9 +76,9 @@ def natural_map(i, mu, r0, r1, r2, u0, u1, u2, P, Q, f):
 
 @inner
 def fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, P, Q, f):
-    """Write phi of the contacts from i on and its derivatives; return |phi|^2.
+    """Write phi of eight contacts from i on and its derivatives; return |phi|^2.
 
-    They are (I - L_z^-1 L_a) da/dr and (I - L_z^-1 L_b) db/du.
+    The derivatives are (I - L_z^-1 L_a) da/dr and (I - L_z^-1 L_b) db/du.
     """
     c = 1 / larger(mu, 1.0)
     slip = root(u1 * u1 + u2 * u2)
@@ -86,7 +86,7 @@ def fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, P, Q, f):
     b0, b1, b2 = c * (u0 + mu * slip), c * mu * u1, c * mu * u2
     z0, z1, z2, det = _jordan_root(a0, a1, a2, b0, b1, b2, tau2)
     f0, f1, f2 = a0 + b0 - z0, a1 + b1 - z1, a2 + b2 - z2
-    d, k = 1 / larger(det, TINY), 1 / larger(z0, TINY)  # det 0: a and b both on the apex
+    d, k = 1 / larger(det, TINY), 1 / larger(z0, TINY)  # det 0: a and b are both at the apex
     i00, i01, i02 = z0 * d, -z1 * d, -z2 * d  # L_z^-1
     i11, i12, i22 = k + z1 * z1 * k * d, z1 * z2 * k * d, k + z2 * z2 * k * d
     g = c * mu
@@ -133,10 +133,10 @@ def _jordan_root(a0, a1, a2, b0, b1, b2, tau2):
 
 @inner
 def eliminate(i, s, yielding, P, Q, f):
-    """Solve P s dr + Q (G dw + yielding s dr) = -f for the impulse, dr = -b - A G dw: A is written over P, b over f.
+    """Solve P s dr + Q (G dw + yielding s dr) = -f for the impulse dr = -b - A G dw; A overwrites P, b overwrites f.
 
-    ``yielding`` is the contact's compliance, in units of s, and a proximal step on r: P alone is singular for a contact
-    that sticks, whose impulse is whatever the velocity asks for.
+    ``yielding`` is the contact's compliance in units of s plus a proximal step on r. P alone is singular for a sticking
+    contact, whose impulse is determined only by the velocities.
     """
     f0, f1, f2 = read(f[0], i), read(f[1], i), read(f[2], i)
     q00, q01, q02, q10, q11, q12, q20, q21, q22 = read_matrix(Q, i)
@@ -164,7 +164,7 @@ def eliminate(i, s, yielding, P, Q, f):
 
 @inner
 def read_matrix(A, i):
-    """Return the nine entries of the 3 x 3 blocks from contact i on, row by row."""
+    """Return the nine entries of eight 3 x 3 blocks from contact i on, row by row."""
     return (
         read(A[0], i),
         read(A[1], i),
@@ -180,7 +180,7 @@ def read_matrix(A, i):
 
 @inner
 def write_matrix(A, i, a00, a01, a02, a10, a11, a12, a20, a21, a22):
-    """Write the nine entries of the 3 x 3 blocks from contact i on, row by row."""
+    """Write the nine entries of eight 3 x 3 blocks from contact i on, row by row."""
     write(a00, A[0], i)
     write(a01, A[1], i)
     write(a02, A[2], i)

@@ -5,14 +5,14 @@ import numpy as np
 from engine.jit import inner
 from engine.lanes import LANES, choose, larger, read, root, spread, total
 
-GAIN = 100.0  # impulses count as at most so many times the velocities: they may grow without end, a data scale may not
+GAIN = 100.0  # largest ratio of impulses to velocities in the scale of the data: impulses may grow without limit
 TINY = 1e-300
-LARGEST = 1e7  # beyond so many times the velocities the rounding of u exceeds any tolerance
+LARGEST = 1e7  # above this ratio of impulses to velocities, the rounding error of u exceeds any tolerance
 
 
 @inner
 def project(mu, r0, r1, r2):
-    """Return the points of eight contacts' cones nearest to (r0, r1, r2) = (N, T1, T2)."""
+    """Return the projections of (r0, r1, r2) = (N, T1, T2) onto the cones of eight contacts."""
     t = root(r1 * r1 + r2 * r2)
     parts, inside = mu * t <= -r0, t <= mu * r0  # parts: inside the polar cone
     n = (r0 + mu * t) / (1 + mu * mu)
@@ -26,15 +26,15 @@ def project(mu, r0, r1, r2):
 
 @inner
 def residual(c, scale):
-    """Return the relative natural-map residual of a friction problem, of its contacts' lanes.
+    """Return the relative natural-map residual of a friction problem from the lanes of its contacts.
 
-    sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(V, min(|s r|, GAIN V)), V = max(|q|, |u|), with
-    s = ``scale`` the mean diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on
-    units. A problem of zeros has residual 0; a NaN is returned as it is.
+    sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(V, min(|s r|, GAIN V)), V = max(|q|, |u|), where
+    s = ``scale``, the mean diagonal of W = H M^-1 H', converts an impulse to a velocity. The residual does not depend
+    on units. A problem of zeros has residual 0; a NaN is returned unchanged.
 
-    The numerator bounds all that Coulomb's law asks for: with e_i the difference inside it, s r_i - e_i lies in K,
+    The numerator bounds every violation of Coulomb's law: with e_i the difference inside it, s r_i - e_i lies in K,
     u_i + mu_i |u_T,i| N - e_i in K*, and they are orthogonal. So no contact approaches at more than
-    sqrt(1 + mu^2) GAIN V times the residual, however large the impulses are. Where |s r| is more than ``LARGEST`` V the
+    sqrt(1 + mu^2) GAIN V times the residual, however large the impulses are. Where |s r| exceeds ``LARGEST`` V the
     residual is 1.
     """
     misses, impulses, speeds, loads = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
@@ -53,4 +53,4 @@ def residual(c, scale):
     if r2 > LARGEST * LARGEST * speed2:
         return 1.0
     size = max(speed2, min(r2, GAIN * GAIN * speed2))
-    return 0.0 if size == 0.0 and miss == 0.0 else np.sqrt(miss / size)  # a NaN may have left the size at 0
+    return 0.0 if size == 0.0 and miss == 0.0 else np.sqrt(miss / size)  # with a NaN the size may have stayed 0

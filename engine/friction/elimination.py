@@ -1,8 +1,8 @@
-"""The order in which the nodes of a block system are eliminated, and the blocks that this fills.
+"""The order in which the nodes of a block system are eliminated, and the fill-in that results.
 
-At each step the node with the fewest neighbours goes first (minimum degree): a chain stays a chain, a tree a tree, and
-a heap fills as little as a greedy choice allows. Multipliers follow the bodies that their rows touch: only these give
-them a pivot.
+At each step the node with the fewest neighbours is eliminated first (minimum degree): a chain remains a chain, a tree
+remains a tree, and a heap gets as little fill-in as a greedy choice allows. Multipliers come after the bodies that
+their rows act on, because only these give them a pivot.
 """
 
 import numpy as np
@@ -14,23 +14,23 @@ from engine.jit import kernel
 
 @kernel
 def order_nodes(neighbours, after, order, degree):
-    """Write the order of elimination, and mark in ``neighbours`` the pairs that it fills.
+    """Write the order of elimination, and mark the pairs of the fill-in in ``neighbours``.
 
     Parameters
     ----------
     neighbours : (nodes, nodes) bool array
-        Symmetric: the pairs with a block.
+        Symmetric; true for the pairs with a block.
     after : (nodes,) bool array
-        The nodes that come after all their neighbours without this mark.
+        Marks the nodes that come after all their unmarked neighbours.
     order : (nodes,) int64 array
         Written.
     degree : (nodes,) int64 array
-        Work space.
+        Workspace.
 
     Returns
     -------
     pairs, targets : int
-        Numbers of the pairs, and of the pairs among the later neighbours of every node.
+        Number of pairs, and number of pairs among the later neighbours, summed over all nodes.
     """
     nodes, pairs, targets = order.shape[0], 0, 0
     for a in range(nodes):
@@ -63,15 +63,15 @@ def order_nodes(neighbours, after, order, degree):
 
 @kernel
 def list_blocks(neighbours, order, piece, system):
-    """Write the blocks of a system whose nodes are numbered in the order of elimination.
+    """Write the blocks of a system with nodes numbered in the order of elimination.
 
     Parameters
     ----------
     neighbours : (nodes, nodes) bool array
-        Symmetric, with the filled pairs, in the numbers before the elimination.
+        Symmetric, including the fill-in, with nodes numbered as before the elimination.
     order : (nodes,) int64 array
     piece : (nodes, nodes) int64 array
-        Written: the first piece of every pair of nodes, in the numbers of the elimination; 0 where there is none.
+        Written: the first piece of each pair of nodes, numbered by elimination; 0 if the pair has none.
     system : Elimination
         Written.
     """
@@ -94,21 +94,21 @@ def list_blocks(neighbours, order, piece, system):
 
 
 def eliminate_nodes(neighbours: np.ndarray, after: np.ndarray | None = None) -> tuple[Elimination, Integers, Integers]:
-    """Return a system's blocks, the number of every node in the order of elimination, and the pieces of all pairs.
+    """Return the blocks of a system, the place of each node in the elimination, and the pieces of all pairs.
 
     Parameters
     ----------
     neighbours : (nodes, nodes) bool array
-        Symmetric: the pairs with a block. Those that elimination fills are added to it.
+        Symmetric; true for the pairs with a block. The fill-in is added to it.
     after : (nodes,) bool array, optional
-        The nodes of multipliers, which come after the bodies that their rows touch.
+        Marks the nodes of multipliers, which come after the bodies that their rows act on.
 
     Returns
     -------
     system : Elimination
     number : (nodes,) array
     piece : (nodes, nodes) array
-        The first piece of every pair, by the new numbers.
+        The first piece of each pair, by the new numbers.
     """
     nodes = len(neighbours)
     order, degree, number = np.zeros((3, nodes), np.int64)

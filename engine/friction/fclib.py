@@ -1,9 +1,10 @@
-"""Friction problems in the field's exchange format, FCLIB's HDF5 files.
+"""Friction problems in FCLIB's HDF5 files, the exchange format of the field.
 
-Layout, as fclib.h writes it: a group ``fclib_global`` (M v = H r + G l + f, G' v + b = 0, u = H' v + w) or
+Layout, as written by fclib.h: a group ``fclib_global`` (M v = H r + G l + f, G' v + b = 0, u = H' v + w) or
 ``fclib_local`` (u = W r + V l + q, V' r + R l + s = 0) with ``spacedim``, its matrices as groups, ``vectors`` and
-``info``; beside it ``solution`` (v, u, r, l). A matrix is ``m, n, nzmax, nz, p, i, x``: ``nz`` is -1 for compressed
-columns, -2 for compressed rows, else the number of triplets (p rows, i columns). Components are (N, T1, T2).
+``info``, and next to it ``solution`` (v, u, r, l). A matrix is ``m, n, nzmax, nz, p, i, x``; ``nz`` is -1 for
+compressed columns, -2 for compressed rows, otherwise the number of triplets (p rows, i columns). Components are (N, T1,
+T2).
 """
 
 from pathlib import Path
@@ -14,20 +15,20 @@ import numpy as np
 from engine.arrays import Array
 from engine.friction.problem import FrictionError, FrictionProblem, FrictionSolution, refuse_asymmetry
 
-MOST_ENTRIES = 10**8  # largest number of entries of a dense matrix (0.8 GB): the sizes in a file are not trusted
+MOST_ENTRIES = 10**8  # largest number of entries of a dense matrix (0.8 GB), because sizes in a file are not trusted
 ROUNDING = 1e-9  # largest asymmetry of a matrix, relative to its largest entry
 
 
 def read_fclib(path: str | Path) -> FrictionProblem:
-    """Read a local or global problem, its equality constraints eliminated.
+    """Read a local or global problem and eliminate its equality constraints.
 
-    A global problem's free motion M^-1 f goes into q; a local one becomes W = H H' with M the identity.
+    The free motion M^-1 f of a global problem becomes part of q; a local problem becomes W = H H' with M the identity.
 
     Raises
     ------
     FrictionError
-        With file and dataset: not HDF5, a dataset missing or of the wrong size, two-dimensional contacts, matrices that
-        are not symmetric positive (semi)definite, constraints that determine no multiplier.
+        Naming file and dataset: not HDF5, a dataset missing or of the wrong size, two-dimensional contacts, matrices
+        that are not symmetric positive (semi)definite, or constraints that do not determine their multipliers.
     """
     with _open(path) as file:
         for name, read in (("fclib_global", _read_global), ("fclib_local", _read_local)):
@@ -58,7 +59,7 @@ def write_fclib(
     form: Literal["global", "local"] = "global",
     title: str = "",
 ) -> None:
-    """Write a problem, and its solution if given, to a new file; ``form`` local: W = H M^-1 H' in the place of M and H.
+    """Write a problem and, if given, its solution to a new file; form "local" stores W = H M^-1 H' for M and H.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def _open(path: str | Path) -> Any:
 
 
 class _Group:
-    """A group of the file whose datasets are checked before they are read."""
+    """A group of the file; its datasets are checked before they are read."""
 
     def __init__(self, group: Any, where: str) -> None:
         self.group, self.where = group, where
@@ -109,7 +110,7 @@ class _Group:
         return name in self.group
 
     def vector(self, name: str, size: int | None = None, kinds: str = "fiu") -> Any:
-        """Return a one-dimensional dataset; its shape and type are judged before anything is read."""
+        """Return a one-dimensional dataset after checking its shape and type before anything is read."""
         data = self.group.get(name)
         if data is None or not hasattr(data, "shape"):
             raise FrictionError(f"{self.where}/{name}: missing")
@@ -119,7 +120,7 @@ class _Group:
         return np.asarray(data[()], float if "f" in kinds else np.int64)
 
     def integer(self, name: str) -> int:
-        """Return an integer, a vector of one number in these files."""
+        """Return an integer, stored as a vector with one entry in these files."""
         return int(self.vector(name, 1, "iu")[0])
 
     def matrix(self, name: str) -> Array:
@@ -157,7 +158,7 @@ def _read_global(group: _Group) -> FrictionProblem:
     vectors = _Group(group.group.get("vectors", {}), f"{group.where}/vectors")
     f, w, mu = vectors.vector("f", n), vectors.vector("w", rows), vectors.vector("mu", rows // 3)
     given = np.zeros(n)
-    if "G" in group:  # v = given + Z y: the constraints leave y
+    if "G" in group:  # v = given + Z y satisfies the constraints for any y
         G = group.matrix("G")
         b = vectors.vector("b", G.shape[1])
         if G.shape[0] != n:

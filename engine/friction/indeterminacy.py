@@ -1,10 +1,10 @@
 """The range of a normal force that friction allows, over all balanced forces inside Coulomb's cones.
 
-At redundant contacts that stick, a continuum of forces gives the same motion. For one contact's normal force the
-ends of that continuum are two cone programmes: the forces r of all contacts are to give the same generalised impulse
-H' r as a known solution, within the cones. The free part is r = r0 + Z y, with Z a basis of the forces that balance
-each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s_T|^2) of the cones, s = (mu r_N, r_T),
-ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
+At redundant sticking contacts a continuum of forces gives the same motion. For the normal force of one contact, the
+ends of this continuum follow from two cone programmes: the forces r of all contacts must give the same generalised
+impulse H' r as a known solution, within the cones. The solutions are r = r0 + Z y with Z a basis of the
+self-equilibrated forces. The ends are found with Newton's method on the barrier -log(s_0^2 - |s_T|^2) of the cones,
+s = (mu r_N, r_T), approaching their boundary (the path-following method of Nesterov and Nemirovskii).
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from engine.friction.barrier import CentreWork, Cones, centre, least
 from engine.friction.null_space import null_space
 from engine.friction.problem import FrictionError, real_numbers
 
-HUGE = 1e150  # larger entries have no squares
-SLACK = 1e-8  # of the largest force: by which known forces may lie outside their cones; how far each is opened
+HUGE = 1e150  # the squares of larger entries overflow
+SLACK = 1e-8  # share of the largest force: tolerance for known forces outside their cones; each cone is widened by it
 FRICTIONLESS = 1e-12  # a smaller mu counts as 0
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
-    """Return the smallest and the largest normal force of one contact among all forces that balance alike.
+    """Return the smallest and largest normal force of one contact among all forces with the same balance.
 
-    The largest is infinite where friction locks: two opposite walls may be pressed at will.
+    The largest is infinite where friction locks: two opposite walls can be pressed apart with any force.
 
     Parameters
     ----------
@@ -60,24 +60,24 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
         raise FrictionError(f"indeterminacy: mu[{int(mu.argmin())}] = {mu.min():g}; allowed: >= 0")
     if not isinstance(contact, Integral) or not 0 <= contact < nc:
         raise FrictionError(f"indeterminacy: contact {contact}; allowed: 0 ... {nc - 1}")
-    contact = int(contact)  # a truth value would be a mask
+    contact = int(contact)  # a bool would index as a mask
     size = float(np.abs(r).max(initial=0))
     if size == 0.0:
         return 0.0, 0.0
     outside = np.hypot(r[1::3] / size, r[2::3] / size) - mu * (r[::3] / size)
     if outside.max() > SLACK**0.5:
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
-    with np.errstate(all="ignore"):  # numbers near the largest double
+    with np.errstate(all="ignore"):  # numbers may come close to the largest double
         return force_ranges(H, mu, r, [contact])[0]
 
 
 def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list[tuple[float, float]]:
-    """Return the smallest and the largest normal force of some contacts.
+    """Return the smallest and largest normal forces of some contacts.
 
     Parameters
     ----------
     H, mu, r
-        As of `normal_force_range`; some force is not 0.
+        As for `normal_force_range`; at least one force is not 0.
     contacts : sequence of int
 
     Returns
@@ -87,7 +87,7 @@ def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list
     Raises
     ------
     FrictionError
-        If numbers in H are too large for their squares.
+        If the squares of numbers in H overflow.
     """
     size = float(np.abs(r).max())
     cones, scale = _balanced(H, mu, r / size)
@@ -110,13 +110,13 @@ def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list
 
 
 def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
-    """Return all forces that balance as r does, and the factors that make each cone's s_0 a normal force."""
+    """Return all forces with the same balance as r, and the factors that convert each cone's s_0 to a normal force."""
     rough = mu > FRICTIONLESS
     scale = np.where(rough, 1 / np.where(rough, mu, 1.0), 1.0)
     columns = np.stack([scale, rough, rough], axis=1)  # a frictionless contact has no tangential force
     balance = H.T * columns.ravel()
     largest = np.abs(balance).max(initial=0)
-    if not largest < HUGE:  # their squares are no numbers
+    if not largest < HUGE:  # their squares would overflow
         raise FrictionError(f"indeterminacy: H holds numbers of {np.abs(H).max():.3g}; allowed: less than {HUGE:g} mu")
     if largest > 0:
         balance /= largest

@@ -1,25 +1,25 @@
-"""A proof that a friction problem has no solution: impulses that balance each other and yet work against the motion.
+"""A proof that a friction problem has no solution: impulses that balance each other and yet oppose every motion.
 
-Coulomb's law asks for a velocity with u_N >= 0 at every contact. By Farkas' lemma there is none if and only if there
-are weights p >= 0, not all zero, with H_N' p = 0 (but for what bilateral rows hold) and p . q_N < 0: the contacts with
-p > 0 squeeze what lies between them. Whatever the bodies do, their mean approach, weighted with p, stays. The weights
-are found as Lawson and Hanson solve a least-distance problem (Solving Least Squares Problems, chapter 23): the p >= 0
-that minimises |H_N' p|^2 + (1 + q_N . p)^2 balances if no velocity fits; else it leads to the least velocity.
+Coulomb's law requires a velocity with u_N >= 0 at each contact. By Farkas' lemma there is none if and only if there are
+weights p >= 0, not all zero, with H_N' p = 0 (apart from what bilateral rows hold) and p . q_N < 0: the contacts with
+p > 0 squeeze what lies between them. Whatever the bodies do, the mean approach weighted by p remains. The weights are
+found as Lawson and Hanson solve a least-distance problem (Solving Least Squares Problems, chapter 23): the p >= 0 that
+minimises |H_N' p|^2 + (1 + q_N . p)^2 balances if no velocity fits; otherwise it yields the smallest velocity.
 """
 
 import numpy as np
 
 from engine.arrays import Array
 
-# Of rounded numbers no balance is exact. With a miss e = H_N' p it still proves that a velocity that fits is at least
-# p . (-q_N) / |e|. Below so many times the velocity that each contact alone asks for, there may be a solution.
+# With rounded numbers no balance is exact. A remainder e = H_N' p still proves that any fitting velocity is at least
+# p . (-q_N) / |e|. If this is less than ENDLESS times the velocity that a single contact requires, there may be one.
 ENDLESS = 3e9
-SURE = 1e-9  # share of the largest relative velocity: a slower mean approach may be what rounding left of none
-ROUNDING = 1e-12  # share of a row: less than this beside the bilateral rows is what rounding left of nothing
+SURE = 1e-9  # share of the largest relative velocity: a slower mean approach may be a rounding error
+ROUNDING = 1e-12  # share of a row: a smaller remainder beside the bilateral rows is a rounding error
 
 
 def squeezing_impulses(rows: Array, q: Array, speed: float, held: Array | None = None) -> Array | None:
-    """Return impulses that prove that no velocity w satisfies rows w + q >= 0 and held w = 0; None if none do.
+    """Return impulses proving that no velocity w satisfies rows w + q >= 0 and held w = 0; None if none are found.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def squeezing_impulses(rows: Array, q: Array, speed: float, held: Array | None =
     Returns
     -------
     (m,) array or None
-        Impulses >= 0 of sum 1, with ``rows.T @ p`` = 0 but for the held rows and rounding, and ``p @ q`` < 0.
+        Impulses >= 0 with sum 1, with ``rows.T @ p`` = 0 apart from the held rows and rounding, and ``p @ q`` < 0.
     """
     length = np.linalg.norm(rows, axis=1)
     length[length == 0.0] = 1.0
@@ -58,10 +58,10 @@ def squeezing_impulses(rows: Array, q: Array, speed: float, held: Array | None =
 
 
 def _balanced(unit: Array, asked: Array) -> Array | None:
-    """Return weights >= 0 whose rows cancel, and whose velocities do not; None if the search does not end."""
+    """Return weights >= 0 whose rows cancel while their velocities do not; None if the search does not end."""
     from scipy.optimize import nnls
 
-    still = ~unit.any(axis=1)  # nothing can move these, as between two fixed bodies
+    still = ~unit.any(axis=1)  # rows that nothing can move, such as between two fixed bodies
     if (asked[still] < 0.0).any():
         return np.where(still, np.maximum(-asked, 0.0), 0.0)
     target = np.zeros(unit.shape[1] + 1)
@@ -74,11 +74,11 @@ def _balanced(unit: Array, asked: Array) -> Array | None:
 
 
 def _beside(unit: Array, held: Array) -> Array:
-    """Return what is left of rows of length 1 without the directions of the held rows."""
+    """Return the components of unit rows orthogonal to the held rows."""
     size = np.linalg.norm(held, axis=1)
     _, values, axes = np.linalg.svd(held[size > 0.0] / size[size > 0.0, None], full_matrices=False)
     axes = axes[values > ROUNDING * max(held.shape) * values.max(initial=0.0)]
-    for _ in range(2):  # as Gram and Schmidt, twice: once leaves rounding
+    for _ in range(2):  # twice, as in Gram-Schmidt: one pass leaves rounding errors
         unit = unit - (unit @ axes.T) @ axes
     left: Array = np.where(np.linalg.norm(unit, axis=1, keepdims=True) > ROUNDING, unit, 0.0)
     return left

@@ -1,10 +1,10 @@
-"""Points inside second-order cones: the scaling of Nesterov and Todd, and the way to the boundary."""
+"""Points inside second-order cones: the Nesterov-Todd scaling, and the distance to the boundary."""
 
 from engine.jit import inner
 from engine.lanes import choose, larger, root
 
 TINY = 1e-300
-FAR = 1e3  # a longer step than so many times the direction is not asked for
+FAR = 1e3  # upper limit of the step, as a multiple of the direction
 
 
 @inner
@@ -26,7 +26,7 @@ def _root_determinant(x0, x1, x2):
 
 @inner
 def to_boundary(x0, x1, x2, d0, d1, d2):
-    """Return the largest steps along d that stay in the second-order cones."""
+    """Return the largest steps along d that remain in the second-order cones."""
     a, b, c = d0 * d0 - d1 * d1 - d2 * d2, x0 * d0 - x1 * d1 - x2 * d2, x0 * x0 - x1 * x1 - x2 * x2
     square = b * b - a * c
     way = root(larger(square, 0.0))

@@ -1,16 +1,16 @@
-"""Interior-point method with Nesterov-Todd scaling: for problems on which Newton creeps.
+"""Interior-point method with Nesterov-Todd scaling, for problems on which Newton's method converges slowly.
 
 With x = c (mu r_N, r_T) s and y = c (u_N + mu |u_T|, mu u_T), c = 1/max(1, mu), s the contact's Delassus scale, the
 problem is x o y = 0 in the second-order cones. The iterates stay inside the cones and follow x o y = 2 m e, m -> 0
 (Mehrotra's predictor and corrector). At the scaling point W, W y = W^-1 x = l, the linearised condition is
 W^-1 dx + W dy = l^-1 o (...), hence dx = d - W^2 dy; and dy = D E du - miss with E the derivative of the shift
-mu |u_T|. With du = G dw + C dr, dr = (I + C A)^-1 (b - A G dw): one system in w remains, as in `newton`; the term E is
-what makes Coulomb's law not a convex problem.
+mu |u_T|. With du = G dw + C dr, dr = (I + C A)^-1 (b - A G dw), one system in w remains, as in `newton`. The term E is
+the reason why Coulomb's law is not a convex problem.
 
-Two things lead a careful pace past the folds where that ends other methods. A share of the shift counts at first, none
-at the start: without it the problem is convex, with one solution, which interior-point methods find from anywhere, and
-from which the iterates follow as the share grows. And where the cones have cut a step short, the next direction takes a
-smaller share of E: that one is nearer to the convex problem's, which leads away from the boundary.
+Two measures of a careful pace lead past folds that defeat other methods. First, only a share of the shift is applied,
+zero at the start: without the shift the problem is convex, with one solution that interior-point methods find from any
+point, and the iterates follow the solution as the share grows. Second, after the cones have shortened a step, the next
+direction uses a smaller share of E, closer to the convex problem's direction, which leads away from the boundary.
 """
 
 from typing import NamedTuple
@@ -28,40 +28,40 @@ from engine.lanes import LANES, choose, larger, least, read, root, spread, total
 
 
 class Pace(NamedTuple):
-    """How boldly the method goes from the convex problem to Coulomb's."""
+    """How fast the method proceeds from the convex problem to Coulomb's."""
 
-    share: float  # of the shift mu |u_T| that counts in the first step
-    rise: float  # of that share after a step of full length
-    caution: float  # by how much a step of no length would lessen the share of E in the next direction
-    reach: float  # share of the way to the boundary of the cones that a step may go
+    share: float  # share of the shift mu |u_T| applied in the first step
+    rise: float  # increase of that share after a full step
+    caution: float  # relative reduction of the share of E in the next direction after a step of zero length
+    reach: float  # largest step, as a share of the distance to the boundary of the cones
 
 
-BOLD = Pace(1.0, 0.0, 0.0, 0.95)  # Newton's direction always: few steps from impulses near the solution
+BOLD = Pace(1.0, 0.0, 0.0, 0.95)  # always Newton's direction: few steps if the start is near the solution
 
 
 @inner
 def interior_point(nc, p, goal, inside, pace, effort):
-    """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
+    """Solve from the current impulses, moved inside the cones by ``inside`` times the load.
 
     Parameters
     ----------
     nc : int
         Number of contacts.
     p : FrictionArrays
-        Leaves the best impulses in its lanes.
+        The problem; the best impulses are left in its lanes.
     goal : Goal
     inside : float
         Share of the load.
     pace : Pace
     effort : Effort
-        The most steps, and the steps without halving the residual after which the method is given up, once the whole
-        shift counts.
+        Largest number of steps, and the number of steps without halving the residual, once the whole shift is applied,
+        after which the method is abandoned.
 
     Returns
     -------
     steps : int
     residual : float
-        The smallest one reached.
+        The smallest residual reached.
     """
     c, size, share = p.contacts, 0.0, pace.share
     for i in range(nc):
@@ -101,7 +101,7 @@ def interior_point(nc, p, goal, inside, pace, effort):
 
 @inner
 def _start(c, inside, share):
-    """Write the first x and y, both inside the cones; y with a share of the shift."""
+    """Write the initial x and y, both inside the cones; y includes a share of the shift."""
     for i in range(0, c.mu.shape[0], LANES):
         mu, s, f = read(c.mu, i), read(c.scale, i), 1 / larger(read(c.mu, i), 1.0)
         u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
@@ -119,9 +119,9 @@ def _start(c, inside, share):
 
 @inner
 def _to_impulses(c):
-    """Write the impulses that belong to the scaled x."""
+    """Write the impulses from the scaled x."""
     for i in range(0, c.mu.shape[0], LANES):
-        mu, there = read(c.mu, i), read(c.present, i) > 0.0  # behind the last contact x may be no number
+        mu, there = read(c.mu, i), read(c.present, i) > 0.0  # past the last contact x may be NaN
         f = larger(mu, 1.0) / read(c.scale, i)
         write(choose(there, f * read(c.x[0], i) / choose(mu > 0.0, mu, 1.0), 0.0), c.r[0], i)
         write(choose(there, f * read(c.x[1], i), 0.0), c.r[1], i)
@@ -130,7 +130,7 @@ def _to_impulses(c):
 
 @inner
 def _scaled_system(nc, p, share, slope):
-    """Scale here: write W, the misses and the factorised system, with shares of the shift and E; return mean x . y."""
+    """Write W, the misses and the factorised system, for given shares of the shift and E; return the mean of x . y."""
     c, gap = p.contacts, spread(0.0)
     for i in range(0, nc, LANES):
         mu, f = read(c.mu, i), 1 / larger(read(c.mu, i), 1.0)
@@ -172,7 +172,7 @@ def _scaled_system(nc, p, share, slope):
 
 @inner
 def _give_way(i, compliance, A, Y):
-    """Write Y = (I + c A)^-1 of the contacts from i on, and Y A over A."""
+    """Write Y = (I + c A)^-1 of eight contacts from i on, and overwrite A with Y A."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22 = read_matrix(A, i)
     m00, m01, m02 = 1 + compliance * a00, compliance * a01, compliance * a02
     m10, m11, m12 = compliance * a10, 1 + compliance * a11, compliance * a12
@@ -190,14 +190,14 @@ def _give_way(i, compliance, A, Y):
 
 @inner
 def _product(W, i, v0, v1, v2):
-    """Return the blocks W from contact i on times vectors."""
+    """Return the products of the blocks W from contact i on with vectors."""
     w00, w01, w02, w10, w11, w12, w20, w21, w22 = read_matrix(W, i)
     return w00 * v0 + w01 * v1 + w02 * v2, w10 * v0 + w11 * v1 + w12 * v2, w20 * v0 + w21 * v1 + w22 * v2
 
 
 @inner
 def _right_hand_side(c, target, corrected):
-    """Write b = d of both steps: -x, then W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
+    """Write b = d of the predictor, -x, or the corrector, W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
     for i in range(0, c.mu.shape[0], LANES):
         if not corrected:
             for k in range(3):
@@ -221,7 +221,7 @@ def _right_hand_side(c, target, corrected):
 
 @inner
 def _direction(nc, p, slope):
-    """Write dx and dy, into dr and du, for the right-hand sides b; return how far the cones allow to go."""
+    """Write dx into dr and dy into du for the right-hand sides b; return the largest step that the cones allow."""
     c = p.contacts
     for i in range(0, nc, LANES):
         mu, f = read(c.mu, i), larger(read(c.mu, i), 1.0) / read(c.scale, i)

@@ -1,8 +1,8 @@
-"""Newton's method on the contacts' equations, each contact eliminated.
+"""Newton's method on the equations of the contacts, with each contact eliminated.
 
-Every contact's equation is linearised and solved for its impulse (`complementarity`), which leaves one system in the
-velocities alone, (B + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i: as many unknowns as the mechanism has degrees of
-freedom, however many contacts there are and however redundant they may be.
+The equation of each contact is linearised and solved for its impulse (`complementarity`), which leaves one system in
+the velocities alone, (B + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i. It has as many unknowns as the mechanism has
+degrees of freedom, however many contacts there are and however redundant they are.
 """
 
 import numpy as np
@@ -22,23 +22,23 @@ from engine.friction.cone import residual
 from engine.jit import inner
 from engine.lanes import LANES, choose, read, spread, total, write
 
-SHRINK = 0.04  # factor of tau^2 once the smoothed equation is met as well as its smoothing deserves
-POOR = 0.5  # share of the merit: a step on the natural map that leaves more is a poor one
-SHORT = 0.1  # share of Newton's step: a shorter step on the smoothed equation is a poor one
-LEAST_PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation, which makes its impulse unique
+SHRINK = 0.04  # factor of tau^2 once the smoothed equation is solved accurately enough for its smoothing
+POOR = 0.5  # a step on the natural map is poor if it leaves more than this share of the merit
+SHORT = 0.1  # a step on the smoothed equation is poor if it is shorter than this share of Newton's step
+LEAST_PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation; makes the impulse unique
 LARGEST_PROXIMAL = 1e-2
-CREEP = 6  # poor steps in a row after which the smoothed equation is given up
+CREEP = 6  # number of consecutive poor steps after which the smoothed equation is abandoned
 
 
 @inner
 def newton(nc, p, goal, tau2, end, proximal, effort):
-    """Improve the impulses by Newton's method; return the steps spent, the residual reached and tau^2.
+    """Improve the impulses by Newton's method; return the number of steps, the residual reached and tau^2.
 
-    With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
-    the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
-    is the Fischer-Burmeister function, smoothed less and less until tau^2 is below ``end``, so that a wrong guess of
-    which contacts open, slide and stick is left early instead of being defended; after ``CREEP`` poor steps it is given
-    up above ``end``.
+    If ``tau2`` is 0, the equation is the natural map. The line search is not monotone: a step may raise the merit above
+    the current one, but not above the largest of the last four; the method is abandoned after ``patience`` consecutive
+    poor steps. Otherwise the equation is the Fischer-Burmeister function, with the smoothing reduced until tau^2 is
+    below ``end``, so that a wrong guess of which contacts open, slide and stick is corrected early instead of being
+    kept; after ``CREEP`` consecutive poor steps the method is abandoned with tau^2 above ``end``.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
     tau2, end : float
         Smoothing tau^2 at the start and at the end.
     proximal : float
-        The proximal term of the contacts (`complementarity.eliminate`) as a share of the residual: far from the
-        solution it keeps impulses where they are that the velocities leave open.
+        Proximal term of the contacts (`complementarity.eliminate`) as a share of the residual. Far from the solution it
+        keeps impulses that the velocities do not determine at their values.
     effort : Effort
     """
     c = p.contacts
@@ -74,7 +74,7 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
                 write(read(c.r[k], i) + step * read(c.dr[k], i), c.r[k], i)
                 write(read(c.u[k], i) + step * read(c.du[k], i), c.u[k], i)
         reached = residual(c, goal.scale)
-        if reached <= tolerance:  # u has followed its steps: once more from the impulses, to the last digit
+        if reached <= tolerance:  # u was updated incrementally: recompute it from the impulses, to the last digit
             finish(nc, p)
             reached = residual(c, goal.scale)
         m1, m2, m3 = merit, m1, m2
@@ -121,7 +121,7 @@ def _direction(nc, p, proximal, tau2):
 
 @inner
 def _linearise(c, proximal, tau2):
-    """Write the contacts' eliminated equations into A and b; return the sum of the squares of the equations."""
+    """Write the eliminated equations of the contacts into A and b; return the sum of squares of the equations."""
     merit = spread(0.0)
     for i in range(0, c.mu.shape[0], LANES):
         s, mu, there = read(c.scale, i), read(c.mu, i), read(c.present, i) > 0.0
@@ -139,7 +139,7 @@ def _linearise(c, proximal, tau2):
 
 @inner
 def _line_search(c, merit, tau2, halvings):
-    """Halve the step until the merit falls below the given one; return the step and the merit there."""
+    """Halve the step until the merit falls below the given one; return the step and its merit."""
     step, after = 1.0, np.inf
     for _ in range(halvings):
         after = total(_merit(c, step, tau2))
@@ -151,7 +151,7 @@ def _line_search(c, merit, tau2, halvings):
 
 @inner
 def _merit(c, step, tau2):
-    """Return the sum of the squares of the equations after a step, in eight parts."""
+    """Return the sum of squares of the equations after a step, as eight partial sums."""
     merit = spread(0.0)
     for i in range(0, c.mu.shape[0], LANES):
         s, mu, there = read(c.scale, i), read(c.mu, i), read(c.present, i) > 0.0

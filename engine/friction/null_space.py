@@ -1,12 +1,12 @@
-"""An orthonormal basis of the null space, by Householder's reflections with the largest column first."""
+"""An orthonormal basis of the null space, by Householder reflections with column pivoting."""
 
 import numpy as np
 
 from engine.arrays import Array
 from engine.jit import inner, kernel
 
-RANK = 1e-10  # share of the largest column below which what is left of all others is rounding
-WORN = 1e-6  # share of a square that was measured: what is left after subtractions is measured again
+RANK = 1e-10  # share of the largest column: if all remaining columns are smaller, they are rounding errors
+WORN = 1e-6  # share of a computed square: once subtractions leave less than this, it is computed again
 
 
 def null_space(rows: Array) -> Array:
@@ -15,14 +15,14 @@ def null_space(rows: Array) -> Array:
     Parameters
     ----------
     rows : (m, n) array
-        Finite numbers whose squares are finite.
+        Finite numbers whose squares are also finite.
 
     Returns
     -------
     (n, n - rank) array
-        The same bits on any number of cores, unlike LAPACK's.
+        The basis; its bits do not depend on the number of cores, unlike LAPACK's.
     """
-    left = np.array(rows, float)  # C order: each row is a column of the matrix whose range is taken out
+    left = np.array(rows, float)  # C order: each row is a column of the matrix whose range is removed
     pivot, squares = np.zeros(len(left)), np.zeros((2, len(left)))
     rank = _reflect(left, pivot, squares)
     basis = np.zeros((left.shape[1] - rank, left.shape[1]))
@@ -32,10 +32,11 @@ def null_space(rows: Array) -> Array:
 
 @kernel
 def _reflect(rows, pivot, squares):
-    """Turn the rows into the vectors of the reflections I - v v', by which their range is the first axes; return rank.
+    """Overwrite the rows with the vectors of reflections I - v v' that map their range to the first axes; return rank.
 
-    Reflection k has the entries ``pivot[k]`` and ``rows[k, k + 1 :]`` of v, and leaves the axes before k alone.
-    ``squares`` are those of the lengths that are left, and what they were when they were last measured.
+    The vector v of reflection k has the entries ``pivot[k]`` and ``rows[k, k + 1 :]`` and does not affect the axes
+    before k. ``squares`` holds the squares of the remaining lengths, and their values when they were last computed
+    exactly.
     """
     (m, n), (left, measured) = rows.shape, squares
     largest = 0.0
@@ -68,7 +69,7 @@ def _reflect(rows, pivot, squares):
 
 @kernel
 def _complement(rows, pivot, rank, basis):
-    """Write the images of the axes after the range, from the last reflection to the first."""
+    """Write the images of the axes after the range, applying the reflections from the last to the first."""
     for i in range(basis.shape[0]):
         basis[i, rank + i] = 1.0
         for k in range(rank - 1, -1, -1):
@@ -77,7 +78,7 @@ def _complement(rows, pivot, rank, basis):
 
 @inner
 def _mirror(v, head, k, x):
-    """Reflect x, from its entry k on."""
+    """Reflect x from its entry k on."""
     share = head * x[k] + _dot(v, x, k + 1)
     x[k] -= share * head
     for j in range(k + 1, x.shape[0]):
@@ -86,7 +87,7 @@ def _mirror(v, head, k, x):
 
 @inner
 def _dot(a, b, first):
-    """Return the scalar product of two vectors from an entry on, in four sums, which a processor adds up at once."""
+    """Return the scalar product of two vectors from an entry on, as four sums that a processor computes at once."""
     s0, s1, s2, s3, n, j = 0.0, 0.0, 0.0, 0.0, a.shape[0], first
     while j + 3 < n:
         s0 += a[j] * b[j]

@@ -1,4 +1,4 @@
-"""The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
+"""The public interface of the friction solver: a problem as in the field's collections, and its solution."""
 
 from dataclasses import dataclass
 from numbers import Real
@@ -16,7 +16,7 @@ from engine.friction.infeasibility import SURE, squeezing_impulses
 from engine.friction.solver import solve_friction
 from engine.friction.whitening import factorise_mass, place_rows, unwhiten, whiten_rows
 
-ASYMMETRY = 1e-9  # largest of M or W, relative to the largest entry
+ASYMMETRY = 1e-9  # largest asymmetry of M or W, relative to the largest entry
 
 
 class FrictionError(EngineError):
@@ -41,7 +41,7 @@ class FrictionProblem:
     Raises
     ------
     FrictionError
-        If an array is not one of real numbers, the shapes do not fit together, a number is not finite, a coefficient is
+        If an array does not consist of real numbers, the shapes do not match, a number is not finite, a coefficient is
         negative, or M is not symmetric.
     """
 
@@ -75,14 +75,14 @@ class FrictionSolution:
     residual : float
         Relative natural-map residual, see `engine.friction.cone.residual`.
     iterations : int
-        Steps of the solver.
+        Number of solver steps.
     status : str
-        "infeasible" if the certificate proves that there is no solution; else "converged" if
+        "infeasible" if the certificate proves that there is no solution; otherwise "converged" if
         ``residual <= tolerance``, or "not_converged".
     certificate : (nc,) array or None
-        Of an infeasible problem: normal impulses p >= 0 of sum 1 that balance each other, H_N' p = 0, while
-        p . q_N < 0. Whatever the bodies do, their approach at the contacts with p > 0 is -p . q_N on average, and the
-        law asks for none. See `engine.friction.infeasibility`.
+        For an infeasible problem: normal impulses p >= 0 with sum 1 that balance each other, H_N' p = 0, while
+        p . q_N < 0. Whatever the bodies do, they approach at the contacts with p > 0 at -p . q_N on average, although
+        the law allows no approach. See `engine.friction.infeasibility`.
     """
 
     r: Array
@@ -106,7 +106,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     ----------
     problem : FrictionProblem
     tolerance : float
-        Relative residual to reach; it does not depend on units.
+        Relative residual to reach; independent of units.
     start : (3 nc,) array, optional
         Impulses to start from; zero by default.
 
@@ -117,7 +117,8 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     Raises
     ------
     FrictionError
-        If the mass matrix is not positive definite, ``start`` does not fit, or the tolerance is not between 0 and 1.
+        If the mass matrix is not positive definite, ``start`` has the wrong size, or the tolerance is not between 0 and
+        1.
     """
     nc, n = problem.mu.size, problem.M.shape[0]
     if not isinstance(tolerance, Real) or not 0 < tolerance < 1:
@@ -125,8 +126,8 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     given = np.zeros(3 * nc) if start is None else real_numbers("start", start)
     if given.size != 3 * nc:
         raise FrictionError(f"friction problem: start has shape {given.shape}, expected {(3 * nc,)}")
-    with np.errstate(all="ignore"):  # numbers near the largest double: the residual judges what becomes of them
-        # velocities of the order of 1, whose squares are numbers; a power of two changes no digit
+    with np.errstate(all="ignore"):  # numbers may come close to the largest double; the residual judges the outcome
+        # scale velocities to the order of 1, so that squares are finite; a power of two changes no digit
         unit = float(np.ldexp(0.5, np.frexp(np.abs(problem.q).max(initial=0))[1])) if problem.q.any() else np.inf
         q = problem.q / unit
         arrays, white = solver_arrays(problem)
@@ -135,7 +136,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
         arrays.r[:] = (given / unit).reshape(nc, 3)
         status, iterations, residual = solve_friction(nc, arrays, float(tolerance))
         certificate, speed = None, float(np.abs(q).max(initial=0))
-        # Bodies that huge impulses make quick hide an approach in a residual relative to their velocities. Where no
+        # A residual relative to the velocities can hide an approach if huge impulses make the bodies fast. If no
         # contact approaches faster than this, no certificate can hold.
         if status != CONVERGED or arrays.u[:, 0].min(initial=0) < -SURE * speed:
             certificate = squeezing_impulses(white.G[::3], q[::3], speed)
@@ -154,14 +155,14 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def refuse_asymmetry(A: Array, name: str) -> None:
-    """Raise an error that names the largest asymmetry of a matrix, if it is more than rounding.
+    """Raise an error that states the largest asymmetry of a matrix, if it exceeds rounding errors.
 
     Raises
     ------
     FrictionError
     """
     size = np.abs(A).max(initial=0)
-    off = np.abs(A / 2 - A.T / 2)  # halves, as a difference of two finite numbers may be infinite
+    off = np.abs(A / 2 - A.T / 2)  # halved, because the difference of two finite numbers may overflow
     if off.max(initial=0) > ASYMMETRY / 2 * size:
         i, j = sorted(map(int, np.unravel_index(off.argmax(), off.shape)))
         raise FrictionError(
@@ -176,7 +177,7 @@ def real_numbers(name: str, value: Any) -> Array:
     Raises
     ------
     FrictionError
-        If it holds something else, is ragged or masked, or a number is not finite.
+        If the array holds anything else, is ragged or masked, or a number is not finite.
     """
     try:
         with np.errstate(all="ignore"):
@@ -193,12 +194,12 @@ def real_numbers(name: str, value: Any) -> Array:
 
 
 class Whitening(NamedTuple):
-    """How the arrays of the solver follow from a problem."""
+    """The data that relate the arrays of the solver to a problem."""
 
-    L: Array  # (n, n) Cholesky's factor of M, see `whitening.factorise_mass`
+    L: Array  # (n, n) Cholesky factor of M, see `whitening.factorise_mass`
     first: Integers  # (n,)
     G: Array  # (3 nc, n) whitened rows
-    number: Integers  # (nodes,) place of every six velocities in the order of elimination
+    number: Integers  # (nodes,) place of each group of six velocities in the order of elimination
 
 
 def solver_arrays(problem: FrictionProblem) -> tuple[FrictionArrays, Whitening]:

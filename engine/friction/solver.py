@@ -1,18 +1,19 @@
-"""Solve a friction problem: a quick method from the last solution, then robust methods from zero impulses.
+"""Solve a friction problem: a fast method from the last solution, then robust methods from zero impulses.
 
-All of it in units in which the contacts' Delassus scales are nearly the same (`units`).
+All methods work in units in which the Delassus scales of the contacts are nearly equal (`units`).
 
-1. With impulses given: Newton on the natural map from there, one or two steps when they are those of the step before;
-   then the interior-point method, which sees the problem from inside the cones.
-2. From zero impulses: Newton on the smoothed equations, less and less smoothed; whenever the smoothing has become
-   small, the natural map is tried from there, which needs three steps where further smoothing needs ten.
-3. The interior-point method, at a careful pace and with patience: it solves nine of ten problems on which both have
-   failed.
-4. Both with other beginnings and other weights of impulses against velocities, times the Delassus scale.
+1. From given impulses: Newton's method on the natural map, which takes one or two steps if the impulses are those of
+   the previous time step; then the interior-point method, which approaches the solution from inside the cones.
+2. From zero impulses: Newton's method on the smoothed equations with decreasing smoothing. Whenever the smoothing has
+   become small, the natural map is tried from there, which takes three steps where further smoothing takes ten.
+3. The interior-point method at a careful pace and with patience: it solves nine out of ten problems on which both
+   others have failed.
+4. Both with other starting points and other weights of impulses against velocities, relative to the Delassus scale.
 
-Coulomb's problem is not convex, and which weight leads past a fold of the smoothed solutions is not known beforehand.
-The attempts stand in the order that solved the most of 16,000 problems made to be hard, and those in the fewest steps.
-A smoothed attempt that creeps is given up early, as the next one costs less than patience would; all share a budget.
+Coulomb's problem is not convex, and the weight that leads past a fold of the smoothed solutions is not known
+beforehand. The attempts and their order are those that solved the most of 16,000 problems made to be hard, in the
+fewest steps. A smoothed attempt that makes slow progress is abandoned early, because the next attempt costs less than
+waiting; all attempts share a budget.
 """
 
 import numpy as np
@@ -34,22 +35,22 @@ from engine.friction.units import even_out, restore
 from engine.jit import inner, kernel
 
 NATURAL_STEPS = 30
-PROXIMAL_GIVEN = 0.1  # share of the residual: near a solution it keeps the impulses where they are
-NATURAL_PATIENCE = 5  # with the impulses of the step before; after smoothing the first poor step ends the method
+PROXIMAL_GIVEN = 0.1  # share of the residual: near a solution the proximal term keeps the impulses in place
+NATURAL_PATIENCE = 5  # from the previous step's impulses; after smoothing, the first poor step ends the method
 INTERIOR_PATIENCE = 8  # after the interior-point method from zero impulses
-INSIDE_GIVEN = 0.01  # share of the load: how far inside the cones the interior-point method starts from impulses given
-INTERIOR_STEPS, INTERIOR_STALL = 160, 80  # from zero impulses patience pays, and caution
+INSIDE_GIVEN = 0.01  # share of the load: distance inside the cones at which the interior-point method starts
+INTERIOR_STEPS, INTERIOR_STALL = 160, 80  # from zero impulses, patience and caution pay off
 CAUTION, REACH = 0.6, 0.9
 INTERIOR_STEPS_GIVEN, INTERIOR_STALL_GIVEN = 60, 12
-# of each attempt from zero impulses: the rise of the interior-point method, see `Pace`, or 0 for smoothed equations;
-# how far inside the cones it starts, or the first smoothing, as a share of the load; the weight of impulses
+# for each attempt from zero impulses: the rise of the interior-point method, see `Pace`, or 0 for smoothed equations;
+# its distance inside the cones at the start, or the initial smoothing, as a share of the load; the weight of impulses
 RISE = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.02, 0.0, 0.1)
 BEGINNING = (1e-2, 1e-4, 1.0, 1e-4, 1e-4, 1e-4, 1e-2, 1e-1, 1e-1)
 WEIGHT = (0.3, 0.1, 10.0, 0.03, 0.003, 1.0, 1.0, 0.03, 1.0)
 SMOOTHED_STEPS = 80
-BUDGET = 80_000  # steps times contacts, and 30 more for the system: 8 to 10 ms; an interior-point step counts twice
+BUDGET = 80_000  # steps times (contacts + 30 for the system): 8 to 10 ms; an interior-point step counts twice
 LEAST_BUDGET = 500  # steps
-NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is tried first, then after each fall by FALL
+NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is first tried; FALL is the factor to the next try
 FALL = 1e-2
 SMALLEST = 1e-30
 
@@ -58,7 +59,7 @@ SMALLEST = 1e-30
 def solve_friction(nc, p, tolerance):
     """Solve the first ``nc`` contacts of the problem ``p`` from the impulses in ``p.r``.
 
-    If no method reaches ``tolerance``, the impulses of the smallest residual are left in ``p.r``.
+    If no method reaches ``tolerance``, the impulses with the smallest residual are left in ``p.r``.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def solve_friction(nc, p, tolerance):
     status : int
         CONVERGED or NOT_CONVERGED.
     iterations : int
-        Steps of all attempts together.
+        Total number of steps of all attempts.
     residual : float
         Relative residual reached.
     """
@@ -127,19 +128,19 @@ def solve_friction(nc, p, tolerance):
 
 @inner
 def _follow(nc, p, goal, tau2, load, proximal, before, effort):
-    """Follow the smoothed solutions down from tau^2, trying the natural map from each; return steps and residual.
+    """Follow the smoothed solutions down from tau^2 and try the natural map from each; return steps and residual.
 
-    A solution of another method gets at least one step on the natural map, which brings a residual just below the
-    tolerance down to the last digits: forces are as good as the residual divided by the compliance.
+    A solution from another method gets at least one step on the natural map, which reduces a residual just below the
+    tolerance to rounding errors: the error of the forces is the residual divided by the compliance.
     """
     c, unknowns = p.contacts, BODY * p.system.begin.shape[0]
     copy(c.r, c.base)
     tolerance, least, limit, patience = goal.tolerance, effort.least, effort.most, effort.patience
-    # from zero impulses the natural map comes first only where they are hardly redundant: elsewhere it fails
+    # from zero impulses the natural map is tried first only if they are hardly redundant; otherwise it fails
     natural = tau2 == 0.0 or 3 * nc <= unknowns
     spent, end, stuck = 0, min(NEAR * load, 0.5 * tau2), False
     while True:
-        smoothed = 0.0 if natural else tau2  # one call for both: a kernel that is called twice is compiled twice
+        smoothed = 0.0 if natural else tau2  # a single call for both, because a kernel called twice is compiled twice
         most = NATURAL_STEPS if natural else limit - spent
         steps, reached, smoothed = newton(nc, p, goal, smoothed, end, proximal, Effort(least, most, patience))
         if not natural:

@@ -1,9 +1,10 @@
-"""Each contact in units of its own, in which the Delassus scales of all contacts are nearly the same.
+"""Units for each contact in which the Delassus scales of all contacts are nearly equal.
 
 Coulomb's law holds in any unit: with rows d_i G_i and velocities d_i q_i the impulses are r_i / d_i. Where a light body
-and a heavy one meet other bodies, their contacts' Delassus scales s_i = |G_i|^2 / 3 differ as their masses do, and
-with them what one unit of velocity means. With d_i = (s / s_i)^(1/2), s the mean, speeds count as the kinetic energy
-does, and smoothing and line search treat all contacts alike. The factors are powers of two, which change no digit.
+and a heavy one touch other bodies, the Delassus scales s_i = |G_i|^2 / 3 of their contacts differ as their masses do,
+and so does the significance of one unit of velocity. With d_i = (s / s_i)^(1/2), s the mean, speeds are weighted as in
+the kinetic energy, and smoothing and line search treat all contacts alike. The factors are powers of two, which change
+no digit.
 """
 
 import math
@@ -15,14 +16,14 @@ from engine.lanes import read, write
 
 @inner
 def even_out(nc, p, mean):
-    """Give every contact the unit in which its Delassus scale is nearly ``mean``; `restore` takes it back.
+    """Give each contact the unit in which its Delassus scale is nearly ``mean``; `restore` undoes it.
 
     Parameters
     ----------
     nc : int
         Number of contacts.
     p : FrictionArrays
-        The rows and the contacts' lanes are changed.
+        The rows and the lanes of the contacts are changed.
     mean : float
         Mean Delassus scale.
     """

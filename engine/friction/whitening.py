@@ -1,7 +1,7 @@
-"""From mass matrix and contact rows to whitened rows node by node: G = H L^-T with M = L L'.
+"""Convert mass matrix and contact rows to whitened rows stored node by node: G = H L^-T with M = L L'.
 
-Row i of L is stored and used from its first entry on, which is that of M: where M consists of the blocks of bodies,
-L does too, and G has entries only where H has.
+Row i of L is stored and used from its first nonzero entry on, which is that of M. Where M is block diagonal by bodies,
+so is L, and G has entries only where H has.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from engine.jit import kernel
 
 @kernel
 def factorise_mass(M, L, first):
-    """Write Cholesky's factor of M, its diagonal inverted; return False if M is not positive definite.
+    """Write the Cholesky factor of M with its diagonal inverted; return False if M is not positive definite.
 
     Parameters
     ----------
     M : (n, n) array
         Only the lower half is read.
     L : (n, n) array
-        Its lower half is written from the first entry of each row on.
+        Its lower half is written, from the first entry of each row on.
     first : (n,) int64 array
-        Written: the column of each row's first entry.
+        Written: the column of the first entry of each row.
     """
     for i in range(M.shape[0]):
         begin = 0
@@ -44,7 +44,7 @@ def factorise_mass(M, L, first):
 
 @kernel
 def whiten_rows(H, L, first, G, touched, neighbours):
-    """Write G = H L^-T, which contact touches which node, and which nodes share a contact; return the most of one.
+    """Write G = H L^-T, the nodes of each contact and the nodes that share contacts; return the most nodes of one.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def place_rows(G, touched, number, piece, rows):
     piece : (nodes, nodes) int64 array
         See `elimination.eliminate_nodes`.
     rows : ContactRows
-        Written; no nodes and zeros on entry.
+        Written; must contain no nodes (-1) and zeros on entry.
     """
     for i in range(touched.shape[0]):
         run = 0
@@ -110,7 +110,7 @@ def place_rows(G, touched, number, piece, rows):
 
 @kernel
 def unwhiten(w, number, L, first, v):
-    """Write the velocities v = L^-T w; ``w`` lies node by node in the order of elimination."""
+    """Write the velocities v = L^-T w; ``w`` is stored node by node in the order of elimination."""
     n = v.shape[0]
     for j in range(n):
         v[j] = w[ROW * number[j // BODY] + j % BODY]
