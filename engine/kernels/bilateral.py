@@ -7,7 +7,7 @@ kind  geometry, centre of mass and body axes      violation
 1     TURN: d_a (0:3), t in a (3:6), d_b (6:9)    arm (angle from d_a to d_b about t - target)
 ====  ==========================================  ===================================================================
 
-Both are a velocity of b relative to a: along t of the common point P_b, or arm times the angular velocity about t.
+Both describe a velocity of b relative to a: along t at the common point P_b, or arm times the angular velocity about t.
 """
 
 import numpy as np
@@ -21,16 +21,16 @@ from engine.kernels.time_laws import time_law, time_law_rate
 
 @kernel
 def row_targets(rows, time_laws, t, h, target):
-    """Write every row's target at t and at t + h, and its rate at t + h.
+    """Write the target of each row at t and at t + h, and its rate at t + h.
 
     Parameters
     ----------
     rows : BilateralRows
     time_laws : TimeLaws
     t, h : float
-        Time since the start of the run, and the length of the step.
+        Time since the start of the run, and length of the step.
     target : (3, nt) array
-        Written; a row that does not act keeps its offset and has the rate 0.
+        Written; an inactive row keeps its offset and has rate 0.
     """
     for i in range(rows.kind.shape[0]):
         target[0, i], target[1, i], target[2, i] = rows.offset[i], rows.offset[i], 0.0
@@ -43,9 +43,9 @@ def row_targets(rows, time_laws, t, h, target):
 
 @kernel
 def row_violations(rows, x, R, target, violation, point, direction):
-    """Write every row's violation, its point P_b and its world direction t at the pose (x, R).
+    """Write the violation of each row, its point P_b and its world direction t at the pose (x, R).
 
-    A row that does not act gets the direction 0: it constrains nothing.
+    An inactive row gets the direction 0 and thus constrains nothing.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def row_violations(rows, x, R, target, violation, point, direction):
     x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
         Centres of mass and rotations.
     target : (nt,) array
-        Lengths or angles.
+        Targets, lengths or angles.
     violation : (nt,) array
         Written; lengths.
     point, direction : (nt, 3) arrays
@@ -83,7 +83,7 @@ def row_violations(rows, x, R, target, violation, point, direction):
 
 @inner
 def begin_rows(rows, state, at_pose, phase):
-    """Let the rows act that act in ``phase``; a motion that begins with it starts from where its coordinate is.
+    """Activate the rows that act in ``phase``; a motion that begins with it starts from the current coordinate.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def begin_rows(rows, state, at_pose, phase):
 
 @kernel
 def row_velocity(rows, x, R, point, direction, twist, i):
-    """Return the rate of row i's violation at the twists, shape (nb + 1, 6), while its target is at rest."""
+    """Return the rate of row i's violation for the twists, shape (nb + 1, 6), with its target at rest."""
     rate, t0, t1, t2 = 0.0, direction[i, 0], direction[i, 1], direction[i, 2]
     for side in range(2):
         body = rows.a[i] if side == 0 else rows.b[i]
@@ -134,7 +134,7 @@ def row_velocity(rows, x, R, point, direction, twist, i):
 
 @kernel
 def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
-    """Write every row times M^-1/2 into ``J``, shape (nt, 16): six columns and two zeros for each body, a's first."""
+    """Write each row times M^-1/2 into ``J``, shape (nt, 16): six columns and two zeros per body, a's first."""
     root = bodies.inverse_root
     for i in range(rows.kind.shape[0]):
         t0, t1, t2 = direction[i, 0], direction[i, 1], direction[i, 2]

@@ -1,8 +1,8 @@
-"""Broad phase: which contacts are near. The others are so far open that their gaps cannot have closed meanwhile.
+"""Broad phase: find the contacts that are near. All others are so far open that their gaps cannot have closed since.
 
 A gap is a distance, so it closes no faster than its two points approach each other. Each contact has a budget: its gap
-when it was last updated. Every displacement consumes of the budget the way that points of the two bodies may have gone.
-While something is left, the contact is open. The bound is safe, hence no result depends on it.
+at the last update. Each displacement reduces the budget by the distance that points of the two bodies may have moved.
+While the budget is positive, the contact is open. The bound is safe, so no result depends on it.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from engine.kernels.contact_geometry.gaps import find_contact
 
 @inner
 def body_speeds(twist, speed):
-    """Write every body's speed and angular speed.
+    """Write the speed and angular speed of each body.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def body_speeds(twist, speed):
 
 @inner
 def closing_speed(contacts, broad_phase, i):
-    """Return the largest speed at which contact i's gap may close, at the bodies' present speeds."""
+    """Return the largest speed at which contact i's gap can close at the current speeds of the bodies."""
     a, b, speed = contacts.a[i], contacts.b[i], broad_phase.speed
     return speed[a, 0] + speed[b, 0] + contacts.reach[i] * speed[a, 1] + broad_phase.lever[i] * speed[b, 1]
 
 
 @inner
 def consume_budget(contacts, twist, dt, broad_phase):
-    """Take a displacement of ``dt`` times the twists, shape (nb + 1, 6), from every contact's budget."""
+    """Subtract a displacement of ``dt`` times the twists, shape (nb + 1, 6), from the budget of each contact."""
     body_speeds(twist, broad_phase.speed)
     for i in range(contacts.a.shape[0]):
         broad_phase.budget[i] -= dt * closing_speed(contacts, broad_phase, i)
@@ -45,7 +45,7 @@ def consume_budget(contacts, twist, dt, broad_phase):
 
 @inner
 def update_contact(contacts, state, broad_phase, sites, i, gap):
-    """Write the gap, the point and the frame of contact i at the present pose, and renew its budget."""
+    """Write the gap, point and frame of contact i at the current pose, and renew its budget."""
     x = state.x
     gap[i] = find_contact(contacts, x, state.R, i, sites.point, sites.frame)
     broad_phase.near[i], broad_phase.budget[i] = True, gap[i]
@@ -64,16 +64,16 @@ def find_near_contacts(contacts, state, broad_phase, sites, dt, distance, gap):
     contacts : Contacts
     state : State
     broad_phase : BroadPhase
-        ``near`` is written, and the budgets.
+        ``near`` and the budgets are written.
     sites : ContactSites
         Written for the near contacts.
     dt, distance : float
     gap : (nc,) array
-        Written; for the contacts that are not near, a lower bound.
+        Written; for contacts that are not near, a lower bound.
     """
     for i in range(gap.shape[0]):
         gap[i] = broad_phase.budget[i]
         broad_phase.near[i] = False
         within = distance + dt * closing_speed(contacts, broad_phase, i)
-        if not broad_phase.budget[i] > within:  # also a NaN
+        if not broad_phase.budget[i] > within:  # true for NaN as well
             update_contact(contacts, state, broad_phase, sites, i, gap)

@@ -1,6 +1,6 @@
 """Contacts as rows of the equations of motion: relative velocities, whitened rows, and the effect of impulses.
 
-A pin in the middle of its hole has all directions for a normal; its motion chooses one of them.
+For a pin centred in its hole every direction is a normal; its motion selects one of them.
 """
 
 import numpy as np
@@ -47,39 +47,39 @@ def relative_velocity(x, R, a, b, point, frame, twist, i, u):
 
 @inner
 def aim_centred(contacts, state, work, twist, dt, i):
-    """Turn contact i's normal against the way of a pin in the middle of its hole: it will touch the side ahead.
+    """Turn contact i's normal against the motion of a pin centred in its hole, so that it touches the side ahead.
 
-    `find_contact` gives such a contact a direction of the body, which has nothing to do with the motion. Where a pin
-    crosses its play within one step, how it meets the hole would depend on that direction.
+    `find_contact` gives such a contact a direction fixed in the body, unrelated to the motion. If a pin crosses its
+    play within one step, the impact would depend on that arbitrary direction.
 
     Parameters
     ----------
     contacts : Contacts
-        A ring round its journal, or the centre of a ball in a socket; others are left as they are.
+        Contacts; only a ring around its journal and the centre of a ball in a socket are changed.
     state : State
     work : Scratch
-        ``sites`` is written, and ``u[i]``; ``gap[i]`` is of the present pose.
+        ``sites`` and ``u[i]`` are written; ``gap[i]`` belongs to the current pose.
     twist : (nb + 1, 6) array
         The motion.
     dt : float
-        What is left of the step.
+        Remaining time of the step.
     i : int
 
     Returns
     -------
     bool
-        Whether the normal was turned: the contact is centred, and moves in ``dt`` by more than rounding does.
+        Whether the normal was turned: the contact is centred, and moves by more than rounding errors in ``dt``.
     """
     kind, radius, hole = contacts.kind[i], contacts.geometry_b[i, 9], 0.0
     if kind == ON_BALL and radius > 0.0 and contacts.geometry_a[i, 9] == 0.0:
-        hole = radius  # the gap of the centre is that of the ball and its radius
+        hole = radius  # the gap at the centre is that of the ball plus its radius
     elif kind != RING_BORE:
         return False
     if hole + contacts.clearance[i] - work.gap[i] > CENTRED * radius:
         return False
     a, b, point, frame, u = contacts.a[i], contacts.b[i], work.sites.point, work.sites.frame, work.u
     outward = -1.0 if kind == ON_BALL else 1.0
-    for k in range(3):  # the middle: no rotation moves it
+    for k in range(3):  # the middle, which no rotation moves
         point[i, k] -= outward * radius * frame[i, 0, k]
     relative_velocity(state.x, state.R, a, b, point, frame, twist, i, u)
     if kind == RING_BORE:  # T1 is the axis
@@ -102,7 +102,7 @@ def aim_centred(contacts, state, work, twist, dt, i):
 
 @kernel
 def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
-    """Write contact i's rows of G M^-1/2, and the nodes that they touch, as contact j of a friction problem.
+    """Write contact i's rows of G M^-1/2, and the nodes that they act on, as contact j of a friction problem.
 
     M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
 

@@ -1,13 +1,13 @@
-"""Energy: what the bodies have, and what a step creates (docs/method.md, Energy).
+"""The energy of the bodies, and the energy that a step creates (docs/method.md, Energy).
 
-The twists of a step fulfil M (v+ - v) = h F + G' r + J' l, and the bodies move by h v_theta, with
-v_theta = (1 - theta) v + theta v+. Times (v + v+)/2 = v_theta - (theta - 1/2) (v+ - v) that is
+The twists of a step satisfy M (v+ - v) = h F + G' r + J' l, and the bodies move by h v_theta, with
+v_theta = (1 - theta) v + theta v+. Multiplied by (v + v+)/2 = v_theta - (theta - 1/2) (v+ - v) this gives
 
     K+ - K = h F . v_theta + r . u_theta + l . J v_theta - (theta - 1/2) |v+ - v|^2_M
 
-First comes the work of the loads along the way of the bodies; the third term is none for a joint, and for a motion the
-work of its drive. What is left is the contacts', and what the projection adds is the work against the loads along its
-displacement. Friction and impacts take energy; where the sum is positive, the step created it.
+The first term is the work of the loads along the displacement of the bodies; the third is zero for a joint, and the
+work of the drive for a motion. The rest belongs to the contacts; the projection adds the work against the loads along
+its displacement. Friction and impacts dissipate energy; where the sum is positive, the step created it.
 """
 
 from engine.jit import inner
@@ -29,24 +29,24 @@ def kinetic_energy(bodies, v):
 
 @inner
 def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
-    """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts; negative: they dissipate.
+    """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts; negative: they dissipate energy.
 
     Parameters
     ----------
     bodies : Bodies
     contacts : Contacts
     state : State
-        The pose is that within the step, the twists are those at its end.
+        With the pose within the step and the twists at its end.
     work : Scratch
-        ``u``: relative velocities at the start of the step; written, unless the scheme is plain.
+        ``u``: relative velocities at the start of the step; overwritten unless the scheme is plain.
     problem : FrictionArrays
-        Solved.
+        The solved problem.
     n : int
-        0: nothing is created.
+        Number of contacts; with 0 nothing is created.
     theta : float
         See `StepContext`.
     plain : bool
-        Moreau-Jean's scheme: the frames of its contacts are those of another pose.
+        Moreau-Jean's scheme, whose contact frames belong to another pose.
     """
     gained = 0.0
     for j in range(n):
@@ -64,7 +64,7 @@ def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
 
 @inner
 def _square_of_change(bodies, before, after):
-    """Return |v+ - v|^2 in the metric of the mass matrix, of twists of shape (nb + 1, 6)."""
+    """Return |v+ - v|^2 in the metric of the mass matrix for twists of shape (nb + 1, 6)."""
     total = 0.0
     for body in range(bodies.mass.shape[0]):
         J, v, w = bodies.inertia[body], before[body], after[body]
@@ -78,7 +78,7 @@ def _square_of_change(bodies, before, after):
 
 @inner
 def work_of_displacement(R, wrench, displacement):
-    """Return the work of forces and torques along a displacement: of the centres of mass, and a rotation in body axes.
+    """Return the work of forces and torques along displacements of the centres of mass and rotations in body axes.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Joint stages: twists that fit ideal joints and prescribed motions, before the contacts and at the end of a step.
+"""Joint stages: twists consistent with ideal joints and prescribed motions, before the contacts and after a step.
 
-Within the step the mean velocity keeps the constraint, J (theta v+ + (1 - theta) v) = s' with J at mid-step; at the end
-the velocities themselves keep it, J v+ = s' with J at the new pose (with multipliers of their own, as in the RATTLE
-scheme). With theta = 1/2 that is of second order and joints do no work; J v+ = s' with J at mid-step alone loses energy
-in every turn.
+Within the step the mean velocity satisfies the constraint, J (theta v+ + (1 - theta) v) = s' with J at mid-step; at the
+end the velocities themselves satisfy it, J v+ = s' with J at the new pose (with multipliers of their own, as in the
+RATTLE scheme). With theta = 1/2 this is of second order and joints do no work; J v+ = s' with J at mid-step alone would
+lose energy in every turn.
 """
 
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
@@ -15,14 +15,14 @@ from engine.kernels.motion import NOTHING
 
 @inner
 def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
-    """Change ``twist`` by the least kinetic energy so that the joints hold at the present pose.
+    """Change ``twist``, with the least kinetic energy, so that the joints hold at the current pose.
 
     Parameters
     ----------
     bodies : Bodies
     rows : BilateralRows
     state : State
-        Its twists are those at the start of the step.
+        With the twists at the start of the step.
     at_pose : BilateralState
         Written.
     problem : FrictionArrays
@@ -30,7 +30,7 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
     twist : (nb + 1, 6) array
         Twists at the end of the step.
     h : float
-        Length of the step, over which the mean velocity shall fit; 0: the velocity at the end shall fit.
+        Length of the step, whose mean velocity must satisfy the joints; 0: the velocity at the end must satisfy them.
     theta : float
         See `StepContext`.
     """

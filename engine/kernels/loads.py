@@ -1,4 +1,4 @@
-"""Forces and torques on the bodies: gravity, springs and dampers along lines and about axes, loads of a time law."""
+"""Forces and torques on the bodies: gravity, springs and dampers along lines and about axes, loads with a time law."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from engine.kernels.time_laws import time_law
 
 @kernel
 def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
-    """Write each body's force and torque about its centre of mass, in world axes.
+    """Write the force and the torque about the centre of mass of each body, in world axes.
 
     Parameters
     ----------
@@ -18,13 +18,13 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
     time_laws : TimeLaws
     state : State
     phase : int
-        Number of the present phase: some forces and torques act in some phases only.
+        Number of the current phase: some forces and torques act only in some phases.
     t : float
         Time since the start of the run.
     wrench : (nb + 1, 6) array
         Written.
     vectors : (2, 3) array
-        Work space.
+        Workspace.
     """
     a, b = vectors[0], vectors[1]
     for body in range(wrench.shape[0]):
@@ -40,11 +40,11 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
 
 @kernel
 def potential_energy(bodies, loads, state):
-    """Return the energy stored in gravity (0 at the world's origin) and springs (0 where they exert no force).
+    """Return the potential energy of gravity (0 at the world's origin) and springs (0 where they exert no force).
 
-    Forces and torques of the file are not included: what acts by phase, by time or in body axes has no potential. Nor
-    has a spring with actions. The couple of a torsion spring is its gradient as long as its bodies turn about its axis
-    only.
+    Forces and torques of the file are not included: loads that depend on phase, time or body axes have no potential.
+    The same holds for a spring with actions. The couple of a torsion spring derives from this energy only while its
+    bodies turn about its axis alone.
     """
     energy = 0.0
     for body in range(bodies.mass.shape[0]):
@@ -81,7 +81,7 @@ def _elastic_force(law, length):
 
 @inner
 def _linear_springs(loads, state, wrench, p, q):
-    """Apply each spring's force at its two points, or as its actions distribute it."""
+    """Apply each spring's force at its two points, or distribute it by its actions."""
     for i in range(loads.spring_body.shape[0]):
         force, d0, d1, d2 = spring_force(loads, state, i, p, q)
         if _acts_elsewhere(loads, state, i, force, wrench, p, q):
@@ -117,7 +117,7 @@ def spring_force(loads, state, i, p, q):
 
 @inner
 def _torsion_springs(loads, state, wrench, axis, p):
-    """Apply each torsion spring's torque to body b and the opposite to a, or as its actions distribute it."""
+    """Apply each torsion spring's torque to body b and its opposite to a, or distribute it by its actions."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
         torque = spring_torque(loads, state, i, axis)
@@ -139,16 +139,16 @@ def spring_torque(loads, state, i, axis):
 
 @inner
 def _torsion_angle(loads, state, i):
-    """Return the angle of body b from body a about spring i's axis."""
+    """Return the angle of body b relative to body a about spring i's axis."""
     a, b, n = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_axis[i]
     angle = twist_angle(state.p[a], times(state.p[b], loads.torsion_turn[i]), n[0], n[1], n[2])
-    turns = np.floor((angle - loads.torsion_law[i, 3]) / (2 * np.pi) + 0.5)  # the branch nearest to the start's angle
+    turns = np.floor((angle - loads.torsion_law[i, 3]) / (2 * np.pi) + 0.5)  # the branch nearest to the initial angle
     return angle - 2 * np.pi * turns
 
 
 @inner
 def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
-    """Apply the forces and torques of the present phase, each times its law of time."""
+    """Apply the forces and torques of the current phase, each multiplied by its time law."""
     for i in range(loads.force_body.shape[0]):
         if not loads.force_phase[i, phase]:
             continue
@@ -160,7 +160,7 @@ def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
 
 @inner
 def _acts_elsewhere(loads, state, spring, size, wrench, p, f):
-    """Apply the actions of a spring, times its force or torque; return False if it has none."""
+    """Apply the actions of a spring, multiplied by its force or torque; return False if it has none."""
     first, end = loads.action_first[spring], loads.action_first[spring + 1]
     for k in range(first, end):
         _add_load(state, loads.action_body[k], loads.action_vector[k], True, size, wrench, p, f)
@@ -169,7 +169,7 @@ def _acts_elsewhere(loads, state, spring, size, wrench, p, f):
 
 @inner
 def _add_load(state, body, row, in_body, factor, wrench, p, f):
-    """Add a point's force and a torque, rows of ``force_vector``, times a factor."""
+    """Add a factor times a force at a point and a torque, given as a row of ``force_vector``."""
     to_world(state.x, state.R, body, row, 0, p)
     for part in range(2):
         k = 3 + 3 * part
@@ -196,7 +196,7 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
 
 @inner
 def spin_along(Rs, vs, body, n):
-    """Return the body's angular velocity about the world direction n."""
+    """Return the component of the body's angular velocity along the world direction n."""
     R, v = Rs[body], vs[body]
     s = 0.0
     for k in range(3):

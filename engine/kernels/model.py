@@ -1,7 +1,7 @@
-"""The arrays of a mechanism and of its motion: what the kernels read and write.
+"""The arrays of a mechanism and of its motion, which the kernels read and write.
 
-Body ``n_body`` (the last one) is the ground: fixed, its frame is the world. All local geometry is given from a body's
-centre of mass in its body axes.
+Body ``n_body`` (the last one) is the ground: it is fixed, and its frame is the world. All local geometry is given from
+the centre of mass of a body in its body axes.
 """
 
 from typing import NamedTuple
@@ -13,18 +13,18 @@ from engine.compiler.tuples_by_address import by_address
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, divided by its length
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # impulses of a whole step, divided by its length
 DERIVED = 11  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
-GEOMETRY = 13  # numbers that describe one primitive
-PIECE = 19  # numbers that describe a line or an arc of a profile
+GEOMETRY = 13  # numbers per primitive
+PIECE = 19  # numbers per line or arc of a profile
 
 
 @by_address
 class Bodies(NamedTuple):
-    """``nb`` moving bodies; units of the mechanism file."""
+    """The ``nb`` moving bodies; units of the mechanism file."""
 
     mass: np.ndarray  # (nb,)
     inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
@@ -36,19 +36,19 @@ class Bodies(NamedTuple):
 class Surfaces(NamedTuple):
     """Surfaces of bicubic patches: trees of their pieces, from the centre of mass; see patched_surfaces.py."""
 
-    box: np.ndarray  # (nn, 6) middle and half sides of a box along the axes around what is below each node
+    box: np.ndarray  # (nn, 6) middle and half sides of the axis-aligned bounding box of everything below each node
     size: np.ndarray  # (nn,) half the diagonal of that box
-    after: np.ndarray  # (nn,) int64, the node that follows all below; of a fork's two the first is the next node
-    parent: np.ndarray  # (nn,) int64, the fork above; of the root, -1
+    after: np.ndarray  # (nn,) int64, the node after everything below; the first of a fork's two is the next node
+    parent: np.ndarray  # (nn,) int64, the fork above; -1 for the root
     piece: np.ndarray  # (nn,) int64, number of a leaf's piece; -1: a fork
-    slab: np.ndarray  # (np, 3, 5) a box along the piece: along each of its axes, the axis, the middle, half the side
+    slab: np.ndarray  # (np, 3, 5) a box aligned with the piece: for each of its axes, axis, middle, half the side
     coefficient: np.ndarray  # (np, 3, 4, 4) of x^i y^j in each coordinate, |x| and |y| <= 1
-    bound: np.ndarray  # (np, 9) of derivatives, see `engine.assembly.surface_trees`
+    bound: np.ndarray  # (np, 9) bounds of derivatives, see `engine.assembly.surface_trees`
 
 
 @by_address
 class Contacts(NamedTuple):
-    """``nc`` potential contacts."""
+    """The ``nc`` potential contacts."""
 
     kind: np.ndarray  # (nc,) int64
     a: np.ndarray  # (nc,) int64, the body pushed along +N
@@ -56,7 +56,7 @@ class Contacts(NamedTuple):
     geometry_a: np.ndarray  # (nc, GEOMETRY) see gaps.py
     geometry_b: np.ndarray  # (nc, GEOMETRY)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
-    reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
+    reach: np.ndarray  # (nc,) distance of the farthest point of side a's primitive from its body's centre of mass
     pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
     profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
     piece: np.ndarray  # (np, PIECE) see profiles.py
@@ -74,14 +74,14 @@ class Laws(NamedTuple):
 
 @by_address
 class TimeLaws(NamedTuple):
-    """Functions of time: cubic pieces, and a sine on top."""
+    """Functions of time: cubic pieces plus a sine."""
 
     first: np.ndarray  # (nl + 1,) int64, first piece of each law
-    time: np.ndarray  # (np,) where each piece begins; before the first and after the last a law is constant
-    piece: np.ndarray  # (np, 4) c0 + c1 s + c2 s^2 + c3 s^3, s from the piece's beginning
+    time: np.ndarray  # (np,) start of each piece; before the first and after the last, a law is constant
+    piece: np.ndarray  # (np, 4) c0 + c1 s + c2 s^2 + c3 s^3, s from the start of the piece
     sine: np.ndarray  # (nl, 3) amplitude, angular frequency, phase: a sin(w t + phi) - a sin(phi)
-    since: np.ndarray  # (nl,) int64, the phase from whose beginning the law's time counts
-    begun: np.ndarray  # (n_phase,) when each phase began; inf before; written by the run
+    since: np.ndarray  # (nl,) int64, the phase at whose start the law's time begins
+    begun: np.ndarray  # (n_phase,) start time of each phase; inf before it; written by the run
 
 
 @by_address
@@ -94,9 +94,9 @@ class BilateralRows(NamedTuple):
     geometry: np.ndarray  # (nt, 9) see bilateral.py
     arm: np.ndarray  # (nt,) length that multiplies a TURN's angle; 1 for a SLIDE
     law: np.ndarray  # (nt,) int64 number of its target's time law, -1: none
-    phase: np.ndarray  # (nt, n_phase) bool, when it acts
-    offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; where the motion began; written by the run
-    acts: np.ndarray  # (nt,) bool, in the present phase; written by the run
+    phase: np.ndarray  # (nt, n_phase) bool, whether it acts
+    offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; start of the motion; written by the run
+    acts: np.ndarray  # (nt,) bool, in the current phase; written by the run
 
 
 @by_address
@@ -109,31 +109,31 @@ class Loads(NamedTuple):
     spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, 1: only pushes, -1: only pulls, 0: both
     torsion_body: np.ndarray  # (nt, 2) int64
     torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
-    torsion_turn: np.ndarray  # (nt, 4) quaternion; b's attitude times it is a's where the angle is 0
+    torsion_turn: np.ndarray  # (nt, 4) quaternion; b's attitude times it equals a's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
-    action_first: np.ndarray  # (ns + nt + 1,) int64, first action of each spring; without one it acts along its line
+    action_first: np.ndarray  # (ns + nt + 1,) int64, first action of each spring; without any it acts along its line
     action_body: np.ndarray  # (na,) int64
     action_vector: np.ndarray  # (na, 9) point, force, torque in body axes, for a spring force or torque of 1
     force_body: np.ndarray  # (nf,) int64
     force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
-    force_law: np.ndarray  # (nf,) int64, number of the time law that multiplies it, -1: none
+    force_law: np.ndarray  # (nf,) int64, number of the time law that multiplies it; -1: none
     force_phase: np.ndarray  # (nf, n_phase) bool
 
 
 @by_address
 class Responses(NamedTuple):
-    """The responses and when they are reported; responses.py describes the rows of ``body`` and ``point``."""
+    """The responses and their instants; responses.py describes the rows of ``body`` and ``point``."""
 
     kind: np.ndarray  # (nr,) int64
     body: np.ndarray  # (nr, 3) int64
     point: np.ndarray  # (nr, 12)
     offset: np.ndarray  # (nr,)
-    measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run; at rest it does not change
+    measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run, which is constant at rest
     at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
-    from_phase: np.ndarray  # (nr,) int64, the phase with whose beginning the search for peaks and events begins
-    to_phase: np.ndarray  # (nr,) int64, the phase with whose end it ends
-    trigger: np.ndarray  # (nr,) int64, the response whose crossing or whose peak sets the instant
+    from_phase: np.ndarray  # (nr,) int64, the phase at whose start the search for peaks and events begins
+    to_phase: np.ndarray  # (nr,) int64, the phase at whose end it ends
+    trigger: np.ndarray  # (nr,) int64, the response whose crossing or peak determines the instant
     limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
 
 
@@ -142,14 +142,14 @@ class Phases(NamedTuple):
     """The parts of a run, in order."""
 
     duration: np.ndarray  # (n_phase,) longest time; inf: until its event, or until rest
-    trigger: np.ndarray  # (n_phase,) int64, the response whose crossing ends it, -1: none
+    trigger: np.ndarray  # (n_phase,) int64, the response whose crossing ends it; -1: none
     limit: np.ndarray  # (n_phase, 2) limit of the trigger; side: 1 above it, -1 below it
     damping: np.ndarray  # (n_phase,) rate [1/time]
 
 
 @by_address
 class Model(NamedTuple):
-    """Constants of a run."""
+    """The constants of a run."""
 
     bodies: Bodies
     contacts: Contacts
@@ -163,24 +163,24 @@ class Model(NamedTuple):
 
 @by_address
 class State(NamedTuple):
-    """Motion at one instant; the last body is the ground."""
+    """The motion at one instant; the last body is the ground."""
 
     x: np.ndarray  # (nb + 1, 3) centres of mass
     p: np.ndarray  # (nb + 1, 4) unit quaternions
     R: np.ndarray  # (nb + 1, 3, 3) their rotations
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
-    slip: np.ndarray  # (nc,) relative tangential speed of the contacts that pressed in the last step
+    slip: np.ndarray  # (nc,) relative tangential speed of the contacts that carried load in the last step
     gap: np.ndarray  # (nc,) at the end of the step; for contacts that are not near, a lower bound
 
 
 @by_address
 class BroadPhase(NamedTuple):
-    """The broad phase tells which contacts are near, see broad_phase.py."""
+    """Data of the broad phase, which finds the near contacts, see broad_phase.py."""
 
     speed: np.ndarray  # (nb + 1, 2) speed and angular speed of each body
-    budget: np.ndarray  # (nc,) the way that the bodies may still move until the gap could have closed
-    lever: np.ndarray  # (nc,) the lever of body b's angular speed in that
+    budget: np.ndarray  # (nc,) distance that the bodies can still move before the gap can have closed
+    lever: np.ndarray  # (nc,) lever arm of body b's angular speed in that distance
     near: np.ndarray  # (nc,) bool, updated at this pose
 
 
@@ -188,7 +188,7 @@ class BroadPhase(NamedTuple):
 class BilateralState(NamedTuple):
     """The bilateral rows at one pose, see bilateral.py."""
 
-    target: np.ndarray  # (3, nt) at the start of the step, at its end, rate at its end
+    target: np.ndarray  # (3, nt) at the start of the step, at its end, and the rate at its end
     violation: np.ndarray  # (nt,) a length, or its rate
     point: np.ndarray  # (nt, 3)
     direction: np.ndarray  # (nt, 3)
@@ -196,7 +196,7 @@ class BilateralState(NamedTuple):
 
 @by_address
 class StepStart(NamedTuple):
-    """The start of a step, to which a step that is repeated goes back."""
+    """The state at the start of a step, to which a repeated step returns."""
 
     pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation
     v: np.ndarray  # (nb + 1, 6)
@@ -213,7 +213,7 @@ class ContactSites(NamedTuple):
 
 @by_address
 class Scratch(NamedTuple):
-    """Work space of a step."""
+    """Workspace of a step."""
 
     broad_phase: BroadPhase
     bilateral: BilateralState
@@ -223,14 +223,14 @@ class Scratch(NamedTuple):
     free: np.ndarray  # (nb + 1, 6) twists at the end without contact impulses; displacement in projection
     gap: np.ndarray  # (nc,) gaps at the pose within the step
     q: np.ndarray  # (nc, 3) relative velocities without impulses
-    shift: np.ndarray  # (nc,) the impact law's addition to their normal part
+    shift: np.ndarray  # (nc,) the impact law's addition to the normal component of q
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
     values: np.ndarray  # (nr,) measured at the end of the last step
-    previous: np.ndarray  # (nr,) measured at its beginning
+    previous: np.ndarray  # (nr,) measured at its start
     reported: np.ndarray  # (nr,) the responses, each at its own instant
     peak: np.ndarray  # (nr,) largest or smallest value so far of the response whose peak is sought
-    anchor: np.ndarray  # (nr,) values when the present pause began
+    anchor: np.ndarray  # (nr,) values at the start of the current pause
     travel: np.ndarray  # (nc,) slip since then
     vectors: np.ndarray  # (2, 3)

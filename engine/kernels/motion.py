@@ -6,12 +6,12 @@ from engine.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4
-NOTHING = 1e-150  # of any unit: a smaller number is what rounding leaves of 0; arithmetic below 1e-308 is slow
+NOTHING = 1e-150  # in any unit: smaller numbers are rounding errors of 0; arithmetic below 1e-308 is slow
 
 
 @kernel
 def move(state, dt):
-    """Displace every body by ``dt`` at its present twist: x += dt v, p <- p exp(dt Omega)."""
+    """Displace each body by ``dt`` at its current twist: x += dt v, p <- p exp(dt Omega)."""
     for body in range(state.x.shape[0] - 1):
         v, p = state.v[body], state.p[body]
         for k in range(6):
@@ -30,21 +30,21 @@ def move(state, dt):
 def free_twist(bodies, R, twist, wrench, h, theta, again, free):
     """Write the twists at the end of a step under the loads alone.
 
-    The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
-    theta = 1/2 second order, and a free body keeps its energy and its momentum.
+    The gyroscopic moment is evaluated within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+:
+    with theta = 1/2 this is of second order, and a free body conserves energy and momentum.
 
     Parameters
     ----------
     bodies : Bodies
     R : (nb + 1, 3, 3) array
     twist : (nb + 1, 6) array
-        At the start of the step.
+        Twists at the start of the step.
     wrench : (nb + 1, 6) array
         Forces and torques, in world axes.
     h, theta : float
     again : bool
-        Take O+ from ``free``: the end twists with the impulses of joints. Without these impulses the moment is of
-        first order only.
+        Take O+ from ``free``, the twists at the end including the impulses of joints. Without these impulses the moment
+        is only of first order.
     free : (nb + 1, 6) array
         Written.
     """
@@ -80,7 +80,7 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
 
 @inner
 def impulse_time(rate, h):
-    """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less the share lost to drag."""
+    """Return the momentum that a unit force leaves at the end of a step ``h``: ``h`` less the share lost to drag."""
     return -np.expm1(-rate * h) / rate if rate > 0.0 else h
 
 
@@ -88,7 +88,7 @@ def impulse_time(rate, h):
 def damp(twist, free, rate, h):
     """Damp the ``free`` twists, shape (nb + 1, 6), in proportion to the masses: force -rate M v.
 
-    Exact for a constant force and stable for any rate: v+ = v exp(-rate h) + f/M (1 - exp(-rate h))/rate.
+    This is exact for a constant force and stable for any rate: v+ = v exp(-rate h) + f/M (1 - exp(-rate h))/rate.
     """
     if rate > 0.0:
         left, gain = np.exp(-rate * h), impulse_time(rate, h) / h
@@ -99,7 +99,7 @@ def damp(twist, free, rate, h):
 
 @inner
 def save_start(state, start):
-    """Save pose, twists and impulses at the start of a step."""
+    """Save the pose, twists and impulses at the start of a step."""
     for body in range(state.x.shape[0]):
         row = start.pose[body]
         for k in range(3):
@@ -117,7 +117,7 @@ def save_start(state, start):
 
 @inner
 def restore_start(state, work):
-    """Go back to the start of the step; the broad phase must update every contact."""
+    """Return to the start of the step; the broad phase must update every contact."""
     start, budget = work.start, work.broad_phase.budget
     for body in range(state.x.shape[0]):
         row = start.pose[body]
@@ -137,7 +137,7 @@ def restore_start(state, work):
 
 @inner
 def fastest_body(bodies, v):
-    """Return the largest root mean square speed of a body's mass, sqrt(2 T / m) with its kinetic energy T."""
+    """Return the largest root mean square speed of any body's mass, sqrt(2 T / m) with its kinetic energy T."""
     fastest = 0.0
     for body in range(bodies.mass.shape[0]):
         t, J, twice = v[body], bodies.inertia[body], 0.0

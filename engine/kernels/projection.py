@@ -1,7 +1,7 @@
-"""Position stage: remove what is left of penetration and of joint violation, in the metric of the mass matrix (eq. 21).
+"""Position stage: remove remaining penetration and joint violation in the metric of the mass matrix (eq. 21).
 
-Minimise 1/2 d' M d subject to g_N + G_N d >= 0 over the contacts near the violation and g_J + J d = 0 in the joints: a
-friction problem with mu = 0 whose velocity is a displacement. The metric matters: unweighted coordinates diverge on
+Minimise 1/2 d' M d subject to g_N + G_N d >= 0 for the contacts near the violation and g_J + J d = 0 in the joints:
+a friction problem with mu = 0 whose velocity is a displacement. The metric matters: unweighted coordinates diverge for
 closed loops with clearance.
 """
 
@@ -18,13 +18,13 @@ from engine.kernels.rotations import rotation_matrix, turn
 from engine.lanes import fused, read, spread, total
 
 ROUNDS = 40
-REACH = 2.0  # contacts open by less than this many times the violation take part
-TOLERANCE = 1e-4  # of a displacement problem: the next round removes what is left
+REACH = 2.0  # contacts with gaps below this multiple of the violation take part
+TOLERANCE = 1e-4  # of a displacement problem: the next round removes the remainder
 
 
 @inner
 def project_positions(bodies, contacts, rows, state, work, problem, control):
-    """Displace the bodies until every contact and every joint violates its constraint by at most half its limit.
+    """Displace the bodies until each contact and joint violates its constraint by at most half its limit.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
     rows : BilateralRows
     state : State
     work : Scratch
-        ``free`` holds the displacement; ``wrench``: the loads of the step.
+        ``free`` receives the displacement; ``wrench`` holds the loads of the step.
     problem : FrictionArrays
     control : Control
         ``penetration`` and ``violation`` are the limits.
@@ -41,13 +41,13 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
     Returns
     -------
     penetration : float
-        Largest penetration left.
+        Largest remaining penetration.
     contact : int
         Its contact; -1: none.
     violation : float
-        Largest joint violation left.
+        Largest remaining joint violation.
     lifted : float
-        The work of the displacement against the loads of the step.
+        Work of the displacement against the loads of the step.
     """
     at_pose = work.bilateral
     worst, contact, off, lifted, displacement = 0.0, -1, 0.0, 0.0, work.free
@@ -84,17 +84,17 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
 
 @inner
 def largest_penetration(gap):
-    """Return the largest penetration, >= 0 or NaN if any gap is, and its contact."""
+    """Return the largest penetration, which is >= 0, or NaN if any gap is NaN; and its contact."""
     worst, where = 0.0, -1
     for i in range(gap.shape[0]):
-        if not -gap[i] <= worst:  # a NaN is the worst of all
+        if not -gap[i] <= worst:  # NaN counts as the worst
             worst, where = -gap[i], i
     return worst, where
 
 
 @inner
 def largest_violation(violation):
-    """Return the largest absolute joint violation, NaN if any violation is."""
+    """Return the largest absolute joint violation; NaN if any violation is NaN."""
     off = 0.0
     for i in range(violation.shape[0]):
         if not abs(violation[i]) <= off:
@@ -104,7 +104,7 @@ def largest_violation(violation):
 
 @inner
 def gather_displacement_problem(bodies, contacts, state, sites, displacement, u, problem, within):
-    """Write the displacement problem of the contacts open by no more than ``within``; return their number."""
+    """Write the displacement problem of the contacts with gaps up to ``within``; return their number."""
     n = 0
     for i in range(state.gap.shape[0]):
         if state.gap[i] <= within:
@@ -116,7 +116,7 @@ def gather_displacement_problem(bodies, contacts, state, sites, displacement, u,
                 problem.q[n, k] = 0.0
                 problem.r[n, k] = 0.0
             problem.q[n, 0] = state.gap[i] + u[i, 0]
-            if problem.q[n, 0] < 0.0:  # a guess: each contact repairs its own violation
+            if problem.q[n, 0] < 0.0:  # initial guess: each contact corrects its own violation
                 problem.r[n, 0] = -problem.q[n, 0] / normal_delassus(problem.rows, n)
             n += 1
     return n
@@ -135,7 +135,7 @@ def normal_delassus(rows, j):
 
 @inner
 def displace(displacement, state):
-    """Move every body by a displacement, shape (nb + 1, 6): of the centre of mass, and a rotation in body axes."""
+    """Move each body by a displacement, shape (nb + 1, 6): of the centre of mass, and a rotation in body axes."""
     for body in range(state.x.shape[0] - 1):
         d = displacement[body]
         for k in range(3):

@@ -1,8 +1,9 @@
-"""Record a run: one row of numbers for a step, into rows allocated beforehand.
+"""Record a run: one row of numbers per step, in rows allocated beforehand.
 
 A row holds, in this order: time, step, kinetic energy, potential energy; for each moving body its position (3),
 quaternion (4), velocity (3) and body-frame angular velocity (3); for each contact its gap, impulse (N, T1, T2) and
-whether it is in the index set; every response. ``rows[0, 0]`` counts the rows written so far, from ``rows[1]`` on.
+whether it is in the index set; and each response. ``rows[0, 0]`` is the number of rows written so far, from ``rows[1]``
+on.
 """
 
 from engine.jit import kernel
@@ -14,13 +15,13 @@ HEAD, BODY, CONTACT = 4, 13, 5
 
 
 def row_length(bodies: int, contacts: int, responses: int) -> int:
-    """Return the number of numbers in a row."""
+    """Return the length of a row."""
     return HEAD + BODY * bodies + CONTACT * contacts + responses
 
 
 @kernel
 def record(model, state, work, t, h, rows):
-    """Write the present state as a row; return True, and write nothing, if the rows are full."""
+    """Write the current state as a row; if the rows are full, return True and write nothing."""
     i = int(rows[0, 0]) + 1
     if i >= rows.shape[0]:
         return True

@@ -1,11 +1,11 @@
-"""Measure the responses after each step, and keep those that are reported.
+"""Measure the responses after each step, and keep the values to report.
 
 ================  ==================================  =====================================================
 kind              body                                point, from the centre of mass in body axes
 ================  ==================================  =====================================================
 POSITION          from, to, direction                 from (0:3), its axis or 0 (3:6), to (6:9), direction (9:12)
-VELOCITY          as above; its rate
-ANGLE             relative to, body                   axis (3:6); quaternion that undoes the start (6:10)
+VELOCITY          as above; rate of the position
+ANGLE             relative to, body                   axis (3:6); inverse of the initial rotation (6:10)
 ANGULAR_VELOCITY  as above                            axis (3:6)
 GAP               contact
 SPRING_FORCE      linear spring
@@ -54,10 +54,10 @@ def measure(responses, contacts, loads, state, sites, values, vectors, instant):
     sites : ContactSites
         Written where a gap is measured.
     values : (nr,) array
-        Written. It holds the values of the step before, at the start the offsets: an angle counts its full turns from
-        there.
+        Written. On entry, the values of the previous step, or the offsets at the start: an angle counts its full turns
+        from there.
     vectors : (2, 3) array
-        Work space.
+        Workspace.
     instant : (float, float)
         Time at the end of the step, and its length.
     """
@@ -90,9 +90,9 @@ def measure(responses, contacts, loads, state, sites, values, vectors, instant):
 
 @inner
 def _position(kind, body, row, state, p, q):
-    """Return a component of the way from a point, or from an axis at the height of the other point, to a point.
+    """Return a component of the vector to a point from another point, or from an axis at the height of the first point.
 
-    Of a VELOCITY, return its rate.
+    For a VELOCITY, return its rate.
     """
     x, R, v = state.x, state.R, state.v
     to_world(x, R, body[0], row, 0, p)
@@ -100,13 +100,13 @@ def _position(kind, body, row, state, p, q):
     d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     turn_to_world(R, body[0], row, 3, p)
     n0, n1, n2 = p[0], p[1], p[2]
-    along = d0 * n0 + d1 * n1 + d2 * n2  # 0 for a point: its axis is the zero vector
+    along = d0 * n0 + d1 * n1 + d2 * n2  # 0 for a point, whose axis is the zero vector
     d0, d1, d2 = d0 - along * n0, d1 - along * n1, d2 - along * n2
     turn_to_world(R, body[2], row, 9, p)
     e0, e1, e2 = p[0], p[1], p[2]
     if kind != VELOCITY:
         return d0 * e0 + d1 * e1 + d2 * e2
-    p[0], p[1], p[2] = q[0] - d0, q[1] - d1, q[2] - d2  # the point or foot point the way starts from
+    p[0], p[1], p[2] = q[0] - d0, q[1] - d1, q[2] - d2  # the point or foot point where the vector starts
     ends = speed_along(x, R, v, body[1], q, e0, e1, e2) - speed_along(x, R, v, body[0], p, e0, e1, e2)
     turning = speed_along(x, R, v, body[2], q, e0, e1, e2) - speed_along(x, R, v, body[2], p, e0, e1, e2)
     sliding = speed_along(x, R, v, body[1], q, n0, n1, n2) - speed_along(x, R, v, body[0], q, n0, n1, n2)
@@ -117,7 +117,7 @@ def _position(kind, body, row, state, p, q):
 def _rotation(kind, body, row, state, before, axis):
     """Return the angle of a body about an axis of another since the start, on the branch nearest to ``before``.
 
-    Of an ANGULAR_VELOCITY, return its rate.
+    For an ANGULAR_VELOCITY, return its rate.
     """
     a, b, quaternion, R, v = body[0], body[1], state.p, state.R, state.v
     if kind == ANGULAR_VELOCITY:
@@ -130,7 +130,7 @@ def _rotation(kind, body, row, state, before, axis):
 
 @inner
 def _joint_impulse(body, row, state, frame, total, way):
-    """Return the resultant of a joint's contact impulses on its second side: the magnitude, or a component."""
+    """Return the resultant of a joint's contact impulses on its second side: its magnitude or a component."""
     R, r = state.R, state.r
     total[0], total[1], total[2] = 0.0, 0.0, 0.0
     for i in range(body[0], body[0] + body[1]):
@@ -151,12 +151,12 @@ def update_reported(responses, values, previous, phase, reported, peak):
     ----------
     responses : Responses
     values, previous : (nr,) arrays
-        Measured at the end of the step and at its beginning.
+        Values at the end of the step and at its start.
     phase : int
     reported : (nr,) array
-        Written; NaN before the first step, and as long as the event has not happened at which a response is read.
+        Written; NaN before the first step, and until the event at which the response is read has happened.
     peak : (nr,) array
-        Written; the peak so far of the response whose peak is sought; NaN before the first step.
+        Written; the peak so far of the response whose peak is searched for; NaN before the first step.
     """
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]
@@ -169,11 +169,11 @@ def update_reported(responses, values, previous, phase, reported, peak):
             if not side * peak[i] >= side * values[j]:
                 peak[i], reported[i] = values[j], values[i]
             if responses.kind[j] < CONTACT_FORCE and side * previous[j] > side * peak[i]:
-                # the beginning of the phase counts; the forces of the step before it do not
+                # the start of the phase counts, but not the forces of the step before it
                 peak[i], reported[i] = previous[j], previous[i]
         elif np.isnan(reported[i]):
             before, after = side * (previous[j] - limit), side * (values[j] - limit)
             if before > 0.0:
                 reported[i] = previous[i]
-            elif after > 0.0:  # the crossing, and what was measured there, by linear interpolation
+            elif after > 0.0:  # the crossing, and the value measured there, by linear interpolation
                 reported[i] = previous[i] + before / (before - after) * (values[i] - previous[i])

@@ -1,4 +1,4 @@
-"""Rest: no measured length and no contact that carries load moves for a while."""
+"""Rest: for some time, neither a measured length nor a contact that carries load moves."""
 
 from engine.jit import inner
 
@@ -7,7 +7,7 @@ LOADED = 1e-3  # share of the largest impulse above which a contact carries load
 
 @inner
 def slow(bodies, v, speed):
-    """Return whether no body is faster than ``speed``: |v|^2 + O . I O / m, spin by the radius of gyration."""
+    """Return whether no body is faster than ``speed``: |v|^2 + O . I O / m, i.e. spin times the radius of gyration."""
     for body in range(bodies.mass.shape[0]):
         J, t = bodies.inertia[body], v[body]
         square = 0.0
@@ -21,7 +21,7 @@ def slow(bodies, v, speed):
 
 @inner
 def start_pause(values, anchor, travel):
-    """Note the present values and begin to count the slip anew."""
+    """Save the current values and reset the accumulated slip."""
     for i in range(values.shape[0]):
         anchor[i] = values[i]
     for i in range(travel.shape[0]):
@@ -30,10 +30,10 @@ def start_pause(values, anchor, travel):
 
 @inner
 def moved(responses, state, work, h, drift):
-    """Return whether anything that matters moved since the pause began: a measured length, a contact that carries load.
+    """Return whether a measured length or a contact that carries load has moved since the pause began.
 
-    Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
-    forces do not count either: with everything sticking they may wander inside their indeterminacy.
+    Bodies without load may keep drifting (a rod that spins slowly between its bearings) and do not count. Nor do
+    contact forces: when everything sticks they may vary within their indeterminacy.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ def moved(responses, state, work, h, drift):
     state : State
         After the step.
     work : Scratch
-        ``values`` are measured now, ``anchor`` when the pause began; ``travel`` is written.
+        ``values`` are the current ones, ``anchor`` those at the start of the pause; ``travel`` is written.
     h : float
-        The length of the step.
+        Length of the step.
     drift : float
-        The length by which something may move and still count as unmoved.
+        Length by which something may move and still count as unmoved.
     """
     away, load, r, slip, travel = False, 0.0, state.r, state.slip, work.travel
     for i in range(work.values.shape[0]):

@@ -7,7 +7,7 @@ from engine.jit import inner, kernel
 
 @kernel
 def rotation_matrix(p, R):
-    """Write into ``R``, shape (3, 3), the rotation of the unit quaternion ``p``, shape (4,): Phi(p)."""
+    """Write the rotation matrix of the unit quaternion ``p``, shape (4,), into ``R``, shape (3, 3): Phi(p)."""
     w, x, y, z = p[0], p[1], p[2], p[3]
     R[0, 0] = 1 - 2 * (y * y + z * z)
     R[0, 1] = 2 * (x * y - w * z)
@@ -22,7 +22,7 @@ def rotation_matrix(p, R):
 
 @inner
 def turn(p, a, b, c):
-    """Turn the quaternion ``p`` in place by the body-frame rotation vector (a, b, c) [rad]: p <- p exp(.)."""
+    """Rotate the quaternion ``p`` in place by the body-frame rotation vector (a, b, c) [rad]: p <- p exp(.)."""
     angle = np.sqrt(a * a + b * b + c * c)
     if angle > 1e-8:
         s = np.sin(0.5 * angle) / angle
@@ -52,7 +52,7 @@ def times(p, q):
 
 @inner
 def twist_angle(pa, pb, n0, n1, n2):
-    """Return the angle [rad] in (-2 pi, 2 pi) by which ``pb`` is turned from ``pa`` about the axis n of frame a."""
+    """Return the angle [rad] in (-2 pi, 2 pi) of the rotation from ``pa`` to ``pb`` about the axis n of frame a."""
     w = pa[0] * pb[0] + pa[1] * pb[1] + pa[2] * pb[2] + pa[3] * pb[3]
     x = pa[0] * pb[1] - pa[1] * pb[0] - pa[2] * pb[3] + pa[3] * pb[2]
     y = pa[0] * pb[2] + pa[1] * pb[3] - pa[2] * pb[0] - pa[3] * pb[1]

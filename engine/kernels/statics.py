@@ -1,7 +1,7 @@
-"""The impulses of a short time that hold the loads at a pose: those of contacts that are all equally, hardly compliant.
+"""The impulses that hold the loads at a pose for a short time, with all contacts equally, and hardly, compliant.
 
-From zero impulses the interior-point method finds which contacts open, slide and stick, and Newton's method the last
-digits. So the impulses follow from the pose alone, not from its history.
+Starting from zero impulses, the interior-point method finds which contacts open, slide and stick, and Newton's method
+the last digits. The impulses therefore depend on the pose alone, not on its history.
 """
 
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, finish, give_contacts, square, take_contacts
@@ -23,41 +23,41 @@ HELD, MOVES, UNSOLVED = range(3)
 
 MOVING = 1e-4  # share of the free motion's energy: more than the compliance allows, less than any sliding has
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the first
-# gives the limit to 1e-3 N; the others are for poses at the very edge of sliding, where the first is not solved
+# gives the limit to 1e-3 N; the others are for poses at the onset of sliding, where the first one fails
 COMPLIANCE, TOLERANCE = (1e-6, 1e-7, 1e-6), (1e-9, 1e-9, 1e-7)
-PATIENCE, SHRINKING = 5000, 0.9999  # how often springs are loaded anew while the motion's energy falls below that share
-BALANCED = 1e-14  # share of the free motion's energy: forces are then good to 1e-7
+PATIENCE, SHRINKING = 5000, 0.9999  # most reloadings of the springs, while each reduces the energy below this share
+BALANCED = 1e-14  # share of the free motion's energy: forces are then accurate to 1e-7
 REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the compliance times its amplification
-ROUGH = 3.0  # times the tolerance: what the interior-point method reaches before rounding stops it
-INSIDE, NEAR = 0.1, 1e-4  # share of the load: how far inside the cones it starts, from nothing and with impulses given
+ROUGH = 3.0  # times the tolerance: reached by the interior-point method before rounding stops it
+INSIDE, NEAR = 0.1, 1e-4  # share of the load: initial distance inside the cones, from zero and from given impulses
 INTERIOR = Effort(0, 60, 12)
-# forces are as good as the residual divided by the compliance: 1e-9 would leave errors of 0.1 N
+# the error of forces is the residual divided by the compliance: 1e-9 would leave errors of 0.1 N
 LAST_DIGITS, POLISHING = 1e-13, Effort(1, 20, 5)
 
 
 @kernel
 def hold_loads(arrays, phase, t, h, touching_gap):
-    """Write the impulses that hold the loads at the present pose into ``work.u``, contact by contact.
+    """Write the impulses that hold the loads at the current pose into ``work.u``, contact by contact.
 
     Parameters
     ----------
     arrays : RunArrays
-        At rest. The twists become zero, or those with which the bodies begin to move.
+        At rest. The twists become zero, or those with which the bodies start to move.
     phase : int
         Number of the phase whose forces and torques act.
     t : float
         Time since the start of the run.
     h : float
-        The time in which the loads act; so short that the free motion has no gyroscopic part.
+        Time during which the loads act; short enough that the free motion has no gyroscopic part.
     touching_gap : float
-        Contacts open by no more than this length touch.
+        Contacts with a gap up to this length touch.
 
     Returns
     -------
     status : int
-        HELD; MOVES: no forces of the contacts that touch hold the loads; UNSOLVED: none were found.
+        HELD; MOVES: no forces of the touching contacts hold the loads; UNSOLVED: none were found.
     nc : int
-        Number of contacts that touch: the first of ``work.chosen``. The rows of the friction problem are theirs.
+        Number of touching contacts: the first of ``work.chosen``. The rows of the friction problem are theirs.
     """
     model, state, work, problem = arrays
     bodies = model.bodies
@@ -100,8 +100,8 @@ def hold_loads(arrays, phase, t, h, touching_gap):
 def _balance(nc, work, problem, compliance, tolerance, loaded):
     """Write the impulses of compliant contacts into ``work.u``; return whether they were found.
 
-    Springs that are ``loaded`` carry the impulses of ``work.u`` before they give way: each time what is not balanced
-    shrinks to a share that the compliance has in the whole.
+    If ``loaded``, the springs carry the impulses of ``work.u`` before they yield: each repetition reduces the unbalance
+    to the share that the compliance has in the whole.
     """
     _set_springs(nc, work, problem, compliance, loaded)
     if _solve(nc, problem, tolerance, loaded) != CONVERGED:
@@ -114,7 +114,7 @@ def _balance(nc, work, problem, compliance, tolerance, loaded):
 
 @inner
 def _begun(bodies, state, work, problem):
-    """Write the twists with which the bodies give way into the state; return their kinetic energy."""
+    """Write the twists with which the bodies yield into the state; return their kinetic energy."""
     for body in range(bodies.mass.shape[0]):
         for k in range(6):
             state.v[body, k] = work.free[body, k]
@@ -124,10 +124,10 @@ def _begun(bodies, state, work, problem):
 
 @inner
 def _wait_for_balance(nc, arrays, compliance, tolerance, moving, falling):
-    """Tell bodies that begin to move from springs that are soft for a heavy body; return HELD, MOVES or UNSOLVED.
+    """Distinguish bodies that start to move from contacts too soft for a heavy body; return HELD, MOVES or UNSOLVED.
 
-    A contact is as compliant as suits the mean mass. A much heavier body makes it give way, and then springs that
-    already carry the load give way less each time, while a motion that nothing holds stays as it is.
+    The compliance of a contact suits the mean mass, so a much heavier body makes it yield. Springs that already carry
+    the load then yield less each time, while a motion that nothing holds stays the same.
     """
     _, state, work, problem = arrays
     bodies = arrays.model.bodies
@@ -144,9 +144,9 @@ def _wait_for_balance(nc, arrays, compliance, tolerance, moving, falling):
 
 @inner
 def _gather_touching(model, state, work, problem, touching_gap):
-    """Write the rows of the contacts that touch; return their number and the mean diagonal of their Delassus operator.
+    """Write the rows of the touching contacts; return their number and the mean diagonal of their Delassus operator.
 
-    A solver may leave 1e-27 of a zero impulse: a contact must be closed, or have carried a load.
+    A solver may leave 1e-27 instead of a zero impulse, so a contact must be closed, or have carried a load.
     """
     contacts, sites, load, nc, diagonal = model.contacts, work.sites, 0.0, 0, 0.0
     find_contacts(contacts, state.x, state.R, work.gap, sites.point, sites.frame)
@@ -165,7 +165,7 @@ def _gather_touching(model, state, work, problem, touching_gap):
 
 @inner
 def _set_springs(nc, work, problem, compliance, loaded):
-    """Give every contact its compliance; begin from the impulses that its spring carries, ``work.u``, if it does."""
+    """Set the compliance of each contact; if ``loaded``, start from the impulses carried by its spring, ``work.u``."""
     for j in range(nc):
         i, problem.compliance[j] = work.chosen[j], compliance
         for k in range(3):
@@ -175,7 +175,7 @@ def _set_springs(nc, work, problem, compliance, loaded):
 
 @inner
 def _solve(nc, p, tolerance, given):
-    """Solve the friction problem: by Newton's method if impulses are given, from inside the cones, by all methods."""
+    """Solve the friction problem by Newton's method from given impulses, from inside the cones, or by all methods."""
     goal = Goal(LAST_DIGITS, take_contacts(nc, p))
     rough = Goal(ROUGH * tolerance, goal.scale)
     for interior in range(0 if given else 1, 2 if nc > 0 else 0):
@@ -183,7 +183,7 @@ def _solve(nc, p, tolerance, given):
             interior_point(nc, p, rough, NEAR if given else INSIDE, BOLD, INTERIOR)
         _, reached, _ = newton(nc, p, goal, 0.0, 0.0, 0.0, POLISHING)
         if reached <= tolerance:
-            finish(nc, p)  # short of its goal Newton leaves the bodies' velocities of where it began
+            finish(nc, p)  # Newton's method, short of its goal, leaves velocities that do not belong to the impulses
             give_contacts(nc, p)
             return CONVERGED
     for j in range(nc):
@@ -195,7 +195,7 @@ def _solve(nc, p, tolerance, given):
 
 @kernel
 def effect_on_bodies(rows, chosen, effect):
-    """Write what forces (N, T1, T2) at some contacts of a friction problem do to its unknowns, in the mass metric.
+    """Write the effect of forces (N, T1, T2) at some contacts of a friction problem on its unknowns, in mass metric.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def effect_on_bodies(rows, chosen, effect):
     chosen : (m,) int64 array
         Numbers of contacts.
     effect : (3 m, n) array
-        Zeros; written.
+        Must contain zeros; written.
     """
     for j in range(chosen.shape[0]):
         i = chosen[j]

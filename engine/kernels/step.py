@@ -1,6 +1,7 @@
 """One time step of length h: Moreau's theta-method with combined projection (paper, eqs. 20-22).
 
-A step is a list of stages, each a kernel of its own module. All stages read and write the tuples of one `StepContext`.
+A step is a sequence of stages, each a kernel in its own module. All stages read and write the tuples of one
+`StepContext`.
 """
 
 from engine.friction.arrays import CONVERGED
@@ -25,7 +26,7 @@ from engine.kernels.velocity import (
 )
 
 GROWTH_ROUNDS = 20
-ALONE = 1  # round in which the active set grows only by the contacts that close; after it by all near ones
+ALONE = 1  # round up to which the active set grows only by contacts that close; afterwards by all near ones
 
 
 @inner
@@ -45,8 +46,8 @@ def step(context):
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
     save_start(state, work.start)
 
-    # free motion to within the step, and the twists at its end without contact impulses; the plain scheme takes joints
-    # and normals at the end of the step, where the twists of its start would lead
+    # free motion to within the step, and the twists at its end without contact impulses; the plain scheme evaluates
+    # joints and normals at the end of the step, as reached with the twists at its start
     move(state, before)
     consume_budget(contacts, state.v, before, work.broad_phase)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + before, work.wrench, work.vectors)
@@ -86,7 +87,8 @@ def step(context):
     fastest = fastest_body(bodies, state.v)
     created = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
 
-    # the rest of the displacement, the projection of the positions, and twists that fit the joints at the new pose
+    # the rest of the displacement, the projection of the positions, and twists consistent with the joints at the new
+    # pose
     move(state, after)
     consume_budget(contacts, state.v, after, work.broad_phase)
     projected = project_positions(bodies, contacts, bilateral, state, work, problem, control)

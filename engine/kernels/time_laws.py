@@ -1,4 +1,4 @@
-"""Laws of time: factors of loads, and targets of prescribed motions."""
+"""Time laws: factors of loads, and targets of prescribed motions."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def time_law(laws, i, t):
 
 @kernel
 def time_law_rate(laws, i, t):
-    """Return the rate of law i at time t, taken from the right."""
+    """Return the right-hand derivative of law i at time t."""
     t = _since(laws, i, t)
     if t == -np.inf:
         return 0.0
@@ -34,13 +34,13 @@ def time_law_rate(laws, i, t):
 
 @inner
 def _since(laws, i, t):
-    """Return the time since the beginning of law i's phase; -inf before it has begun."""
+    """Return the time since law i's phase began; -inf before it has begun."""
     return t - laws.begun[laws.since[i]]
 
 
 @inner
 def _piece(laws, i, t):
-    """Return the last piece of law i that has begun at time t, by bisection."""
+    """Return the last piece of law i that has begun by time t, by bisection."""
     k, end = laws.first[i], laws.first[i + 1]
     while end - k > 1:
         middle = (k + end) // 2

@@ -18,9 +18,9 @@ from engine.kernels.step import step
 
 HALVINGS = 4
 CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create
-LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that creates more; below the second none
-MUCH_CREATED = 0.1  # share of it that steps may create together before the longest step is halved
-ROUNDING = 1e-6  # share of a step that the sum of all steps may be off
+LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that creates more; below the second, none
+MUCH_CREATED = 0.1  # share of it that all steps together may create before the longest step is halved
+ROUNDING = 1e-6  # share of a step by which the sum of all steps may be off
 
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
@@ -32,21 +32,21 @@ TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
 PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
 MOST_CREATED, ALL_CREATED, PEAK_KINETIC, LATELY_CREATED = range(10, 14)
 
-PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does not come to rest gets shorter steps
+PATIENCE = 3  # windows of rest: a mechanism that is slow for this long without coming to rest gets shorter steps
 
 
 @by_address
 class Course(NamedTuple):
     """The progress of a run and its certificate; the loop continues from here when it is called again."""
 
-    # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
+    # (12,) int64. STEPS: all steps tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: the longest step
-    # allowed in the phase at present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
-    # moved, -1 before a phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps
-    # created; PEAK_KINETIC: largest kinetic energy so far, at least that of all bodies as fast as what is called slow;
-    # LATELY_CREATED: energy that steps created since LONGEST was set
+    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: longest step
+    # currently allowed in the phase; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
+    # moved, -1 before a phase's first step; MOST_CREATED, ALL_CREATED: energy created by one step, and by all steps;
+    # PEAK_KINETIC: largest kinetic energy so far, at least that of all bodies at the speed that counts as slow;
+    # LATELY_CREATED: energy created by steps since LONGEST was set
     reals: np.ndarray
 
 
@@ -59,26 +59,26 @@ def new_course(control: Control) -> Course:
 
 @kernel
 def run_to_end(arrays, control, course, rows, every, stop):
-    """Simulate until rest in the last phase, or the horizon, or a failure.
+    """Simulate until rest in the last phase, the horizon, or a failure.
 
     A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
-    down to that many halvings of the shortest step. So is one that creates more than ``CREATED`` of the largest kinetic
-    energy so far, except in the plain scheme. Where the shortest such step still does, it is repeated with less
-    restitution, down to none; then it counts.
+    down to that many halvings of the shortest step. So is a step that creates more than ``CREATED`` of the largest
+    kinetic energy so far, except in the plain scheme. If even the shortest such step does, it is repeated with less
+    restitution, down to none, and is then accepted.
 
     Parameters
     ----------
     arrays : RunArrays
     control : Control
     course : Course
-        Where the run starts; where it ends, on return.
+        The progress from which the run starts; on return, where it ended.
     rows : (n, row length) array
-        Every ``every``-th step is written into it, see `kernels.record`. When it is full the status is FULL, and the
+        Every ``every``-th step is written into it, see `kernels.record`. When it is full, the status is FULL, and the
         run continues when it is called again with room in the rows.
     every : int
-        0: no step is written.
+        With 0 no step is written.
     stop : (1,) uint8 array
-        Another thread sets it to end the run (time limit, cancel).
+        Set by another thread to end the run (time limit, cancellation).
     """
     model, state, work, _ = arrays
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
@@ -109,7 +109,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
         rate = model.phases.damping[n[PHASE]]
         _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
         _advance(arrays, control, course, theta, 1.0 if restitution > 0.0 and n[SLOW] == 0 else 0.0)
-        _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act for the whole step
+        _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act during the whole step
         n[ACCEPTED] += 1
         if n[STATUS] == OK and stop[0] != 0:
             n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
@@ -162,8 +162,8 @@ def _event_happened(phases, phase, values):
 def _next_step_length(control, course):
     """Return the length of the next step.
 
-    It is at most twice the last one, and halved until the fastest body moves little enough in it. The last
-    one of a phase ends with it: what is left after a step, if less than half a step, belongs to that step.
+    It is at most twice the previous one, and is halved until the fastest body moves little enough in it. The last step
+    of a phase ends with the phase: a remainder of less than half a step is added to it.
     """
     n, now = course.counts, course.reals
     h = now[STEP] if n[SHORTENED] != 0 else 2 * now[STEP]
@@ -178,8 +178,8 @@ def _next_step_length(control, course):
 def _advance(arrays, control, course, theta, bounce):
     """Make one step, repeated with half its length while it is not solved or creates energy, and judge it.
 
-    Newton's impact law with friction can create energy however short the step is (Kane's paradox): then the share
-    ``bounce`` of the coefficients of restitution falls.
+    Newton's impact law with friction can create energy however short the step is (Kane's paradox). In that case the
+    factor ``bounce`` of the coefficients of restitution is reduced.
     """
     model, state, work, problem = arrays
     n, now, attempt, halved, shortest = course.counts, course.reals, 0, 0, 0.5**HALVINGS * control.step
@@ -200,7 +200,7 @@ def _advance(arrays, control, course, theta, bounce):
         n[REPEATED] += 1
         n[SHORTENED] = 1
         attempt += 1
-        # where a contact closes for good, ever shorter steps would stop just short of it, without end
+        # where a contact closes permanently, ever shorter steps would stop just short of it, without end
         if now[STEP] >= 1.5 * (shortest if solved or attempt > HALVINGS else endless):
             now[STEP] *= 0.5
             halved += 1
@@ -247,7 +247,7 @@ def _finite(v):
 
 @inner
 def _shorten_longest_step(control, now):
-    """Halve the longest step of the phase if all bodies stay slow with it and the mechanism does not come to rest."""
+    """Halve the longest step of the phase if all bodies stay slow with it without coming to rest."""
     now[SLOW_TIME] += now[STEP]
     if now[SLOW_TIME] > PATIENCE * control.window and now[LONGEST] > control.step:
         _halve_longest_step(control, now)
@@ -255,14 +255,14 @@ def _shorten_longest_step(control, now):
 
 @inner
 def _halve_longest_step(control, now):
-    """Halve the longest step of the phase, down to the shortest, and see what happens with it."""
+    """Halve the longest step of the phase, but not below the shortest, and reset the observations made with it."""
     now[LONGEST] = max(0.5 * now[LONGEST], control.step)
     now[SLOW_TIME] = now[LATELY_CREATED] = 0.0
 
 
 @inner
 def _scale_impulses(r, factor):
-    """Turn the last step's impulses into a guess for a step of another length."""
+    """Convert the last step's impulses to an initial guess for a step of another length."""
     if factor != 1.0:
         for i in range(r.shape[0]):
             for k in range(3):
@@ -271,7 +271,7 @@ def _scale_impulses(r, factor):
 
 @inner
 def _track_rest(responses, state, work, control, course):
-    """Measure for how long nothing that matters has moved."""
+    """Update the time for which nothing that matters has moved."""
     n, now = course.counts, course.reals
     unmoved = not moved(responses, state, work, now[STEP], control.drift)
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0

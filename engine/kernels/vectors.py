@@ -1,8 +1,8 @@
-"""Vectors of three numbers as tuples: values in registers, for kernels without an array to write them into."""
+"""Vectors of three numbers as tuples: values in registers, for kernels without an array to write them to."""
 
 from engine.jit import inner
 
-NOWHERE = 1e-150  # least length whose square is still a number; what is shorter has no direction
+NOWHERE = 1e-150  # smallest length whose square does not underflow; a shorter vector has no direction
 CENTRED = 1e-10  # share of a radius below which rounding, which depends on the world's axes, would choose a direction
 
 
@@ -20,7 +20,7 @@ def vector_product(a, b):
 
 @inner
 def split(v, axis):
-    """Return the part of v along a unit vector, a number, and the rest, a vector across it."""
+    """Return the component of v along a unit vector, a number, and the remainder perpendicular to it, a vector."""
     along = dot(v, axis)
     return along, (v[0] - along * axis[0], v[1] - along * axis[1], v[2] - along * axis[2])
 
@@ -49,7 +49,7 @@ def world_point(x, R, body, row):
 
 @inner
 def body_components(R, body, v):
-    """Return the components in body axes of a vector of the world: R' v."""
+    """Return the components in body axes of a world vector: R' v."""
     M = R[body]
     return (
         M[0, 0] * v[0] + M[1, 0] * v[1] + M[2, 0] * v[2],

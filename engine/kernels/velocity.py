@@ -1,4 +1,4 @@
-"""Velocity stage: which contacts take part, their friction problem, and the twists it gives (eqs. 6, 21, 22)."""
+"""Velocity stage: the active contacts, their friction problem, and the resulting twists (eqs. 6, 21, 22)."""
 
 import numpy as np
 
@@ -21,11 +21,11 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain, bounce):
     work : Scratch
         ``q`` and ``shift`` are written.
     dt : float
-        What is left of the step.
+        Remaining time of the step.
     plain : bool
-        Moreau-Jean's scheme: the impact law of all contacts is Newton's.
+        Moreau-Jean's scheme: Newton's impact law for all contacts.
     bounce : float
-        Share of the coefficients of restitution that counts.
+        Factor of the coefficients of restitution.
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
@@ -36,9 +36,9 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain, bounce):
 
 @inner
 def free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i):
-    """Write contact i's relative velocity without impulses, and its law's shift.
+    """Write contact i's relative velocity without impulses, and the shift of its law.
 
-    Without restitution a contact may close within the rest ``dt`` of the step but not overshoot,
+    Without restitution a contact may close within the remaining time ``dt`` of the step but not overshoot,
     u_N + max(g_N, 0)/dt >= 0. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
     (eq. 6).
     """
@@ -54,7 +54,7 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i):
 
 @inner
 def first_active_set(laws, state, work, dt, plain, bounce):
-    """Activate the contacts that would pass through each other without an impulse, or that pressed in the last step."""
+    """Activate the contacts that would penetrate without an impulse, or that carried load in the last step."""
     r, active = state.r, work.active
     for i in range(laws.mu.shape[0]):
         gap, approach = work.gap[i], dt * work.q[i, 0]
@@ -69,7 +69,7 @@ def first_active_set(laws, state, work, dt, plain, bounce):
 
 @inner
 def look_at_active_contacts(contacts, state, work):
-    """Take sites and velocities (without impulses; at the start) of the active contacts at a pose that is not kept."""
+    """Write sites and velocities (without impulses; at the start) of the active contacts at a temporary pose."""
     for i in range(work.active.shape[0]):
         if work.active[i]:
             a, b, sites = contacts.a[i], contacts.b[i], work.sites
@@ -81,7 +81,7 @@ def look_at_active_contacts(contacts, state, work):
 
 @inner
 def gather_problem(bodies, contacts, laws, state, work, problem):
-    """Write the friction problem of the active contacts, from the last step's impulses; return their number."""
+    """Write the friction problem of the active contacts, starting from the last impulses; return their number."""
     n = 0
     for i in range(laws.mu.shape[0]):
         if work.active[i]:
@@ -98,7 +98,7 @@ def gather_problem(bodies, contacts, laws, state, work, problem):
 
 @inner
 def apply_impulses(bodies, state, work, problem, n):
-    """Take the impulses, the slip speeds and the twists from the solved problem of ``n`` contacts."""
+    """Copy the impulses, slip speeds and twists from the solved problem of ``n`` contacts."""
     for j in range(n):
         i = work.chosen[j]
         for k in range(3):
@@ -113,11 +113,11 @@ def apply_impulses(bodies, state, work, problem, n):
 
 @inner
 def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
-    """Activate every contact that the new twists would drive into penetration (eq. 22).
+    """Activate each contact that the new twists would drive into penetration (eq. 22).
 
-    An impact that runs along a chain closes its contacts one after the other, and each of them would ask for a problem
-    of its own. With ``all_near`` the first of them activates all near contacts: those that stay open get no impulse.
-    Contacts with restitution are left out: Newton's law would hold them although they are open.
+    An impact that runs along a chain closes its contacts one after the other, and each would require a problem of its
+    own. With ``all_near`` the first of them activates all near contacts; those that stay open get no impulse. Contacts
+    with restitution are excluded, because Newton's law would hold them although they are open.
 
     Parameters
     ----------
@@ -126,16 +126,16 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
     state : State
     work : Scratch
     dt : float
-        What is left of the step.
+        Remaining time of the step.
     all_near : bool
         Activate all near contacts without restitution if any contact closes.
     bounce : float
-        Share of the coefficients of restitution that counts.
+        Factor of the coefficients of restitution.
 
     Returns
     -------
     int
-        How many contacts close.
+        Number of contacts that close.
     """
     broad_phase, added = work.broad_phase, 0
     body_speeds(state.v, broad_phase.speed)
@@ -167,7 +167,7 @@ def worst_contact(problem, chosen, n):
     ----------
     problem : FrictionArrays
     chosen : (nc,) int64 array
-        The contact of each of the problem's ``n``.
+        Numbers of the ``n`` contacts in the problem.
     n : int
     """
     c, worst, where = problem.contacts, -1.0, -1
@@ -176,6 +176,6 @@ def worst_contact(problem, chosen, n):
         r0, r1, r2 = s * read(c.r[0], j), s * read(c.r[1], j), s * read(c.r[2], j)
         write(natural_mismatch(read(c.mu, j), r0, r1, r2, read(c.u[0], j), u1, u2), c.x[0], j)
     for j in range(n):
-        if not c.x[0, j] <= worst:  # a NaN is the worst of all
+        if not c.x[0, j] <= worst:  # NaN counts as the worst
             worst, where = c.x[0, j], chosen[j]
     return where

@@ -1,11 +1,13 @@
-"""Find the point at which an arc is nearest to a solid, as the angle from the middle of the arc.
+"""Find the point of an arc that is nearest to a solid, as an angle from the middle of the arc.
 
-First comes the minimum over a larger set, in closed form or by Newton's method: over the whole circle and an unbounded
-cylinder, or over the plane of a plate's face. Where that minimum lies on the arc and on the solid, it is the minimum.
-Where it does not, the arc is searched: samples, and the stationary point between any two whose slopes enclose one.
+First the minimum over a larger set is computed, in closed form or by Newton's method: over the whole circle and an
+unbounded cylinder, or over the plane of a plate's face. If that minimum lies on the arc and on the solid, it is the
+result. Otherwise the arc is searched: it is sampled, and a stationary point is found between any two samples whose
+slopes bracket one.
 
-An arc that has come into a solid across an edge is deepest between two faces, where its signed distance has a kink. The
-normal there is the one combination of the faces' normals that is across the arc: the same as just before, outside.
+Where an arc has entered a solid across an edge, its deepest point is between two faces, where the signed distance has a
+kink. The normal there is the combination of the faces' normals that is perpendicular to the arc: the same as just
+before, outside.
 """
 
 import numpy as np
@@ -17,17 +19,17 @@ from engine.kernels.vectors import CENTRED, dot
 
 NEWTON_STEPS = 8
 BISECTIONS = 150
-CELL = np.pi / 32  # between two samples [rad]
-SMALLEST = 1 / 32  # share of CELL: the closest that samples stand
-UNEVEN = 3e-5  # share of the radius by which two distances may differ from what the slopes there predict
-BESIDE = 1e-8  # angle from the nearest point at which the faces on both sides of an edge are taken [rad]
-OPPOSED = 0.5  # length of a combined normal; below, the faces are turned away from each other: the arc runs through
-FLAT = 1e-12  # change of slope from one sample to the next, as a share of the radius, that is only rounding
+CELL = np.pi / 32  # angle between two samples [rad]
+SMALLEST = 1 / 32  # smallest spacing of samples, as a share of CELL
+UNEVEN = 3e-5  # share of the radius by which two distances may differ from the prediction of their slopes
+BESIDE = 1e-8  # angle from the nearest point at which the faces on both sides of an edge are evaluated [rad]
+OPPOSED = 0.5  # if a combined normal is shorter, the faces point away from each other: the arc passes through
+FLAT = 1e-12  # change of slope between samples, as a share of the radius, below which it is a rounding error
 
 
 @inner
 def nearest_on_arc(solid, r, half, across, along, axes):
-    """Find the point at which an arc is nearest to a solid; its middle where all its points are equally near.
+    """Find the point of an arc that is nearest to a solid; the middle of the arc if all points are equally near.
 
     Parameters
     ----------
@@ -36,16 +38,16 @@ def nearest_on_arc(solid, r, half, across, along, axes):
     r, half : float
         Radius and half angle [rad] of the arc.
     across : (W, E, F)
-        Vectors of the world: the arc is W + r (cos E + sin F) across the solid's axis.
+        World vectors: the arc is W + r (cos E + sin F) perpendicular to the solid's axis.
     along : (ew, ee, fe)
         Numbers: the arc is ew + r (cos ee + sin fe) along that axis.
     axes : (x, y)
-        The solid's own directions across its axis, vectors of the world.
+        The solid's own directions perpendicular to its axis, as world vectors.
 
     Returns
     -------
     angle : float
-        From the middle of the arc, -half to half [rad].
+        Angle from the middle of the arc, -half to half [rad].
     searched : bool
         Whether the arc was searched.
     normal : tuple
@@ -60,7 +62,7 @@ def nearest_on_arc(solid, r, half, across, along, axes):
         angle = np.arctan2(-fe, -ee) if ee * ee + fe * fe > CENTRED * CENTRED else 0.0
     elif _concentric(dot(W, E), dot(W, F), dot(E, E), dot(F, F), dot(E, F), r):
         angle = 0.0
-    elif b[9] > 0.0:  # hollow: farthest from the axis
+    elif b[9] > 0.0:  # hollow: the point farthest from the axis
         angle = angle_on_circle(-dot(W, E), -dot(W, F), -dot(E, E), -dot(F, F), -dot(E, F), r)
     else:
         angle = angle_on_circle(dot(W, E), dot(W, F), dot(E, E), dot(F, F), dot(E, F), r)
@@ -85,7 +87,7 @@ def normal_at(solid, half, curve, angle):
     Parameters
     ----------
     solid, curve, angle
-        As of `distance_along`.
+        As for `distance_along`.
     half : float
         Half angle [rad] of the arc.
     """
@@ -104,17 +106,17 @@ def normal_at(solid, half, curve, angle):
 
 @inner
 def _concentric(WE, WF, EE, FF, EF, r):
-    """Return whether all points of the circle are equally near to the axis, but for rounding; see `angle_on_circle`."""
+    """Return whether all points of the circle are equally near to the axis, up to rounding; see `angle_on_circle`."""
     return abs(WE) + abs(WF) <= CENTRED * r and abs(EE - FF) + abs(EF) <= CENTRED
 
 
 @inner
 def angle_on_circle(WE, WF, EE, FF, EF, r):
-    """Return the angle [rad] at which |W + r (cos E + sin F)| is least, from the vectors' products.
+    """Return the angle [rad] that minimises |W + r (cos E + sin F)|, from the scalar products of the vectors.
 
     Seen along the cylinder's axis the circle is an ellipse. The point of an ellipse nearest to the origin lies in the
-    quarter, between two of its axes, that faces the origin from the ellipse's centre, and no other stationary point
-    does: Newton's method, kept inside this quarter, finds it.
+    quarter, between two of its axes, that faces the origin as seen from the ellipse's centre, and no other stationary
+    point lies there. Newton's method, confined to this quarter, finds it.
     """
     angle = np.arctan2(-WF, -WE)
     axis, quarter = 0.5 * np.arctan2(2 * EF, EE - FF), 0.5 * np.pi
@@ -127,7 +129,7 @@ def angle_on_circle(WE, WF, EE, FF, EF, r):
         curve = -c * WE - s * WF + r * ((c * c - s * s) * (FF - EE) - 4 * s * c * EF)
         if (curve > 0.0 and abs(slope) <= 1e-15 * curve) or (k >= NEWTON_STEPS and abs(slope) <= rounding):
             break
-        if curve > 0.0 or k > 0:  # the start may lie on a ridge, the quarter's own edge, where slopes are rounding
+        if curve > 0.0 or k > 0:  # the start may be a maximum on the quarter's edge, where slopes are rounding errors
             low, high = (low, angle) if slope > 0.0 else (angle, high)
         angle -= slope / curve
         if not (curve > 0.0 and low <= angle <= high):
@@ -139,7 +141,8 @@ def angle_on_circle(WE, WF, EE, FF, EF, r):
 def search(solid, r, half, curve):
     """Return the angle of the arc's point nearest to the solid, wherever it is.
 
-    The samples stand closer where distances and slopes do not fit each other: an edge lies between, or two valleys.
+    Samples are closer together where distances and slopes are inconsistent: there is an edge between them, or two
+    valleys.
     """
     step = CELL
     low, angle = -half, -half
@@ -165,9 +168,9 @@ def search(solid, r, half, curve):
 
 @not_inlined
 def stationary(solid, curve, lower, upper):
-    """Return an angle where the slope changes its sign, between two angles with their slopes: < 0 and >= 0.
+    """Return an angle where the slope changes sign, between two angles with slopes < 0 and >= 0.
 
-    By the secant, and by halves where that leaves the interval and at every third step.
+    It uses the secant method, and bisection where the secant leaves the interval and at every third step.
     """
     low, slope0 = lower
     high, slope = upper
@@ -199,7 +202,7 @@ def distance_along(solid, curve, angle):
     curve : (centre, e, f)
         Vectors in the solid's axes: the arc is centre + cos e + sin f.
     angle : float
-        [rad]
+        Angle [rad].
     """
     c, s = np.cos(angle), np.sin(angle)
     centre, e, f = curve

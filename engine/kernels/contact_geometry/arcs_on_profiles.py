@@ -1,9 +1,9 @@
-"""Contacts of points, spheres and arcs on turned and extruded solids: the nearest point of the arc, wherever it is.
+"""Contacts of points, spheres and arcs with turned and extruded solids: the nearest point of the arc, wherever it is.
 
-The arc is cut into cells of its angle. Over a cell the distance changes by no more than a known slope allows, so a cell
-that cannot hold a smaller distance than the least one found is left out. A cell is halved until only one piece of the
-profile, with its smooth neighbours, can be nearest in it, and a cubic through its ends fits its middle: what minimum it
-has lies where the slope changes its sign.
+The angle of the arc is divided into cells. Within a cell the distance changes by no more than a known slope allows, so
+a cell that cannot contain a smaller distance than the least one found is skipped. A cell is halved until only one piece
+of the profile, with its smooth neighbours, can be nearest in it, and a cubic through the ends fits the middle: a
+minimum in such a cell lies where the slope changes sign.
 """
 
 import numpy as np
@@ -15,10 +15,10 @@ from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import ON_TURNED
 from engine.kernels.vectors import CENTRED, NOWHERE, dot, vector_product, world_direction, world_point
 
-COARSE = np.pi / 8  # the widest cell [rad]
-NARROWEST = 1 / 65536  # share of the widest cell; distances differ within such a cell by less than is told apart
-EVEN = 1e-9  # share of the radius by which a cubic may miss the middle of a cell
-MOST_CELLS = 4000  # where many pieces are as near as each other all along the arc
+COARSE = np.pi / 8  # width of the widest cell [rad]
+NARROWEST = 1 / 65536  # share of the widest cell; within such a cell, distances cannot be told apart
+EVEN = 1e-9  # share of the radius by which a cubic may deviate in the middle of a cell
+MOST_CELLS = 4000  # reached where many pieces are equally near all along the arc
 
 
 @inner
@@ -40,7 +40,7 @@ def on_profile(contacts, x, R, i, kind, point, frame):
     n = normal_at(solid, ga[10], curve, angle) if r > 0.0 else n
     c, s = np.cos(angle), np.sin(angle)
     tangent = (0.0, 0.0, 0.0)
-    if kind == ON_TURNED:  # N and T1 in the plane through the axis
+    if kind == ON_TURNED:  # N and T1 lie in the plane through the axis
         u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
         rho = np.hypot(u, v)
         u, v = (1.0, 0.0) if rho <= max(CENTRED * abs(gap), NOWHERE) else (u / rho, v / rho)
@@ -61,7 +61,7 @@ def on_profile(contacts, x, R, i, kind, point, frame):
 
 @inner
 def seen(v, t, y, z, size):
-    """Return ``size`` times a vector of the world, in a solid's axes."""
+    """Return ``size`` times a world vector in the axes of a solid."""
     return (size * dot(v, t), size * dot(v, y), size * dot(v, z))
 
 
@@ -103,13 +103,13 @@ def nearest_angle(solid, r, half, curve):
 
 @inner
 def steepest(solid, r, curve):
-    """Return a bound of the distance's change with the angle: the radius, or less about a turned solid's own axis."""
+    """Return a bound of the distance's derivative by the angle: the radius, or less around a turned solid's axis."""
     if solid[0] != ON_TURNED:
         return r
     (x, y, _), (ex, ey, ez), (fx, fy, fz) = curve
     ee, ff, ef = ex * ex + ey * ey, fx * fx + fy * fy, ex * fx + ey * fy
     across, aside = np.hypot(x, y), 0.5 * np.hypot(ff - ee, 2 * ef)
-    nearest = np.sqrt(max(0.5 * (ee + ff) - aside, 0.0)) - across  # the arc's least distance from the axis, or less
+    nearest = np.sqrt(max(0.5 * (ee + ff) - aside, 0.0)) - across  # lower bound of the arc's distance from the axis
     if nearest <= 0.0:
         return r
     outward = (np.hypot(x * ex + y * ey, x * fx + y * fy) + aside) / nearest
@@ -118,7 +118,7 @@ def steepest(solid, r, curve):
 
 @inner
 def least_sample(solid, half, curve, width):
-    """Return the least distance at the ends of the widest cells and in the valley beside it, and its angle."""
+    """Return the least distance, and its angle, among the ends of the widest cells and in the valley next to it."""
     best, angle, at, slope = np.inf, 0.0, 0.0, 0.0
     for k in range(round(2 * half / width) + 1):
         at = min(-half + k * width, half)
@@ -139,7 +139,7 @@ def least_sample(solid, half, curve, width):
 
 @not_inlined
 def is_even(solid, r, curve, slope_limit, lower, middle, upper):
-    """Return whether the distance over a cell is one smooth curve; of three points angle, distance and slope."""
+    """Return whether the distance over a cell is one smooth curve, from angle, distance and slope at three points."""
     width = upper[0] - lower[0]
     cubic = 0.5 * (lower[1] + upper[1]) + 0.125 * width * (lower[2] - upper[2])
     if abs(middle[1] - cubic) > EVEN * r:
@@ -153,7 +153,7 @@ def is_even(solid, r, curve, slope_limit, lower, middle, upper):
 
 @not_inlined
 def lower_of(solid, r, curve, least, lower, upper):
-    """Return the least distance and its angle, of what was found and what an interval holds: angle, distance, slope."""
+    """Return the smaller of the least distance so far and that in an interval, with its angle; see `is_even`."""
     if upper[1] < least[0]:
         least = (upper[1], upper[0])
     if lower[2] < 0.0 <= upper[2] and upper[2] - lower[2] > FLAT * r:

@@ -1,8 +1,8 @@
-"""Contacts of points, spheres and arcs on surfaces of bicubic patches.
+"""Contacts of points, spheres and arcs with surfaces of bicubic patches.
 
-The distance changes along an arc by no more than its radius times the angle. A search from one end to the other leaps
-over what cannot hold a smaller distance than the least one found so far. Elsewhere it goes by cells, closer where
-distances and slopes do not fit each other, and finds the minimum in each cell whose slopes enclose one.
+Along an arc the distance changes by no more than its radius times the angle. A search from one end to the other skips
+intervals that cannot contain a smaller distance than the least one found so far. Elsewhere it proceeds in cells, which
+are narrower where distances and slopes are inconsistent, and finds the minimum in each cell whose slopes bracket one.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import ON_SURFACE
 from engine.kernels.vectors import body_components, vector_product, world_direction, world_point
 
-SAMPLES = 9  # of an arc, before the search
+SAMPLES = 9  # number of samples of an arc before the search
 
 
 @inner
@@ -59,7 +59,7 @@ def nearest_angle_over_surface(solid, r, half, curve):
         Vectors in the surface's body axes: the arc is centre + cos e + sin f.
     """
     best, angle, low, width, d0, slope0 = np.inf, 0.0, -half, CELL, 0.0, 0.0
-    for k in range(SAMPLES):  # the last one is the end where the search begins
+    for k in range(SAMPLES):  # the last sample is the end where the search begins
         sample = half * (1.0 - 2.0 * k / (SAMPLES - 1))
         d0, slope0, _ = distance_along(solid, curve, sample)
         if d0 < best:

@@ -1,6 +1,6 @@
 """Signed gaps and local frames of contact pairs (paper, sections 2.1 and 3.1).
 
-The kind of a pair and its geometry rows, from the centre of mass in body axes:
+The kind of a pair and its geometry rows, given from the centre of mass in body axes:
 
 ==============  ===================================================================================
 kind            side b
@@ -8,7 +8,7 @@ kind            side b
 RING_BORE       journal: axis point (0:3), axis (3:6), tangent (6:9), radius (9); a is a ring's centre
 POINT_PLANE     plane: point (0:3), normal to the free side (3:6), tangent (6:9)
 ARC_PLANE       the same; a is an arc
-CYLINDER_PLANE  the same; a is a cylinder, taken as its circle at mid-height
+CYLINDER_PLANE  the same; a is a cylinder, represented by its circle at mid-height
 ON_ROUND        cylinder or bore: axis point (0:3), axis (3:6), tangent (6:9), section (9:13)
 ON_DISC         plate: centre of its face (0:3), normal (3:6), tangent (6:9), section (9:13)
 ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (9:11), bottom and top (11:13)
@@ -19,13 +19,13 @@ ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions 
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10). Against the solids (the last seven) a point is an arc of radius 0.
+(6:9), radius (9), half angle (10). For the solids (the last seven kinds) a point is an arc of radius 0.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
-radii of spheres and rounded edges are skins, subtracted there). It changes by no more than the features move against
-each other. N points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a
-tangent of its plane), so a frame never flips. Both bodies feel the force at one common point, on b's surface, which
-keeps the moment balance exact.
+radii of spheres and rounded edges are skins and are subtracted there). It changes by no more than the features move
+relative to each other. N points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis,
+or a tangent of its plane), so a frame never flips. The force acts on both bodies at one common point on b's surface,
+which keeps the balance of moments exact.
 """
 
 import numpy as np
@@ -50,12 +50,12 @@ from engine.kernels.model import (
 from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.vectors import CENTRED, NOWHERE, dot, split, vector_product, world_direction, world_point
 
-NEARLY = 1e-4  # if less than this share of a vector lies across an axis, rounding is removed once more
+NEARLY = 1e-4  # if less than this share of a vector is perpendicular to an axis, rounding is removed once more
 
 
 @kernel
 def find_contacts(contacts, x, R, gap, point, frame):
-    """Write every contact's gap, point and local frame at a pose.
+    """Write the gap, point and local frame of each contact at a pose.
 
     Parameters
     ----------
@@ -65,9 +65,9 @@ def find_contacts(contacts, x, R, gap, point, frame):
     gap : (nc,) array
         Written; lengths, negative where bodies penetrate each other.
     point : (nc, 3) array
-        Written; in the world.
+        Written; in world axes.
     frame : (nc, 3, 3) array
-        Written; rows N, T1, T2 in the world.
+        Written; rows N, T1, T2 in world axes.
     """
     for i in range(gap.shape[0]):
         gap[i] = find_contact(contacts, x, R, i, point, frame)
@@ -101,7 +101,7 @@ def ring_in_bore(contacts, x, R, i, point, frame):
     along = w0 * axis[0] + w1 * axis[1] + w2 * axis[2]
     w0, w1, w2 = w0 - along * axis[0], w1 - along * axis[1], w2 - along * axis[2]
     eccentricity = np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
-    if eccentricity < NEARLY * abs(along):  # what rounding left along the axis would lean the frame
+    if eccentricity < NEARLY * abs(along):  # a rounding error along the axis would tilt the frame
         rest = w0 * axis[0] + w1 * axis[1] + w2 * axis[2]
         w0, w1, w2 = w0 - rest * axis[0], w1 - rest * axis[1], w2 - rest * axis[2]
         eccentricity = np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
@@ -109,7 +109,7 @@ def ring_in_bore(contacts, x, R, i, point, frame):
         point[k] = frame[0, k] + along * axis[k]
     if eccentricity > CENTRED * gb[9]:
         frame[0, 0], frame[0, 1], frame[0, 2] = -w0 / eccentricity, -w1 / eccentricity, -w2 / eccentricity
-    else:  # concentric: any direction is the nearest one; take one tied to the journal
+    else:  # concentric: every direction is a nearest one; take one tied to the journal
         turn_to_world(R, b, gb, 6, frame[0])
     for k in range(3):
         point[k] += gb[9] * frame[0, k]
@@ -132,7 +132,7 @@ def on_plane(contacts, x, R, i, kind, point, frame):
         f0, f1, f2 = f[1] * e[2] - f[2] * e[1], f[2] * e[0] - f[0] * e[2], f[0] * e[1] - f[1] * e[0]
         down_e = -(n[0] * e[0] + n[1] * e[1] + n[2] * e[2])
         down_f = -(n[0] * f0 + n[1] * f1 + n[2] * f2)
-        lies = down_e * down_e + down_f * down_f <= CENTRED * CENTRED  # all of it is at one height: take its middle
+        lies = down_e * down_e + down_f * down_f <= CENTRED * CENTRED  # all of it at the same height: take its middle
         angle = 0.0 if lies else min(max(np.arctan2(down_f, down_e), -ga[10]), ga[10])
         ce, sf = ga[9] * np.cos(angle), ga[9] * np.sin(angle)
         point[0] += ce * e[0] + sf * f0
@@ -144,11 +144,11 @@ def on_plane(contacts, x, R, i, kind, point, frame):
         along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
         k0, k1, k2 = n[0] - along * axis[0], n[1] - along * axis[1], n[2] - along * axis[2]
         across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
-        if across < NEARLY:  # what rounding left along the axis would be lowered by the radius
+        if across < NEARLY:  # a rounding error along the axis would be scaled by the radius
             rest = k0 * axis[0] + k1 * axis[1] + k2 * axis[2]
             k0, k1, k2 = k0 - rest * axis[0], k1 - rest * axis[1], k2 - rest * axis[2]
             across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
-        if across <= CENTRED:  # upright: the whole circle is at one height; take the point at its tangent
+        if across <= CENTRED:  # upright: the whole circle is at the same height; take the point at its tangent
             turn_to_world(R, a, ga, 6, axis)
             k0, k1, k2, across = axis[0], axis[1], axis[2], 1.0
         down = ga[9] / across
@@ -167,14 +167,14 @@ def on_plane(contacts, x, R, i, kind, point, frame):
 
 @inner
 def on_solid(contacts, x, R, i, kind, point, frame):
-    """Find the point of an arc that is nearest to a solid; the gap is the solid's signed distance there."""
+    """Find the point of an arc that is nearest to a solid; the gap is the solid's signed distance at this point."""
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     r, e, z, t = ga[9], world_direction(R, a, ga, 6), world_direction(R, b, gb, 3), world_direction(R, b, gb, 6)
     f = vector_product(world_direction(R, a, ga, 3), e)
     centre, foot = world_point(x, R, a, ga), world_point(x, R, b, gb)
     w = (centre[0] - foot[0], centre[1] - foot[1], centre[2] - foot[2])
-    # the arc is w + r (cos e + sin f): its parts along the solid's axis and across it, all across where it has none
+    # the arc is w + r (cos e + sin f), split into parts along and across the solid's axis; all across if it has none
     axis = (0.0, 0.0, 0.0) if kind == ON_BALL else z
     ew, W = split(w, axis)
     ee, E = split(e, axis)
@@ -193,19 +193,19 @@ def on_solid(contacts, x, R, i, kind, point, frame):
         D = (n[0] * t[0] + n[1] * y[0], n[0] * t[1] + n[1] * y[1], n[0] * t[2] + n[1] * y[2])
         rho, n_rho, n_z = 1.0, 1.0, n[2]
     else:
-        if dot(D, D) < NEARLY**2 * (dot(w, w) + r * r):  # what rounding left along the axis would lean the frame
+        if dot(D, D) < NEARLY**2 * (dot(w, w) + r * r):  # a rounding error along the axis would tilt the frame
             D = split(D, axis)[1]
         rho = np.sqrt(dot(D, D))
         gap, n_rho, n_z = section(gb, rho, height)
         if searched:
             n_rho, n_z = outward * np.sqrt(max(1.0 - normal[2] ** 2, 0.0)), normal[2]
-        if rho <= max(CENTRED * abs(gap), NOWHERE):  # on the axis: any direction is the nearest one, take the solid's
+        if rho <= max(CENTRED * abs(gap), NOWHERE):  # on the axis every direction is a nearest one: take the solid's
             D, rho = t, 1.0
     N, T1 = frame[0], frame[1]
     for k in range(3):
         N[k] = n_rho * D[k] / rho + n_z * z[k]
         point[k] = centre[k] + (c * e[k] + s * f[k] - gap * n_rho * D[k] / rho - gap * n_z * z[k])
-    if kind == ON_ROUND:  # T1 along the axis, on the ends along a radius
+    if kind == ON_ROUND:  # T1 along the axis; on the ends, along a radius
         for k in range(3):
             T1[k] = outward * (n_rho * z[k] - n_z * D[k] / rho)
     else:

@@ -1,4 +1,4 @@
-"""Values and derivatives of pieces of bicubic patches, of half the squared distance from them, and their normals.
+"""Values, derivatives and normals of pieces of bicubic patches, and derivatives of half the squared distance from them.
 
 A piece is a polynomial S(x, y), |x| and |y| <= 1, with coefficients for powers of x and y; phi = |S - q|^2 / 2.
 """
@@ -8,13 +8,13 @@ import numpy as np
 from engine.jit import inner, not_inlined
 from engine.kernels.vectors import dot, vector_product
 
-INWARD = 1e-6  # step towards the middle of a piece, where its edge is one point and has no normal
-COLLAPSED = 1e-8  # share of the squared size of a piece; below it the normal is taken that step away
+INWARD = 1e-6  # step towards the middle of a piece whose edge is collapsed to a point and has no normal
+COLLAPSED = 1e-8  # share of a piece's squared size; if the normal's length is below it, that step is taken
 
 
 @inner
 def cubic(a, y):
-    """Return the value of a cubic with coefficients a and its first and second derivative."""
+    """Return the value of a cubic with coefficients a, and its first and second derivatives."""
     return (
         a[0] + y * (a[1] + y * (a[2] + y * a[3])),
         a[1] + y * (2 * a[2] + 3 * y * a[3]),
@@ -24,7 +24,7 @@ def cubic(a, y):
 
 @inner
 def component(a, x, y):
-    """Return value, derivatives by x, y, xx, xy and yy of a bicubic polynomial; a: (4, 4), powers of x, of y."""
+    """Return value and derivatives by x, y, xx, xy and yy of a bicubic polynomial; a: (4, 4), powers of x and of y."""
     a0, b0, c0 = cubic(a[0], y)
     a1, b1, c1 = cubic(a[1], y)
     a2, b2, c2 = cubic(a[2], y)
@@ -36,7 +36,7 @@ def component(a, x, y):
 
 @not_inlined
 def expand(piece, q, x, y):
-    """Return S - q, the derivatives of S, and gradient and second derivative of phi.
+    """Return S - q, the derivatives of S, and the gradient and second derivatives of phi.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def expand(piece, q, x, y):
         Derivatives of S by x, y, xx, xy, yy.
     gradient : (2,) tuple
     hessian : (3,) tuple
-        By xx, xy, yy.
+        Derivatives of phi by xx, xy, yy.
     """
     r0, x0, y0, xx0, xy0, yy0 = component(piece[0], x, y)
     r1, x1, y1, xx1, xy1, yy1 = component(piece[1], x, y)
@@ -62,7 +62,7 @@ def expand(piece, q, x, y):
 
 @inner
 def expand_in_the_middle(piece, q):
-    """Return what `expand` does where x and y are 0: there the derivatives are the coefficients, with factors."""
+    """Return the result of `expand` at x = y = 0, where the derivatives are coefficients times factors."""
     a, b, c = piece[0], piece[1], piece[2]
     r = (a[0, 0] - q[0], b[0, 0] - q[1], c[0, 0] - q[2])
     S_x, S_y, S_xy = (a[1, 0], b[1, 0], c[1, 0]), (a[0, 1], b[0, 1], c[0, 1]), (a[1, 1], b[1, 1], c[1, 1])
@@ -72,7 +72,7 @@ def expand_in_the_middle(piece, q):
 
 @inner
 def of_phi(r, slopes):
-    """Return S - q and the derivatives of S as they are, and gradient and second derivative of phi."""
+    """Return S - q and the derivatives of S unchanged, with the gradient and second derivatives of phi."""
     S_x, S_y, S_xx, S_xy, S_yy = slopes
     hessian = (dot(S_x, S_x) + dot(r, S_xx), dot(S_x, S_y) + dot(r, S_xy), dot(S_y, S_y) + dot(r, S_yy))
     return r, slopes, (dot(r, S_x), dot(r, S_y)), hessian
@@ -80,7 +80,7 @@ def of_phi(r, slopes):
 
 @inner
 def last_step(r, slopes, x, y):
-    """Return S - q and the derivatives of S after a step (x, y) so short that their next terms are rounded away."""
+    """Return S - q and the derivatives of S after a step (x, y) so short that higher terms are rounded away."""
     S_x, S_y, S_xx, S_xy, S_yy = slopes
     u, v = add(S_x, S_xx, x, S_xy, y), add(S_y, S_xy, x, S_yy, y)
     half = add(S_x, S_xx, 0.5 * x, S_xy, 0.5 * y), add(S_y, S_xy, 0.5 * x, S_yy, 0.5 * y)
@@ -95,7 +95,7 @@ def add(v, a, x, b, y):
 
 @not_inlined
 def normal_of(slopes, size, x, y):
-    """Return the unit normal; at an edge that is one point, its limit."""
+    """Return the unit normal; at an edge collapsed to a point, its limit."""
     S_x, S_y, S_xx, S_xy, S_yy = slopes
     n = vector_product(S_x, S_y)
     if dot(n, n) <= (COLLAPSED * size * size) ** 2:

@@ -1,9 +1,9 @@
-"""Signed distances of solids that are bounded by bicubic patches.
+"""Signed distances of solids bounded by bicubic patches.
 
-The pieces of the patches are the leaves of a tree whose nodes have boxes around all that is below them. At every fork
-the search goes first to where the middle is nearer, and leaves out each box that is farther away than what has been
-found. A piece has another box with it, along its own normal, which is thin. The nearest of all points is so found,
-wherever it is.
+The pieces of the patches are the leaves of a tree, whose nodes have bounding boxes of everything below them. At each
+fork the search first follows the node whose box's middle is nearer, and skips each box that is farther away than the
+nearest point found so far. Each piece has a second, thin box along its own normal. In this way the nearest of all
+points is found, wherever it is.
 """
 
 import numpy as np
@@ -12,8 +12,8 @@ from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.patches import TIE, search_piece
 from engine.kernels.vectors import dot
 
-SMOOTH = 1e-9  # sine of the angle to the surface's normal up to which a point is over a face, not beside an edge
-ROUNDED = 1e-12  # share of a surface's size that rounding may move a point along it
+SMOOTH = 1e-9  # sine of the angle to the surface's normal up to which a point is above a face, not beside an edge
+ROUNDED = 1e-12  # share of a surface's size by which rounding may move a point along it
 
 
 @not_inlined
@@ -23,16 +23,16 @@ def surface_distance(solid, x, y, z):
     Parameters
     ----------
     solid : (Surfaces, int)
-        The surfaces, and the first node of this one.
+        The surfaces, and the first node of the solid's surface.
     x, y, z : float
-        In the axes of the body, from its centre of mass.
+        The point in the axes of the body, from its centre of mass.
 
     Returns
     -------
     distance : float
-        Negative in the material.
+        Negative inside the material.
     gradient : (3,) tuple
-        Over a face its normal; at an edge the direction from there, or to there from inside.
+        Above a face its normal; at an edge the direction away from the edge, or towards it from inside.
     """
     surfaces, root = solid
     r, n, side = nearest_point(surfaces, root, (x, y, z))
@@ -46,10 +46,10 @@ def surface_distance(solid, x, y, z):
 
 @inner
 def nearest_point(surfaces, root, q):
-    """Return the way from q to the nearest point of a surface, the normal there, and on which side of it q is."""
+    """Return the vector from q to the nearest point of a surface, the normal there, and on which side of it q lies."""
     none = (0.0, 0.0, 0.0)
     best = (np.inf, none, none, 0.0, 1.0)
-    node, depth, pending, squares = root, 0, 0, 0  # pending: bits, the levels at which the other node is still to come
+    node, depth, pending, squares = root, 0, 0, 0  # pending: bit mask of the levels whose other node is not visited yet
     while True:
         reach = 2 * best[0] * (1 + TIE)
         if squared_distance_of_box(surfaces, node, q) <= reach:
@@ -71,7 +71,7 @@ def nearest_point(surfaces, root, q):
 
 @inner
 def nearer_below(surfaces, node, q):
-    """Return of the two nodes below a fork the one whose box's middle is nearer to q."""
+    """Return the one of the two nodes below a fork whose box's middle is nearer to q."""
     first, second = node + 1, surfaces.after[node + 1]
     nearer = squared_distance_of_middle(surfaces, first, q) <= squared_distance_of_middle(surfaces, second, q)
     return first if nearer else second
@@ -79,7 +79,7 @@ def nearer_below(surfaces, node, q):
 
 @inner
 def squared_distance_of_middle(surfaces, node, q):
-    """Return the square of the distance of q from the middle of a node's box."""
+    """Return the squared distance of q from the middle of a node's box."""
     box = surfaces.box[node]
     w = (q[0] - box[0], q[1] - box[1], q[2] - box[2])
     return dot(w, w)
@@ -87,7 +87,7 @@ def squared_distance_of_middle(surfaces, node, q):
 
 @inner
 def squared_distance_of_box(surfaces, node, q):
-    """Return the square of the distance of q from a node's box, 0 in it."""
+    """Return the squared distance of q from a node's box; 0 inside it."""
     box = surfaces.box[node]
     x, y, z = abs(q[0] - box[0]) - box[3], abs(q[1] - box[1]) - box[4], abs(q[2] - box[2]) - box[5]
     x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
@@ -96,7 +96,7 @@ def squared_distance_of_box(surfaces, node, q):
 
 @inner
 def squared_distance_of_slab(surfaces, k, q):
-    """Return the square of the distance of q from a piece's slab, 0 in it."""
+    """Return the squared distance of q from a piece's slab; 0 inside it."""
     total = 0.0
     for axis in range(3):
         side = surfaces.slab[k, axis]

@@ -1,10 +1,10 @@
-"""The point of a piece of a bicubic patch that is nearest to a point, by bounds that leave nothing out.
+"""The point of a piece of a bicubic patch nearest to a given point, found by branch and bound without omissions.
 
-A piece is a polynomial S(x, y), |x| and |y| <= 1, with coefficients for powers of x and y. Half the square of the
-distance, phi = |S - q|^2 / 2, has a third derivative with a known bound, so over a square of (x, y) it is a quadratic
-function and a known rest. A square whose quadratic function, less the rest, does not fall below what has been found is
-left out. Where the second derivative stays positive, phi has one minimum in the square, which Newton's method finds.
-Other squares are quartered.
+A piece is a polynomial S(x, y), |x| and |y| <= 1, with coefficients for powers of x and y. Half the squared distance,
+phi = |S - q|^2 / 2, has a third derivative with a known bound, so on a square of (x, y) it is a quadratic function plus
+a bounded remainder. A square is skipped if its quadratic function, less the remainder, does not fall below the value
+found so far. Where the second derivative stays positive, phi has one minimum in the square, which Newton's method
+finds. Other squares are quartered.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.patch_values import expand, expand_in_the_middle, last_step, normal_of
 from engine.kernels.vectors import dot
 
-DEEPEST = 5  # times that a piece is quartered; reached at poles, and by points as far from a whole region
-MOST_SQUARES = 3000  # of one query; beyond, which only such points come to, pieces are not quartered
+DEEPEST = 5  # levels of quartering; reached at poles, and for points equally far from a whole region
+MOST_SQUARES = 3000  # per query; beyond it, which only such points reach, pieces are not quartered
 NEWTON_STEPS = 60
-LAST = 1e-7  # change of x and y with which Newton's method ends: after it, both are right to rounding
-CLOSE = 1e-6  # change of x and y below which phi falls by less than it is rounded, and Newton's steps are taken anyhow
-SINGULAR = 1e-12  # smallest determinant of a matrix that is inverted, as a share of the product of its diagonal
-TIE = 1e-12  # share by which squares of distances of one point, found twice, may differ
+LAST = 1e-7  # change of x and y at which Newton's method ends: both are then accurate to rounding
+CLOSE = 1e-6  # change of x and y below which phi falls by less than its rounding; Newton steps are then always accepted
+SINGULAR = 1e-12  # smallest determinant of a matrix to invert, as a share of the product of its diagonal
+TIE = 1e-12  # share by which the squared distances of one point, found twice, may differ
 
 
 @not_inlined
 def search_piece(piece, bounds, q, squares, best):
-    """Search a piece of a patch for a point nearer than what has been found.
+    """Search a piece of a patch for a point nearer than the best one so far.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ def search_piece(piece, bounds, q, squares, best):
         See `engine.kernels.model.Surfaces.bound`.
     q : (3,) tuple
     squares : int
-        How many squares of pieces have been looked at.
+        Number of squares examined so far.
     best : tuple
-        See `nearer`.
+        The nearest point so far, see `nearer`.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def search_piece(piece, bounds, q, squares, best):
                 i, j, level, half = 2 * i, 2 * j, level + 1, 0.5 * half
                 continue
             best = descend(piece, bounds, q, (x, y, half, convex), middle, best)
-        while level > 0 and i & 1 and j & 1:  # the last quarter of its square
+        while level > 0 and i & 1 and j & 1:  # the last quarter of its parent
             i, j, level, half = i >> 1, j >> 1, level - 1, 2 * half
         if level == 0:
             return squares, best
@@ -66,13 +66,13 @@ def search_piece(piece, bounds, q, squares, best):
 
 @not_inlined
 def lower_bound(bounds, middle, half):
-    """Return a lower bound of phi over a square, and whether phi has no more than one minimum there.
+    """Return a lower bound of phi over a square, and whether phi has at most one minimum there.
 
     Parameters
     ----------
     bounds : (9,) array
     middle : tuple
-        What `expand` says of the middle of the square.
+        Result of `expand` in the middle of the square.
     half : float
         Half the side of the square.
     """
@@ -85,7 +85,7 @@ def lower_bound(bounds, middle, half):
     rest = (t_xxx + 3 * t_xxy + 3 * t_xyy + t_yyy) / 6
     g_x, g_y, h_xx, h_xy, h_yy = half * g_x, half * g_y, square * h_xx, square * h_xy, square * h_yy
     if not (h_xx > 0.0 and h_yy > 0.0 and h_xx * h_yy > h_xy * h_xy):
-        lowest = 0.5 * (h_xx + h_yy) - np.sqrt(0.25 * (h_xx - h_yy) ** 2 + h_xy * h_xy)  # least eigenvalue
+        lowest = 0.5 * (h_xx + h_yy) - np.sqrt(0.25 * (h_xx - h_yy) ** 2 + h_xy * h_xy)  # smallest eigenvalue
         return phi - abs(g_x) - abs(g_y) + min(lowest, 0.0) - rest, False
     least_xx, least_yy, most_xy = h_xx - t_xxx - t_xxy, h_yy - t_xyy - t_yyy, abs(h_xy) + t_xxy + t_xyy
     convex = least_xx > 0.0 and least_yy > 0.0 and least_xx * least_yy > most_xy * most_xy
@@ -94,7 +94,7 @@ def lower_bound(bounds, middle, half):
 
 @inner
 def fall(g_x, g_y, h_xx, h_xy, h_yy):
-    """Return how far a convex quadratic function over |x|, |y| <= 1 falls below its value at (0, 0)."""
+    """Return by how much a convex quadratic function on |x|, |y| <= 1 falls below its value at (0, 0)."""
     determinant = h_xx * h_yy - h_xy * h_xy
     x, y = (h_xy * g_y - h_yy * g_x) / determinant, (h_xy * g_x - h_xx * g_y) / determinant
     if abs(x) <= 1.0 and abs(y) <= 1.0:
@@ -113,7 +113,7 @@ def fall(g_x, g_y, h_xx, h_xy, h_yy):
 
 @not_inlined
 def descend(piece, bounds, q, square, middle, best):
-    """Go down from the middle of a square to the minimum of phi in it; return the nearer of it and ``best``.
+    """Descend from the middle of a square to the minimum of phi in it; return the nearer of this point and ``best``.
 
     Parameters
     ----------
@@ -121,11 +121,11 @@ def descend(piece, bounds, q, square, middle, best):
     bounds : (9,) array
     q : (3,) tuple
     square : (x, y, half, convex)
-        Its middle, half its side, and whether the second derivative of phi is positive all over it.
+        Its middle, half its side, and whether the second derivative of phi is positive on all of it.
     middle : tuple
-        What `expand` says of the middle.
+        Result of `expand` in the middle.
     best : tuple
-        See `nearer`.
+        The nearest point so far, see `nearer`.
     """
     x, y, half, convex = square
     r, slopes, gradient, hessian = middle
@@ -151,9 +151,9 @@ def descend(piece, bounds, q, square, middle, best):
 
 @inner
 def slopes_down(gradient, along_x, along_y):
-    """Return how a plane with a gradient changes at most downwards within a square: a convex function stays above it.
+    """Return the largest decrease of a plane with a gradient within a square; a convex function stays above this plane.
 
-    ``along_x``, ``along_y``: where it is, low and high end.
+    ``along_x``, ``along_y``: current coordinate, lower end, upper end.
     """
     (g_x, g_y), (x, low_x, high_x), (y, low_y, high_y) = gradient, along_x, along_y
     return min(g_x * (low_x - x), g_x * (high_x - x)) + min(g_y * (low_y - y), g_y * (high_y - y))
@@ -161,10 +161,11 @@ def slopes_down(gradient, along_x, along_y):
 
 @inner
 def newton_step(slopes, gradient, hessian, along_x, along_y):
-    """Return where Newton's step leads within a square, and the larger change of a coordinate.
+    """Return the end of a Newton step within a square, and the larger change of a coordinate.
 
-    A coordinate stays at an end of its interval from where phi falls outwards. Where the second derivative is not
-    positive, that of the tangent plane takes its place. ``along_x``, ``along_y``: where it is, low and high end.
+    A coordinate stays at an end of its interval if phi falls outwards there. Where the second derivative is not
+    positive, that of the tangent plane is used instead. ``along_x``, ``along_y``: current coordinate, lower end, upper
+    end.
     """
     (g_x, g_y), (h_xx, h_xy, h_yy) = gradient, hessian
     (x, low_x, high_x), (y, low_y, high_y) = along_x, along_y
@@ -185,10 +186,10 @@ def newton_step(slopes, gradient, hessian, along_x, along_y):
 
 @inner
 def nearer(phi, r, n, best):
-    """Return the nearer of two points: phi, S - q, the normal there, how well q is along it, on which side.
+    """Return the nearer of two points: phi, S - q, the normal there, how well q aligns with it, and the side of q.
 
-    Where two pieces meet at an edge, the nearest point is found on both. Then the piece along whose normal q is better
-    tells the side of q.
+    Where two pieces meet at an edge, the nearest point is found on both. The piece whose normal aligns better with q
+    then determines the side of q.
     """
     height, distance = -dot(r, n), np.sqrt(2 * phi)
     aligned, side = abs(height) / distance if distance > 0.0 else 1.0, 1.0 if height >= 0.0 else -1.0

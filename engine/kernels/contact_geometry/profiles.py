@@ -1,25 +1,25 @@
-"""Signed distances of solids that are made from a profile: turned about an axis, or extruded along it.
+"""Signed distances of solids made from a profile: turned about an axis, or extruded along it.
 
-A profile is a closed curve of lines and arcs in a plane (u, v). Of a turned solid u is the distance from the axis and v
-the height along it; pieces of the profile on the axis are left out, for no surface is there. Of an extruded solid u and
-v are the two directions across its axis. Each piece is a row, with the material on its left:
+A profile is a closed curve of lines and arcs in a plane (u, v). For a turned solid u is the distance from the axis and
+v the height along it; pieces of the profile on the axis are omitted, because they are not surfaces. For an extruded
+solid u and v are the two directions perpendicular to its axis. Each piece is a row, with the material on its left:
 
 =======  ===========================================================================================
 columns  meaning
 =======  ===========================================================================================
 0:4      start (0:2) and end (2:4)
 4:7      a circle around the piece: centre (4:6), radius (6); for a line its middle and half its length
-7        0 for a line; radius of an arc, negative where the arc turns right, hollow
+7        0 for a line; radius of an arc, negative if the arc turns right (hollow)
 8:10     a line's direction; an arc's centre
 10:12    direction from an arc's centre to its middle
 12       tangent of a quarter of the angle that an arc spans
-13:17    outward directions halfway between the normals that meet at the start (13:15) and at the end (15:17)
+13:17    outward directions bisecting the normals that meet at the start (13:15) and at the end (15:17)
 17:19    at the start and at the end: 1 a convex corner, -1 a hollow one, 0 a smooth joint
 =======  ===========================================================================================
 
-The distance is that of the nearest piece, its sign that of the nearest point: on which side of the line or the arc the
-point lies, or at a corner, on which side of the line across the direction halfway. Distances are exact inside and
-outside, so that they change by no more than a point moves; at a convex corner the gradient points from the corner.
+The distance is that of the nearest piece. Its sign is that of the nearest point: the side of the line or arc on which
+the point lies, or at a corner, the side of the line perpendicular to the bisecting direction. Distances are exact
+inside and outside, so they change by no more than a point moves; at a convex corner the gradient points away from it.
 """
 
 import math
@@ -53,7 +53,7 @@ def piece_distance(piece, u, v):
 
 @not_inlined
 def nearest_piece(pieces, u, v):
-    """Return the number of the piece nearest to (u, v), its distance, and the end that is nearest."""
+    """Return the number of the piece nearest to (u, v), its distance, and which end is nearest."""
     nearest, best, end = 0, np.inf, 0.0
     for j in range(pieces.shape[0]):
         piece = pieces[j]
@@ -67,7 +67,7 @@ def nearest_piece(pieces, u, v):
 
 @not_inlined
 def profile_distance(pieces, u, v):
-    """Return the signed distance of (u, v) from a profile, and its derivatives by u and by v."""
+    """Return the signed distance of (u, v) from a profile, and its derivatives with respect to u and v."""
     nearest, distance, end = nearest_piece(pieces, u, v)
     piece = pieces[nearest]
     if end != 0.0:
@@ -90,10 +90,10 @@ def profile_distance(pieces, u, v):
 
 @not_inlined
 def is_alone(pieces, u, v, margin):
-    """Return whether no other piece comes into play within half the margin of (u, v).
+    """Return whether no other piece becomes relevant within half the margin of (u, v).
 
-    The neighbour of the nearest piece is none of the others where the distance has no kink between the two: outside a
-    convex or smooth joint, inside a hollow or smooth one.
+    A neighbour of the nearest piece does not count as another piece if the distance has no kink between the two:
+    outside a convex or smooth joint, and inside a hollow or smooth one.
     """
     nearest, distance, _ = nearest_piece(pieces, u, v)
     signed, _, _ = profile_distance(pieces, u, v)
@@ -112,10 +112,10 @@ def is_alone(pieces, u, v, margin):
 
 @not_inlined
 def turned(pieces, x, y, z):
-    """Return the signed distance of a point from a turned solid, in its axes, and the gradient."""
+    """Return the signed distance of a point from a turned solid, given in the solid's axes, and the gradient."""
     rho = math.hypot(x, y)
     d, n_rho, n_z = profile_distance(pieces, rho, z)
-    if rho <= max(CENTRED * abs(d), NOWHERE):  # on the axis any direction is the nearest one
+    if rho <= max(CENTRED * abs(d), NOWHERE):  # on the axis every direction is a nearest one
         return d, (n_rho, 0.0, n_z)
     return d, (n_rho * x / rho, n_rho * y / rho, n_z)
 

@@ -1,10 +1,10 @@
-"""Signed distances of solids in their own axes (first and second across the axis z).
+"""Signed distances of solids in their own axes (the first and second are perpendicular to the axis z).
 
-A cylinder, a bore and a round plate are a *section*, a rectangle in the half plane of distance rho from the axis and
-height z, turned about the axis: ``b[9] <= rho <= b[10]``, ``b[11] <= z <= b[12]``, with infinite bounds where there is
+A cylinder, a bore and a round plate are a *section* turned about the axis: a rectangle in the half plane of distance
+rho from the axis and height z, ``b[9] <= rho <= b[10]``, ``b[11] <= z <= b[12]``, with infinite bounds where there is
 no edge. A ball is a section of the distance from its centre. A rectangular plate is a box: ``|x| <= b[9]``, ``|y| <=
-b[10]``, ``b[11] <= z <= b[12]``. All are exact, inside and outside: their gradient has length 1, so no gap changes
-faster than the features move, and a point that leaves a face goes round its edge to the side.
+b[10]``, ``b[11] <= z <= b[12]``. All distances are exact, inside and outside: their gradient has length 1, so no gap
+changes faster than the features move, and a point that leaves a face moves around its edge to the side.
 """
 
 import math
@@ -17,7 +17,7 @@ from engine.kernels.model import ON_EXTRUDED, ON_RECTANGLE, ON_SURFACE, ON_TURNE
 
 @inner
 def section(b, rho, z):
-    """Return the signed distance of (rho, z) from the section, and its derivatives by rho and by z."""
+    """Return the signed distance of (rho, z) from the section, and its derivatives with respect to rho and z."""
     u, u_rho = rho - b[10], 1.0
     if b[9] - rho > u:
         u, u_rho = b[9] - rho, -1.0
@@ -58,10 +58,10 @@ def signed_distance(solid, x, y, z):
     Parameters
     ----------
     solid : (kind, row, pieces, surface)
-        Kind of the pair, geometry row of side b, the pieces of its profile, if it has one, and its surface, see
+        Kind of the pair, geometry row of side b, the pieces of its profile, if any, and its surface, see
         `patched_surfaces.surface_distance`.
     x, y, z : float
-        In the solid's own axes.
+        The point in the solid's own axes.
     """
     kind, b, pieces, surface = solid
     if kind == ON_RECTANGLE:

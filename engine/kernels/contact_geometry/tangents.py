@@ -1,18 +1,18 @@
-"""The first tangent of a contact's local frame, and the second one, which completes it."""
+"""The two tangents of a contact's local frame: the first one, and the second one that completes the frame."""
 
 import numpy as np
 
 from engine.jit import inner
 from engine.kernels.vectors import split
 
-BACK = 1e-6  # square of the angle from the back of a face within which its tangent is not turned with the normal
+BACK = 1e-6  # squared angle from the back of a face within which the tangent is not rotated with the normal
 
 
 @inner
 def transport(pole, t, n, out):
-    """Write into ``out`` the tangent ``t`` turned as the shortest rotation turns ``pole`` into ``n``.
+    """Write into ``out`` the tangent ``t`` rotated by the shortest rotation that takes ``pole`` to ``n``.
 
-    The tangent of a face at ``pole`` thus turns round the edges without a jump, except at the very back.
+    The tangent of a face at ``pole`` thus rotates around the edges without a jump, except at the very back.
     """
     s0, s1, s2 = pole[0] + n[0], pole[1] + n[1], pole[2] + n[2]
     square = s0 * s0 + s1 * s1 + s2 * s2
