@@ -1,4 +1,4 @@
-"""Assembly: the description of a mechanism becomes flat arrays (`kernels.model`)."""
+"""Assembly: convert the description of a mechanism to flat arrays (`kernels.model`)."""
 
 from dataclasses import dataclass
 
@@ -55,13 +55,13 @@ class Assembly:
 
     @property
     def arrays(self) -> RunArrays:
-        """The arrays, as the time loop takes them."""
+        """The arrays, as passed to the time loop."""
         return RunArrays(self.model, self.state, self.work, self.problem)
 
 
 @dataclass(frozen=True)
 class _Prepared:
-    """The arrays of a mechanism without play, which nobody changes: a run gets copies.
+    """The arrays of a mechanism without play; they are never modified, because runs get copies.
 
     Attributes
     ----------
@@ -78,14 +78,14 @@ class _Prepared:
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
-    """Turn a mechanism into arrays.
+    """Convert a mechanism to arrays.
 
-    Where a mechanism differs from an earlier one in its play only, as from sample to sample, the others are copied.
+    If only the play differs from an earlier mechanism, as from sample to sample, all other arrays are copied from it.
 
     Raises
     ------
     MechanismError
-        If parts overlap at the start pose, or an ideal joint is open there, or the step is longer than the horizon.
+        If parts overlap or an ideal joint is open at the start pose, or the step is longer than the horizon.
     """
     refuse_long_step(mechanism)
     prepared = _prepared(without_play(mechanism))
@@ -134,13 +134,13 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
 
 @remembered
 def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], State]:
-    """Return the moving bodies in their order, the frames of all bodies, and the state at the start."""
+    """Return the moving bodies in order, the frames of all bodies, and the state at the start."""
     order = order_bodies(mechanism)
     return order, *place_bodies(mechanism, order)
 
 
 def _problem(unknowns: Unknowns) -> FrictionArrays:
-    """Allocate the friction problem of a step, with its bilateral rows at their places, which never change."""
+    """Allocate the friction problem of a step, with the nodes of its bilateral rows, which never change."""
     nc, nt = unknowns.contact_pair.size, unknowns.at.size
     problem = friction_arrays(unknowns.system, nc, bilateral=nt)
     rows = problem.bilateral
@@ -149,7 +149,7 @@ def _problem(unknowns: Unknowns) -> FrictionArrays:
 
 
 def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
-    """Allocate the work space of a run."""
+    """Allocate the workspace of a run."""
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
@@ -164,7 +164,7 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
-        values=offset.copy(),  # an angle's full turns count from its value at the start
+        values=offset.copy(),  # the full turns of an angle are counted from its value at the start
         previous=offset.copy(),
         reported=np.full(offset.size, np.nan),
         peak=np.full(offset.size, np.nan),

@@ -16,7 +16,7 @@ class BilateralRow:
     Attributes
     ----------
     name : str
-        JOINT.ROW or the motion's name, as messages give it.
+        JOINT.ROW or the name of the motion, as used in messages.
     kind : int
         SLIDE or TURN.
     a, b : int
@@ -26,9 +26,9 @@ class BilateralRow:
     arm : float
         Length that multiplies a TURN's angle; 1 for a SLIDE.
     law : int
-        Number of its target's time law; -1: none.
+        Number of the time law of its target; -1: none.
     phases : (n_phase,) bool array or None
-        When it acts; None: always.
+        The phases in which it acts; None: all.
     """
 
     name: str
@@ -42,7 +42,7 @@ class BilateralRow:
 
 
 def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
-    """Return the length that multiplies an angle between bodies: the least radius of gyration of those that move.
+    """Return the length that multiplies an angle between bodies: the smallest radius of gyration of the moving ones.
 
     The radius is sqrt(trace(I) / 2m), the root of the mean squared distance of the body's mass from its centre.
     """

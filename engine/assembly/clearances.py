@@ -1,7 +1,7 @@
-"""The play of the joints apart from everything else of a mechanism.
+"""The play of the joints, kept apart from everything else of a mechanism.
 
-Play is what campaigns vary most, and only a number added to gaps: all other arrays are those of the mechanism without
-play, and stay as they are when it changes.
+Play is what campaigns vary most, and it is only a number added to gaps: all other arrays are those of the mechanism
+without play and do not change with it.
 """
 
 from collections.abc import Iterable
@@ -13,12 +13,12 @@ from engine.mechanism.base import TableModel
 from engine.mechanism.joints import Joint
 from engine.mechanism.models import Mechanism
 
-MOST_SHAPES = 1000  # that are kept
+MOST_SHAPES = 1000  # kept in memory
 _shapes: dict[Any, Any] = {}
 
 
 def without_play(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism with the clearance 0 at every joint; its joints are the same objects whatever their play."""
+    """Return a mechanism with clearance 0 in every joint; the joints are the same objects whatever their play."""
     return mechanism.model_copy(update={"joints": {name: _shape(joint) for name, joint in mechanism.joints.items()}})
 
 
@@ -31,19 +31,19 @@ def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], cleara
     faces : iterable of (int, str, str)
         Number of a contact, its joint, and the key of its clearance.
     clearance : (nc,) array
-        Of the contacts without play; changed in place.
+        Clearances of the contacts without play; changed in place.
     """
     for i, joint, key in faces:
         clearance[i] += getattr(mechanism.joints[joint], key)
 
 
 def faces_with_play(pairs: Iterable[Pair]) -> tuple[tuple[int, str, str], ...]:
-    """Return number, joint and key of the clearance of every contact of a joint."""
+    """Return the number, the joint and the key of the clearance for each contact of a joint."""
     return tuple((i, *pair.play) for i, pair in enumerate(pairs) if pair.play is not None)
 
 
 def _shape(joint: Joint) -> Any:
-    """Return a joint with the clearance 0: the same object for joints that differ in nothing else."""
+    """Return a joint with clearance 0: the same object for all joints that differ in nothing else."""
     entries = joint.__dict__
     closed = {key: 0.0 for key in joint.CLEARANCES if entries[key] is not None}
     content = type(joint), *closed, *[_exact(value) for key, value in entries.items() if key not in joint.CLEARANCES]
@@ -51,13 +51,13 @@ def _shape(joint: Joint) -> Any:
     if shape is None:
         if len(_shapes) >= MOST_SHAPES:
             _shapes.clear()
-        # the shape has the joint's tables, which so stay alive: no other object gets their identity
+        # the shape keeps the tables of the joint alive, so that no other object can get their ids
         shape = _shapes.setdefault(content, joint.model_copy(update=closed))
     return shape
 
 
 def _exact(value: Any) -> Any:
-    """Return what only the same value has: unlike the float itself, this tells -0.0 from 0.0."""
+    """Return a key that only the same value has: unlike the float itself, it distinguishes -0.0 from 0.0."""
     if isinstance(value, TableModel):
         return id(value)
     if isinstance(value, tuple):

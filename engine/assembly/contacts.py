@@ -1,4 +1,4 @@
-"""Contact pairs as arrays: those of joints with clearance, then those of the file's [contacts]."""
+"""Contact pairs as arrays: first those of joints with clearance, then those in the file's [contacts]."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -59,7 +59,7 @@ class Pair:
     Attributes
     ----------
     name : str
-        Unique; messages and trajectories use it.
+        Unique name, used in messages and trajectories.
     kind : int
         Number of the pair of primitives, see `kernels.model`.
     a, b : int
@@ -67,15 +67,15 @@ class Pair:
     geometry_a, geometry_b : (GEOMETRY,) arrays
         Rows of `kernels.contact_geometry.gaps`.
     clearance : float
-        Added to the distance, it gives the gap; of a contact of a joint, without the joint's play.
+        Length added to the distance to give the gap; for a contact of a joint, without the joint's play.
     law : (float, float)
         Friction and restitution.
     pieces : (np, PIECE) array
-        Those of the profile of side b; none if it has no profile.
+        Pieces of side b's profile; empty if it has none.
     play : (str, str) or None
-        The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: there is none.
+        The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: none.
     surface : Surfaces or None
-        The tree of side b's surface, if it is one.
+        The tree of side b, if that is a surface.
     """
 
     name: str
@@ -93,20 +93,20 @@ class Pair:
 
 @remembered
 def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[tuple[Array, Array, float]]:
-    """Return the rows of the two sides of each of the file's [contacts], and what is added to their distance."""
+    """Return the rows of the two sides of each contact in [contacts], and the length added to their distance."""
     sides = [(contact, *contact.sides) for contact in mechanism.contacts.values()]
     return [rows(contact, frames[a.body], frames[b.body]) for contact, a, b in sides]
 
 
 @remembered
 def contact_profiles(mechanism: Mechanism) -> list[Array]:
-    """Return the pieces of side b's profile of each of the file's [contacts], shapes (np, PIECE)."""
+    """Return the pieces of side b's profile for each contact in [contacts], shapes (np, PIECE)."""
     return [profile_pieces(contact.sides[1]) for contact in mechanism.contacts.values()]
 
 
 @remembered
 def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Surfaces]:
-    """Return the trees of the surfaces among the file's [contacts], by contact; equal ones of a body are the same."""
+    """Return the trees of the surfaces in [contacts], by contact; equal surfaces of a body share one tree."""
     sides = {name: contact.sides[1] for name, contact in mechanism.contacts.items()}
     found = {name: (side.body, side.primitive) for name, side in sides.items() if side.kind == "surface"}
     trees = {key: surface_tree(key[1], frames[key[0]]) for key in dict.fromkeys(found.values())}
@@ -114,7 +114,7 @@ def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[st
 
 
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
-    """Yield the contacts of the file's [contacts]."""
+    """Yield the contacts in [contacts]."""
     geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism)
     trees = surface_trees(mechanism, frames)
     for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
@@ -136,7 +136,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
 
 
 def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
-    """Return the pairs as arrays; ``block``: where each pair of bodies is in the system of a step."""
+    """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step."""
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
     root, surfaces = joined_surfaces([pair.surface for pair in pairs])
@@ -159,5 +159,5 @@ def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
 
 def reach(geometry: Array) -> float:
     """Return the largest distance of side a's point, arc or axis from its body's centre of mass, without skins."""
-    with np.errstate(over="ignore"):  # an infinite reach is a bound too: that contact is always near
+    with np.errstate(over="ignore"):  # an infinite reach is a valid bound: that contact is always near
         return float(np.linalg.norm(geometry[:3]) + geometry[9])

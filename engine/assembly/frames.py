@@ -1,4 +1,4 @@
-"""Frames of the bodies inside the state's frames, the order of the bodies, and pose and twists at the start."""
+"""Frames of the bodies relative to the state's frames, the order of the bodies, and pose and twists at the start."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -14,7 +14,7 @@ from engine.mechanism.models import Mechanism
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """A body's own frame inside the state's: index, position and rotation, from the state's origin."""
+    """A body's own frame relative to the state's frame: index, and position and rotation from the state's origin."""
 
     index: int
     origin: Array
@@ -22,11 +22,11 @@ class BodyFrame:
     quaternion: Array
 
     def point(self, p: Iterable[float]) -> Array:
-        """Return a point of the body's own frame, from the state's origin in its axes."""
+        """Return a point given in the body's own frame, from the state's origin in the state's axes."""
         return np.asarray(self.origin + self.rotation @ np.asarray(p, float))
 
     def direction(self, d: Iterable[float]) -> Array:
-        """Return a direction of the body's own frame as a unit vector in the state's axes."""
+        """Return a direction given in the body's own frame as a unit vector in the state's axes."""
         v = self.rotation @ np.asarray(d, float)
         return np.asarray(v / np.linalg.norm(v))
 
@@ -45,7 +45,7 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 
 
 def tangent(n: Array) -> Array:
-    """Return a unit vector across n: n x e, with e the axis that is most across."""
+    """Return a unit vector perpendicular to n: n x e normalised, with e the coordinate axis most perpendicular to n."""
     x, y, z = map(float, n)
     least = min(abs(x), abs(y), abs(z))
     t = (0.0, z, -y) if abs(x) == least else (-z, 0.0, x) if abs(y) == least else (y, -x, 0.0)
@@ -53,7 +53,7 @@ def tangent(n: Array) -> Array:
 
 
 def order_bodies(mechanism: Mechanism) -> list[str]:
-    """Return the names of the moving bodies, in an order that keeps those in contact near each other."""
+    """Return the names of the moving bodies in an order that keeps bodies in contact close to each other."""
     moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
     number = {name: i for i, name in enumerate(moving)}
     pairs = [(j.sides[0].body, j.sides[1].body) for j in mechanism.joints.values()]
@@ -68,9 +68,9 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
 
 
 def cuthill_mckee(near: Sequence[Collection[int]]) -> list[int]:
-    """Return the nodes of a graph in the reverse Cuthill-McKee order, which gives its matrix a narrow band.
+    """Return the nodes of a graph in reverse Cuthill-McKee order, which gives its matrix a narrow band.
 
-    scipy has this algorithm, but takes 0.4 s to load, longer than a run of the C-60.
+    scipy provides this algorithm, but takes 0.4 s to load, longer than a run of the C-60.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def cuthill_mckee(near: Sequence[Collection[int]]) -> list[int]:
 
 
 def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, BodyFrame], State]:
-    """Return the frame of every body, and the state at the start; fixed bodies share the ground, the world's frame."""
+    """Return the frame of each body, and the state at the start; fixed bodies share the ground, the world's frame."""
     nb = len(moving)
     x, p, R, v = np.zeros((nb + 1, 3)), np.zeros((nb + 1, 4)), np.zeros((nb + 1, 3, 3)), np.zeros((nb + 1, 6))
     p[nb, 0] = 1.0

@@ -14,7 +14,7 @@ from engine.mechanism.joints import Prismatic
 from engine.mechanism.models import Mechanism
 
 # The directions along which the points are held, and those about which the bodies are held. n is the joint's axis or
-# normal in the first body; e and f are across it.
+# normal in the first body; e and f are perpendicular to it.
 HELD = {
     "revolute": ("nef", "ef"),
     "cylindrical": ("ef", "ef"),
@@ -26,14 +26,14 @@ HELD = {
 
 
 def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[BilateralRow]:
-    """Yield the rows of all joints. An ideal joint has 6 less the degrees of freedom that it leaves.
+    """Yield the rows of all joints. An ideal joint has 6 rows minus the number of its degrees of freedom.
 
     Parameters
     ----------
     mechanism : Mechanism
         A joint with play has no rows, except a shaft in a sleeve whose rotation is held.
     frames : dict
-        BodyFrame of every body.
+        BodyFrame of each body.
     R : (nb + 1, 3, 3) array
         Rotations at the start.
     """
@@ -49,13 +49,13 @@ def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> 
             row = np.concatenate([place.point_a, way[k], place.point_b])
             yield BilateralRow(f"{name}.slide{i + 1}", SLIDE, *bodies, row)
         for i, k in enumerate(turns):
-            d = "e" if k == "n" else "n"  # a direction across k, followed as k turns
+            d = "e" if k == "n" else "n"  # a direction perpendicular to k, which shows the rotation about k
             row = np.concatenate([way[d], way[k], other[d]])
             yield BilateralRow(f"{name}.turn{i + 1}", TURN, *bodies, row, arm=arm)
 
 
 def _held(joint: Any) -> tuple[str, str]:
-    """Return the directions along which, and about which, a joint holds."""
+    """Return the directions along which and about which a joint holds."""
     if joint.ideal:
         return HELD[joint.type]
     held = isinstance(joint, Prismatic) and joint.shaft is not None and joint.shaft.turning == "held"
@@ -63,7 +63,7 @@ def _held(joint: Any) -> tuple[str, str]:
 
 
 def _directions(joint: Any, place: Mate) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return n, e, f in a's axes; and in b's axes, n as the file gives it and e, f as they are at the start."""
+    """Return n, e, f in a's axes; and in b's axes, n as given in the file and e, f as they are at the start."""
     n = place.a.direction(joint.axes[0]) if joint.axes else np.array([0.0, 0.0, 1.0])
     e = tangent(n)
     way = {"n": n, "e": e, "f": np.cross(n, e)}

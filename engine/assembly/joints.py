@@ -19,7 +19,7 @@ from engine.mechanism.primitives import Socket
 
 @dataclass(frozen=True)
 class Mate:
-    """The two sides of a joint, and how they are turned to each other.
+    """The two sides of a joint, and their relative rotation.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class Mate:
     relative: Array
 
     def align(self, along_a: Array, along_b: Array) -> Array:
-        """Return the direction of b or its opposite: the one that points as a's direction does at the start."""
+        """Return the direction of b or its opposite, whichever agrees with a's direction at the start."""
         return along_b if (self.relative @ along_a) @ along_b >= 0 else -along_b
 
 
 def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
-    """Return the two sides of a joint; ``R``, shape (nb + 1, 3, 3), are the rotations at the start."""
+    """Return the two sides of a joint; ``R``, shape (nb + 1, 3, 3), holds the rotations at the start."""
     first, second = joint.sides
     a, b = frames[first.body], frames[second.body]
     return Mate(a, b, a.point(first.point), b.point(second.point), R[b.index].T @ R[a.index])
@@ -57,7 +57,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
     mechanism : Mechanism
         Its ideal joints have no contacts.
     frames : dict
-        BodyFrame of every body.
+        BodyFrame of each body.
     R : (nb + 1, 3, 3) array
         Rotations at the start.
     """
@@ -101,7 +101,7 @@ def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[float, ...]) -> Iterator[FaceRow]:
-    """Yield the rings of the first side around the cylinder on the second's axis."""
+    """Yield the rings of the first side around the cylinder on the axis of the second."""
     along, axis = place.a.direction(joint.axes[0]), place.b.direction(joint.axes[1])
     for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
         a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
@@ -111,9 +111,9 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
 
 
 def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
-    """Yield three points of each end face of the bearing against the journal's flange beyond it (paper, figure 8).
+    """Yield three points of each end face of the bearing against the journal's adjacent flange (paper, figure 8).
 
-    A flange touches its end face when the journal is centred: the clearance is a number added to the gap.
+    Each flange touches its end face when the journal is centred; the clearance is a number added to the gap.
     """
     along = place.a.direction(joint.axes[0])
     axis = place.align(along, place.b.direction(joint.axes[1]))
@@ -129,9 +129,9 @@ def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
-    """Yield the corners of the block against the faces of the slot, four each.
+    """Yield the corners of the block against the faces of the slot, four per face.
 
-    They touch when the block is centred: the clearances are numbers added to the gaps.
+    They touch when the block is centred; the clearances are numbers added to the gaps.
     """
     half = joint.block.half_length, joint.block.half_height, joint.block.half_width
     guide, slider = _edges(place.a, joint.guide), _edges(place.b, joint.slider)
@@ -146,7 +146,7 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _edges(frame: BodyFrame, side: Any) -> list[Array]:
-    """Return the directions of a block's or slot's length, height and width."""
+    """Return the directions of the length, height and width of a block or slot."""
     along, up = frame.direction(side.axis), frame.direction(side.normal)
     up = up - (up @ along) * along
     up = up / np.linalg.norm(up)
@@ -154,13 +154,13 @@ def _edges(frame: BodyFrame, side: Any) -> list[Array]:
 
 
 def _ball_in_socket(joint: Spherical, place: Mate) -> FaceRow:
-    """Return the one face: the ball's centre in a socket of the ball's radius, which acts as a skin."""
+    """Return the only face: the ball's centre in a socket with the ball's radius, which acts as a skin."""
     socket = Side(body=joint.socket.body, socket=Socket(centre=joint.socket.point, radius=joint.ball.radius or 0.0))
     return "ball", KINDS["point-socket"], (place.b, place.a), _point(place.point_b), row_b(socket, place.a)
 
 
 def _across(axis: Any) -> Array:
-    """Return the direction across ``axis`` nearest to the first of x, y, z that is most across it."""
+    """Return the direction perpendicular to ``axis`` nearest to the first of x, y, z with the largest angle to it."""
     n = np.asarray(axis, float)
     e = np.eye(3)[np.argmin(np.abs(n))]
     return np.asarray(e - (e @ n) * n)

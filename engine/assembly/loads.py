@@ -15,15 +15,15 @@ ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 
 
 def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> Loads:
-    """Return all loads as arrays; a damper is a spring without stiffness.
+    """Return all loads as arrays; a damper is stored as a spring without stiffness.
 
     Parameters
     ----------
     mechanism : Mechanism
     frames : dict
-        Frame of every body.
+        Frame of each body.
     laws : dict
-        Number of each time law, by the key of its owner.
+        Key of its owner -> number of each time law.
     """
     return Loads(
         gravity=np.array(mechanism.gravity, float),
@@ -35,7 +35,7 @@ def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[s
 
 
 def _of_type(mechanism: Mechanism, kind: str) -> list[Any]:
-    """Return the springs of one type, then the dampers of it."""
+    """Return the springs of one type, followed by the dampers of this type."""
     return [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == kind]
 
 
@@ -72,12 +72,12 @@ def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict
 
 
 def _turn(a: Array, b: Array) -> Array:
-    """Return b times the conjugate of a: b's attitude times it is a's where the angle is 0."""
+    """Return b times the conjugate of a: b's attitude times it equals a's where the angle is 0."""
     return np.array([a @ b, *(a[0] * b[1:] - b[0] * a[1:] + np.cross(a[1:], b[1:]))])
 
 
 def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) -> float:
-    """Return the angle of body b's frame about the spring's axis, from body a's, as the file places them."""
+    """Return the angle of body b relative to body a about the spring's axis, in the pose given in the file."""
     a, b = mechanism.bodies[spring.a], mechanism.bodies[spring.b]
     qa, qb = quaternion(a.axis, a.angle), quaternion(b.axis, b.angle)
     vector = qa[0] * qb[1:] - qb[0] * qa[1:] - np.cross(qa[1:], qb[1:])
@@ -85,7 +85,7 @@ def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) ->
 
 
 def _actions(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
-    """Return the actions of the springs that do not act along their line or as their couple."""
+    """Return the actions of the springs that do not act along their line or as a couple about their axis."""
     springs = [*_of_type(mechanism, "linear"), *_of_type(mechanism, "torsion")]
     actions = [getattr(spring, "actions", ()) for spring in springs]
     each = [action for of_one in actions for action in of_one]
@@ -98,7 +98,7 @@ def _actions(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, An
 
 
 def _load_row(frame: BodyFrame, load: Force | Torque | ForceAction | TorqueAction, turn: Array) -> list[float]:
-    """Return point, force and torque of a load, its vector turned by ``turn``."""
+    """Return the point, force and torque of a load, with its vector rotated by ``turn``."""
     if isinstance(load, Force | ForceAction):
         return [*frame.point(load.point), *(turn @ load.force), *np.zeros(3)]
     return [*np.zeros(6), *(turn @ load.torque)]

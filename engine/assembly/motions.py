@@ -1,4 +1,4 @@
-"""Prescribed motions as bilateral rows whose target is a law of time."""
+"""Prescribed motions as bilateral rows with a time law as their target."""
 
 import numpy as np
 
@@ -13,17 +13,17 @@ from engine.mechanism.motions import Translation
 def motion_rows(
     mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, laws: dict[str, int]
 ) -> list[BilateralRow]:
-    """Return one row for each motion, in the order of the file; its violation is 0 at the pose of ``state``.
+    """Return one row per motion, in the order of the file; its violation is 0 at the pose of ``state``.
 
     Parameters
     ----------
     mechanism : Mechanism
     frames : dict
-        Frame of every body.
+        Frame of each body.
     state : State
         The start pose.
     laws : dict
-        Number of each time law, by the key of its owner.
+        Key of its owner -> number of each time law.
     """
     rows = []
     for key, motion in mechanism.motions.items():
@@ -31,7 +31,7 @@ def motion_rows(
         a, b = against.index, moved.index
         if isinstance(motion, Translation):
             along, led = against.direction(motion.along.direction), moved.point(motion.along.point)
-            start = state.R[a].T @ (state.x[b] + state.R[b] @ led - state.x[a])  # where the point is, seen from a
+            start = state.R[a].T @ (state.x[b] + state.R[b] @ led - state.x[a])  # position of the point seen from a
             geometry, kind, arm = [*start, *along, *led], SLIDE, 1.0
         else:
             axis = against.direction(motion.about.axis)

@@ -11,7 +11,7 @@ from engine.mechanism.readout import Event
 
 
 def phase_arrays(mechanism: Mechanism) -> Phases:
-    """Return the parts of a run, in order."""
+    """Return the phases of a run, in order."""
     names, phases = list(mechanism.responses), mechanism.phases
     return Phases(
         duration=np.array([np.inf if p.duration is None else p.duration for p in phases], float),
@@ -27,5 +27,5 @@ def event_limit(event: Event) -> tuple[float, float]:
 
 
 def active_phases(mechanism: Mechanism, phases: Sequence[str] | None) -> Array:
-    """Return the phases in which a load or motion acts, shape (n_phase,) bool; ``phases`` None: in all."""
+    """Return the phases in which a load or motion acts, shape (n_phase,) bool; ``phases`` None means all."""
     return np.array([phases is None or phase.name in phases for phase in mechanism.phases], bool)

@@ -17,7 +17,8 @@ ENDLESS = math.inf
 def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Array, Array, float]:
     """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and the length added to their distance.
 
-    That length is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded
+    This length is minus the contact's offset and minus the skin of side a, i.e. the radius of a sphere or of a rounded
+    edge; for a ring around a cylinder it is the radial clearance between them.
     edge; for a ring around a cylinder it is the radial clearance between them.
     """
     a, b = contact.sides
@@ -76,7 +77,7 @@ def row_b(side: Side, frame: BodyFrame) -> Array:
 
 
 def _row(*numbers: Any) -> Array:
-    """Return the numbers and vectors as a row, filled up with zeros."""
+    """Return numbers and vectors as a row, padded with zeros."""
     row, at = np.zeros(GEOMETRY), 0
     for part in numbers:
         size = 1 if isinstance(part, float | int) else len(part)
@@ -86,11 +87,11 @@ def _row(*numbers: Any) -> Array:
 
 
 def _walls(radius: float, hollow: bool) -> tuple[float, float]:
-    """Return the least and the largest distance of a round solid's material from its axis."""
+    """Return the smallest and largest distance of a round solid's material from its axis."""
     return (radius, ENDLESS) if hollow else (-ENDLESS, radius)
 
 
 def _across(n: Array, direction: Array) -> Array:
-    """Return the unit vector across n nearest to a direction."""
+    """Return the unit vector perpendicular to n that is nearest to a direction."""
     e = direction - (direction @ n) * n
     return np.asarray(e / np.linalg.norm(e))

@@ -1,4 +1,4 @@
-"""Profiles as rows of `engine.kernels.contact_geometry.profiles`, one for each line or arc."""
+"""Profiles as rows of `engine.kernels.contact_geometry.profiles`, one per line or arc."""
 
 import math
 
@@ -10,11 +10,11 @@ from engine.mechanism.closed_profiles.profile_curve import Piece
 from engine.mechanism.contacts import Side
 
 NO_PIECES = np.zeros((0, PIECE))
-SMOOTH = 1e-9  # sine of the angle at a joint; below, it is no corner
+SMOOTH = 1e-9  # sine of the angle at a joint; a smaller one is no corner
 
 
 def profile_pieces(side: Side) -> Array:
-    """Return the pieces of a side's profile, shape (np, PIECE); none if it has no profile."""
+    """Return the pieces of a side's profile, shape (np, PIECE); empty if it has no profile."""
     if side.kind not in ("turned", "extruded"):
         return NO_PIECES
     curve = side.primitive.curve
@@ -40,6 +40,6 @@ def _row(piece: Piece, before: Piece, after: Piece) -> list[float]:
 
 
 def _corner(before: complex, after: complex) -> tuple[complex, float]:
-    """Return the direction halfway between the normals of two pieces, and 1 for a convex corner, -1, or 0 if smooth."""
+    """Return the direction bisecting the normals of two pieces, and 1 for a convex corner, -1, or 0 if smooth."""
     halfway, bend = -1j * (before + after), (before.conjugate() * after).imag
     return halfway / abs(halfway), 0.0 if abs(bend) <= SMOOTH else math.copysign(1.0, bend)

@@ -1,8 +1,7 @@
-"""Results that are kept from one assembly to the next, for as long as nothing that they follow from has changed.
+"""Results that are reused from one assembly to the next while the tables they depend on have not changed.
 
-Between the runs of a campaign few numbers change, and `set_values` makes only the tables on the way to them anew; all
-others are the same objects, and immutable. What a result follows from is not listed anywhere: it is noted while the
-result is built.
+Between the runs of a campaign few numbers change, and `set_values` creates only the tables that contain them anew; all
+others are the same, immutable objects. Dependencies are not listed anywhere: they are recorded while a result is built.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,17 +12,17 @@ from typing import Any, TypeVar, cast
 from engine.mechanism.models import Mechanism
 
 TABLES = frozenset(Mechanism.model_fields)
-KEPT = 8  # results of each function, the latest ones
+KEPT = 8  # number of results kept per function, the latest ones
 Result = TypeVar("Result")
 
 
 class TablesRead:
-    """A mechanism that notes which of its tables are read, also by its own methods.
+    """A mechanism that records which of its tables are read, including by its own methods.
 
     Attributes
     ----------
     tables : dict
-        Name -> table, of those that have been read.
+        Name -> table, for those that have been read.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -37,19 +36,19 @@ class TablesRead:
 
 
 def remembered(build: Callable[..., Result]) -> Callable[..., Result]:
-    """Let a function return an earlier result where it would build the same one again.
+    """Let a function return an earlier result if it would build the same one again.
 
     Parameters
     ----------
     build : callable
-        A function of a mechanism and, after it, of results of other such functions, and of nothing else. Nobody may
-        change what it returns: runs on other threads use it at the same time.
+        A function of a mechanism, followed by results of other such functions, and of nothing else. Its result must not
+        be modified, because runs on other threads use it at the same time.
 
     Returns
     -------
     callable
-        The function. An earlier result is returned if all tables that were read when it was built, and all other
-        arguments, are the same objects; as they are immutable, it is the same to the bit.
+        The function. It returns an earlier result if all tables that were read to build it, and all other arguments,
+        are the same objects. As these are immutable, the result is identical to the bit.
     """
     kept: tuple[tuple[list[tuple[str, Any, Any]], tuple[Any, ...], Result], ...] = ()
 
@@ -63,9 +62,9 @@ def remembered(build: Callable[..., Result]) -> Callable[..., Result]:
                 return result
         reading = TablesRead(mechanism)
         result = build(cast(Mechanism, reading), *others)
-        # a table that is kept stays alive: no other object gets its identity
+        # a kept table stays alive, so that no other object can get its id
         tables = [(name, _content(table), _identity(table)) for name, table in reading.tables.items()]
-        kept = ((tables, others, result), *kept)[:KEPT]  # one assignment, whatever other threads do
+        kept = ((tables, others, result), *kept)[:KEPT]  # a single assignment, whatever other threads do
         return result
 
     return function
@@ -76,10 +75,10 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _content(table: Any) -> Any:
-    """Return a table, or the entries of a dict of tables, to which somebody may give others."""
+    """Return a table, or the entries of a dict of tables, which somebody may replace."""
     return list(table.values()) if isinstance(table, Mapping) else table
 
 
 def _identity(table: Any) -> Any:
-    """Return what only the same table has, or a dict of the same entries."""
+    """Return a key that only the same table has, or a dict with the same entries."""
     return (list(table), list(map(id, table.values()))) if isinstance(table, Mapping) else id(table)

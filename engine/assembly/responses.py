@@ -41,7 +41,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: S
     ----------
     mechanism : Mechanism
     frames : dict
-        Frame of every body.
+        Frame of each body.
     state : State
         The start pose.
     pairs : list of Pair
@@ -50,7 +50,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: S
     Raises
     ------
     MechanismError
-        If a response names a contact its joint does not have, or the force of a joint without contacts.
+        If a response names a contact that its joint does not have, or the force of a joint without contacts.
     """
     items = mechanism.responses.items()
     _refuse_missing_contacts(mechanism, [pair.name for pair in pairs])
@@ -73,7 +73,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: S
 def _measured(
     mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]
 ) -> tuple[int, tuple[int, int, int], Array]:
-    """Return kind, bodies (or contacts, or spring) and geometry of a response."""
+    """Return the kind, the bodies (or contacts, or spring) and the geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
     if response.type in ("position", "velocity"):
         body = _way(response, frames, point)
@@ -106,7 +106,7 @@ def _way(response: Any, frames: dict[str, BodyFrame], point: Array) -> tuple[int
 
 
 def _turning(response: Any, frames: dict[str, BodyFrame], state: State, point: Array) -> tuple[int, int, int]:
-    """Write a rotation's axis, and conj(p_b) p_a at the start, which makes the angle 0 there; return the bodies."""
+    """Write a rotation's axis, and conj(p_b) p_a at the start, so that the angle is 0 there; return the bodies."""
     a, b = frames[response.relative_to or "world"], frames[response.body]
     p, q = state.p[b.index], state.p[a.index]
     point[3:6] = a.direction(response.axis)
@@ -146,7 +146,7 @@ def _phase(mechanism: Mechanism, name: str | None, default: int) -> int:
 
 
 def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
-    """Raise if a response reads a contact that a joint does not have."""
+    """Raise an error if a response reads a contact that a joint does not have."""
     faults = []
     for name, response in mechanism.responses.items():
         contact, joint = getattr(response, "contact", None), getattr(response, "joint", None)

@@ -1,4 +1,4 @@
-"""Checks of the start pose: parts do not overlap, ideal joints are closed."""
+"""Checks at the start pose: parts must not overlap, and ideal joints must be closed."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
 from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
 
-JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in arms of its bodies (hence also in rad)
+JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in arms of its bodies (and so in rad)
 
 
 def refuse_long_step(mechanism: Mechanism) -> None:
@@ -22,7 +22,7 @@ def refuse_long_step(mechanism: Mechanism) -> None:
     Raises
     ------
     MechanismError
-        If the step is longer than the horizon: not one whole step would be made.
+        If the step is longer than the horizon, so that not one whole step would be made.
     """
     sim, unit = mechanism.simulation, mechanism.unit("time")
     if sim.step > sim.horizon:
@@ -39,13 +39,13 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str
     Raises
     ------
     MechanismError
-        If any gap is below minus the allowed penetration: one line for each contact, or clearance of a joint.
+        If a gap is below minus the allowed penetration: one line for each contact, or clearance of a joint.
     """
     gap = state.gap
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
     if (gap >= -mechanism.simulation.penetration).all():
         return
-    worst: dict[str, int] = {}  # the faces of a joint that have one clearance share a fault
+    worst: dict[str, int] = {}  # faces of a joint with the same clearance share one fault
     for i, name in enumerate(names):
         if not gap[i] >= -mechanism.simulation.penetration:
             key = _clearance_key(mechanism, name)
@@ -56,13 +56,13 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str
 
 
 def _clearance_key(mechanism: Mechanism, name: str) -> str:
-    """Return the key of the clearance at a contact of a joint, or of the contact itself."""
+    """Return the key of the clearance at a contact of a joint, or the key of another contact."""
     joint, _, face = name.partition(".")
     return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
 
 
 def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
-    """Return the line of a message that names the overlapping pair and what is allowed."""
+    """Return the line of a message that names the overlapping pair and the allowed values."""
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
@@ -74,13 +74,13 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
 
 
 def refuse_open_joints(mechanism: Mechanism, held: list[BilateralRow], state: State) -> None:
-    """Check the rows of the ideal joints.
+    """Check that the rows of the ideal joints are closed.
 
     Raises
     ------
     MechanismError
-        If the points of a joint are apart along a direction it holds, or its axes inclined (an angle times the arm),
-        by more than 1e-5 of the arm and more than `simulation.penetration`: one line for each.
+        If the points of a joint are apart along a direction that it holds, or its axes are inclined (an angle times the
+        arm), by more than 1e-5 of the arm and more than `simulation.penetration`: one line for each.
     """
     if not held:
         return
@@ -97,7 +97,7 @@ def refuse_open_joints(mechanism: Mechanism, held: list[BilateralRow], state: St
 
 
 def _open(mechanism: Mechanism, name: str, apart: Any, inclined: Any) -> Iterator[str]:
-    """Yield a line if a joint's points are too far apart, or its axes too inclined [both given as lengths]."""
+    """Yield a line if a joint's points are too far apart or its axes too inclined [both given as lengths]."""
     joint, unit = mechanism.joints[name], mechanism.unit("length")
     arm = turning_arm(mechanism, [side.body for side in joint.sides])
     allowed = max(mechanism.simulation.penetration, JOINT_TOLERANCE * arm)

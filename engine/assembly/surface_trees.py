@@ -11,11 +11,11 @@ from engine.assembly.frames import BodyFrame
 from engine.kernels.model import Surfaces
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
-SPARE = 1.0  # how often the third derivatives may be as large until a patch is cut: then few pieces are quartered
-ELONGATED = 1.5  # ratio of the sides of a piece beyond which only the longer one is halved
-MOST_HALVINGS = 8  # of a patch
-ROUNDING = 1e-14  # share of the farthest coordinate that is added to the half sides of boxes
-NO_DIRECTION = 1e-6  # sine of the angle between a piece's slopes in its middle below which it has no normal
+SPARE = 1.0  # safety factor on third derivatives in the test that cuts patches, so that few pieces are quartered
+ELONGATED = 1.5  # ratio of a piece's sides above which only the longer one is halved
+MOST_HALVINGS = 8  # per patch
+ROUNDING = 1e-14  # share of the largest coordinate that is added to the half sides of boxes
+NO_DIRECTION = 1e-6  # sine of the angle between the slopes in a piece's middle, below which it has no normal
 
 # powers of x, -1 to 1, in the cubic Bernstein polynomials of (1 + x) / 2
 _POWERS = np.array([[1, -3, 3, -1], [3, -3, -3, 3], [3, 3, -3, -3], [1, 3, 3, 1]], float).T / 8
@@ -35,7 +35,7 @@ NO_SURFACES = Surfaces(
 
 
 def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
-    """Return the tree of one surface, from its body's centre of mass in body axes; its root is node 0."""
+    """Return the tree of one surface, from its body's centre of mass in body axes; the root is node 0."""
     control = frame.origin + surface.boundary @ frame.rotation.T
     pieces = _pieces(control)
     coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, pieces)
@@ -48,7 +48,7 @@ def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
     slack = ROUNDING * np.abs(points).max()
 
     def grow(which: Integers, parent: int) -> None:
-        """Add the node of some pieces and all nodes below."""
+        """Add the node of some pieces and all nodes below it."""
         node, inside = len(boxes), points[which].reshape(-1, 3)
         low, high = inside.min(axis=0), inside.max(axis=0)
         boxes.append(np.concatenate([0.5 * (low + high), 0.5 * (high - low) + slack]))
@@ -77,7 +77,7 @@ def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
 
 
 def joined_surfaces(trees: Sequence[Surfaces | None]) -> tuple[Array, Surfaces]:
-    """Return all trees in one, and the root of each, -1 for none; a tree that is given twice is there once."""
+    """Return all trees as one, and the root of each, -1 for none; a tree given twice is included once."""
     own = list({id(tree): tree for tree in trees if tree is not None}.values())
     nodes = np.cumsum([0, *(len(tree.after) for tree in own)])
     pieces = np.cumsum([0, *(len(tree.bound) for tree in own)])
@@ -99,7 +99,7 @@ def joined_surfaces(trees: Sequence[Surfaces | None]) -> tuple[Array, Surfaces]:
 
 
 def _pieces(patches: Array) -> Array:
-    """Return the patches cut into pieces over which the slopes change little."""
+    """Return the patches cut into pieces on which the slopes change little."""
     done, rest = [], patches
     for _ in range(MOST_HALVINGS):
         coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, rest)
@@ -121,7 +121,7 @@ def _pieces(patches: Array) -> Array:
 
 
 def _slabs(points: Array, coefficient: Array, slack: float) -> Array:
-    """Return a box around the control points of each piece, with its axes along the middle of the piece: (n, 3, 5)."""
+    """Return a box around the control points of each piece, aligned with the middle of the piece: (n, 3, 5)."""
     S_x, S_y = coefficient[:, :, 1, 0], coefficient[:, :, 0, 1]
     normal = np.cross(S_x, S_y)
     flat = np.linalg.norm(normal, axis=1) > NO_DIRECTION * np.linalg.norm(S_x, axis=1) * np.linalg.norm(S_y, axis=1)
@@ -140,11 +140,11 @@ def _halved(patches: Array, axis: int) -> Array:
 
 
 def _bounds(coefficient: Array) -> Array:
-    """Return the bounds of pieces' derivatives, shape (n, 9).
+    """Return the bounds of the derivatives of pieces, shape (n, 9).
 
-    The third derivatives of |S - q|^2 / 2 by xxx, xxy, xyy, yyy are products of those of S with S - q, and a part
-    without q, of derivatives of the first fundamental form E, F, G. First come bounds of these parts (0:4), then of the
-    lengths of S's third derivatives (4:8), last the sum of those of S_x and S_y (8).
+    The third derivatives of |S - q|^2 / 2 by xxx, xxy, xyy, yyy are products of those of S with S - q, plus a part
+    without q from derivatives of the first fundamental form E, F, G. The columns bound these parts (0:4), the lengths
+    of S's third derivatives (4:8), and the sum of the lengths of S_x and S_y (8).
     """
     S_x, S_y = _derived(coefficient, 1, 0), _derived(coefficient, 0, 1)
     E, F, G = _product(S_x, S_x), _product(S_x, S_y), _product(S_y, S_y)
@@ -155,7 +155,7 @@ def _bounds(coefficient: Array) -> Array:
 
 
 def _derived(a: Array, by_x: int, by_y: int) -> Array:
-    """Return the coefficients of a derivative of polynomials; powers of x and of y are the last two axes."""
+    """Return the coefficients of a derivative of polynomials; the last two axes are the powers of x and y."""
     for axis, times in ((-2, by_x), (-1, by_y)):
         for _ in range(times):
             powers = np.arange(1, a.shape[axis])

@@ -1,4 +1,4 @@
-"""Laws of time as arrays: cubic pieces, and a sine on top."""
+"""Time laws as arrays: cubic pieces plus a sine."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from engine.mechanism.time_laws import FactorSine, Law, Sine, TableLaw
 
 
 def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
-    """Return all laws of time as arrays, and the number of each by the key of its owner, such as ``"forces.push"``."""
+    """Return all time laws as arrays, and the number of each by the key of its owner, such as ``"forces.push"``."""
     owners = {
         f"{table}.{name}": entry
         for table in ("forces", "torques", "motions")
@@ -34,7 +34,7 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
 
 
 def _since(mechanism: Mechanism, entry: Any) -> int:
-    """Return the phase from whose beginning a law counts: the named one, or the first in which a motion acts."""
+    """Return the phase at whose start a law's time begins: the named one, or the first in which a motion acts."""
     phases = [phase.name for phase in mechanism.phases]
     if entry.since is None and isinstance(entry, Led) and entry.phases:
         return min(phases.index(phase) for phase in entry.phases)
@@ -42,7 +42,7 @@ def _since(mechanism: Mechanism, entry: Any) -> int:
 
 
 def _pieces(law: Law) -> Array:
-    """Return the time at which each piece begins and its four coefficients, shape (pieces, 5)."""
+    """Return the start time of each piece and its four coefficients, shape (pieces, 5)."""
     if isinstance(law, TableLaw):
         return _table(law)
     if isinstance(law, Sine):
@@ -52,7 +52,7 @@ def _pieces(law: Law) -> Array:
 
 
 def _table(law: TableLaw) -> Array:
-    """Return the pieces of a table; a smooth one is flat at both ends, as it continues there as a constant."""
+    """Return the pieces of a table; a smooth one is flat at both ends, where it continues as a constant."""
     t, y = np.array(law.points).T
     rows = np.zeros((t.size, 5))
     rows[:, 0], rows[:, 1] = t, y

@@ -1,4 +1,4 @@
-"""The unknowns of a step in nodes of six: the bodies' velocities, and the multipliers of bilateral rows."""
+"""The unknowns of a step in nodes of six: the velocities of the bodies, and the multipliers of bilateral rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from engine.friction.elimination import eliminate_nodes
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Where the unknowns are, and the blocks of a step's system (`engine.friction.blocks`).
+    """The numbering of the unknowns, and the blocks of a step's system (`engine.friction.blocks`).
 
     Attributes
     ----------
@@ -21,9 +21,9 @@ class Unknowns:
     body : (nb,) array
         Node of each body's velocities.
     at : (nt,) array
-        Place of each row's multiplier among the unknowns.
+        Index of each row's multiplier among the unknowns.
     row_body, row_pair : (nt, 2) arrays
-        Nodes of the two bodies that each row touches, -1 for the ground; first piece of each with the row's node.
+        Nodes of the two bodies that each row acts on, -1 for the ground; first piece of each with the row's node.
     contact_pair : (nc,) array
         First piece of the two bodies of each contact, 0 if one of them is the ground.
     """
@@ -37,7 +37,7 @@ class Unknowns:
 
 
 def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, int]]) -> Unknowns:
-    """Return where the unknowns are.
+    """Return the numbering of the unknowns.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, 
     rows : list of BilateralRow
         Up to six successive rows between the same two bodies share a node.
     contacts : sequence of (int, int)
-        The two bodies of every contact; a number of ``bodies`` or more is the ground.
+        The two bodies of each contact; a number of ``bodies`` or more is the ground.
     """
     groups: list[list[int]] = []
     for i, row in enumerate(rows):

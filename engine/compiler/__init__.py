@@ -1,1 +1,1 @@
-"""What Numba lacks: tuples of arrays by address, a memory of choices and sizes, no search for garbage."""
+"""Additions to Numba: tuples of arrays passed by address, remembered choices and sizes, no garbage collection."""

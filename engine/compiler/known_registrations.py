@@ -1,7 +1,7 @@
-"""Numba's table of implementations, filled anew while a kernel compiles only where something was added.
+"""Refill Numba's table of implementations during compilation only if something was added.
 
-Numba fills it from its registries whenever it looks up an implementation that it does not find, and each array makes it
-look up one that arrays do not have: thousands of times, and nearly always nothing is new.
+Numba refills it from its registries whenever a lookup finds no implementation, and each array causes a lookup of one
+that arrays do not have: thousands of times, and nearly always nothing is new.
 """
 
 from collections.abc import Iterator
@@ -17,11 +17,11 @@ _refresh = BaseContext.refresh
 
 @contextmanager
 def registrations_known() -> Iterator[None]:
-    """Skip what is in vain while the block runs, which holds Numba's lock; one within another has no effect."""
+    """Skip useless refreshes inside the block, which holds Numba's lock; nested blocks have no effect."""
     if BaseContext.refresh is not _refresh:
         yield
         return
-    lists: dict[int, list[list[Any]]] = {}  # by the identity of the context, which outlives the block
+    lists: dict[int, list[list[Any]]] = {}  # by the id of the context, which outlives the block
     filled: dict[int, int] = {}
 
     def refresh(self: Any) -> None:
@@ -38,9 +38,9 @@ def registrations_known() -> Iterator[None]:
 
 
 def _registrations(context: Any) -> list[list[Any]]:
-    """Return the lists from which a context has been filled; each only grows.
+    """Return the lists that a context has been filled from; each of them only grows.
 
-    Numba registers its own intrinsics not with the built-in registry but with the first that the context knows.
+    Numba registers its own intrinsics not in the built-in registry but in the first one that the context knows.
     """
     of_code, of_types = imputils.RegistryLoader.registry_items, templates.RegistryLoader.registry_items
     lists = [getattr(registry, items) for registry in context._registries for items in of_code]

@@ -1,7 +1,7 @@
-"""Python's search for circles of objects that nobody needs, paused while a kernel compiles.
+"""Pause Python's garbage collection while a kernel compiles.
 
-Numba makes millions of small objects, of which nearly all live until the kernel is compiled: Python looked through them
-again and again and found hardly any to free. That was a seventh of the time of compiling.
+Numba creates millions of small objects, nearly all of which live until the kernel is compiled. The garbage collector
+examined them again and again and found hardly any to free, which took a seventh of the compilation time.
 """
 
 import gc
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collection_paused() -> Iterator[None]:
-    """Pause the search while the block runs, which holds Numba's lock; where it is off, it stays off."""
+    """Pause garbage collection inside the block, which holds Numba's lock; if it was off, it stays off."""
     was_on = gc.isenabled()
     gc.disable()
     try:

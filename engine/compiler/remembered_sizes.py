@@ -1,7 +1,7 @@
-"""Sizes of LLVM's types, remembered while a kernel compiles.
+"""Remember the sizes of LLVM's types while a kernel compiles.
 
-Numba asks for the size of each variable and of each array's items, thousands of times in all, and each time LLVM reads
-a module of text with one variable of the type in it. The kernels have some dozens of types.
+Numba asks for the size of each variable and of each array's items, thousands of times in all, and each time LLVM parses
+a module with one variable of this type. The kernels use a few dozen types.
 """
 
 from collections.abc import Iterator
@@ -15,11 +15,11 @@ _size_of = BaseContext.get_abi_sizeof
 
 @contextmanager
 def sizes_remembered() -> Iterator[None]:
-    """Remember sizes while the block runs, which holds Numba's lock; one within another has no effect."""
+    """Remember sizes inside the block, which holds Numba's lock; nested blocks have no effect."""
     if BaseContext.get_abi_sizeof is not _size_of:
         yield
         return
-    sizes: dict[tuple[int, str], int] = {}  # by the identity of the context, which outlives the block, and the type
+    sizes: dict[tuple[int, str], int] = {}  # by the type and the id of the context, which outlives the block
 
     def get_abi_sizeof(self: Any, ty: Any) -> int:
         key = id(self), str(ty)

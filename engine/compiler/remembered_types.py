@@ -1,8 +1,8 @@
-"""Numba's choices of built-in functions, remembered while a kernel compiles.
+"""Remember Numba's choices of built-in functions while a kernel compiles.
 
-For every call of a built-in function or operator Numba tries all implementations that have been declared, with each of
-the types that the arguments may have, first when it infers types and again when it writes code. That was a fifth of the
-time of compiling: the kernels have 20,000 such calls, and hardly a thousand different ones.
+For each call of a built-in function or operator Numba tries all declared implementations with all possible argument
+types, first in type inference and again in code generation. This took a fifth of the compilation time: the kernels
+contain 20,000 such calls, and hardly a thousand different ones.
 """
 
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ _choose = BaseFunction.get_call_type
 
 
 class ChosenFunctions:
-    """What Numba chose so far: signatures by function, types of the arguments and options of the compiler."""
+    """Numba's choices so far: signatures by function, argument types and compiler options."""
 
     def __init__(self) -> None:
         self._signatures: dict[Any, Any] = {}
-        self._options: list[Any] = []  # no two are equal
-        self._numbers: dict[int, tuple[int, Any]] = {}  # by the identity of options, which are kept for that
+        self._options: list[Any] = []  # all different
+        self._numbers: dict[int, tuple[int, Any]] = {}  # by the id of the options, which are kept alive for this
 
     def choose(self, function: Any, context: Any, arguments: Any, named: Any) -> Any:
         """Return the signature with which a function is called, as ``get_call_type`` of Numba's functions does."""
@@ -32,7 +32,7 @@ class ChosenFunctions:
         return self._signatures[key][0]
 
     def _number(self, options: Any) -> int:
-        """Return a number that equal options of the compiler have in common."""
+        """Return a number that is the same for equal compiler options."""
         if id(options) not in self._numbers:
             if options not in self._options:
                 self._options.append(options)
@@ -42,7 +42,7 @@ class ChosenFunctions:
 
 @contextmanager
 def choices_remembered() -> Iterator[None]:
-    """Remember choices while the block runs, which holds Numba's lock; one within another has no effect."""
+    """Remember choices inside the block, which holds Numba's lock; nested blocks have no effect."""
     if BaseFunction.get_call_type is not _choose:
         yield
         return

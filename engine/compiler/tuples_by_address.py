@@ -1,17 +1,17 @@
-"""Named tuples of arrays that kernels hand on by address.
+"""Named tuples of arrays that kernels pass on by address.
 
-Numba passes a tuple of arrays by value: seven numbers and more for each array, which are taken apart and put together
-again at every call. The 150 arrays of a run made most of the text of all kernels that way. A tuple declared here is one
-address: of a table with the arrays' descriptions, which is filled once, when Python calls the kernel.
+Numba passes a tuple of arrays by value: at least seven numbers per array, which are unpacked and packed again at each
+call. The 150 arrays of a run made up most of the code of all kernels in this way. A tuple declared here is a single
+address: that of a table of array descriptions, which is filled once, when Python calls the kernel.
 
-In kernels such a tuple has its fields and nothing else: it is neither made nor unpacked there. Without compilation
-(NUMBA_DISABLE_JIT) it is the plain tuple that it is in Python.
+In kernels only the fields of such a tuple can be accessed: it is neither created nor unpacked there. Without
+compilation (NUMBA_DISABLE_JIT) it is the plain Python tuple.
 """
 
 import hashlib
 from typing import Any, TypeVar
 
-import engine.jit  # noqa: F401  # isort: skip  # imports Numba as it has to be
+import engine.jit  # noqa: F401  # isort: skip  # imports Numba in the required way
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
@@ -30,19 +30,19 @@ T = TypeVar("T", bound=type)
 WORD = 8  # bytes
 BYTE, ADDRESS = ir.IntType(8), ir.IntType(8).as_pointer()
 INDEX = ir.IntType(64)
-# Numba's description of an array: two words for its owner, the number of items, bytes of an item, their address; shape
-# and strides have as many words as the array has axes
+# Numba's description of an array: two words for its owner, the number of items, the size of an item in bytes, their
+# address; shape and strides have one word per axis
 ITEMS, ITEM_SIZE, DATA, SHAPE, STRIDES = 2, 3, 4, 5, 6
 
 
 class TupleByAddress(types.Type):
-    """The type of a declared tuple in Numba."""
+    """The Numba type of a declared tuple."""
 
     def __init__(self, name: str, fields: dict[str, Any]) -> None:
         digest = hashlib.sha256(repr(list(fields.items())).encode()).hexdigest()[:16]
-        super().__init__(name=f"{name}_{digest}")  # part of the name of every kernel that takes such a tuple
+        super().__init__(name=f"{name}_{digest}")  # part of the name of each kernel that takes such a tuple
         self.fields = fields
-        self.first: dict[str, int] = {}  # word of the table with which each field begins
+        self.first: dict[str, int] = {}  # the first word of each field in the table
         self.words = 0
         for field, kind in fields.items():
             self.first[field] = self.words
@@ -50,16 +50,16 @@ class TupleByAddress(types.Type):
 
 
 def _words(kind: Any) -> int:
-    """Return how many words of the table a field takes."""
+    """Return the number of words of the table that a field takes."""
     if isinstance(kind, TupleByAddress):
         return kind.words
     return SHAPE + 2 * kind.ndim if isinstance(kind, types.Array) else 1
 
 
 def by_address(named_tuple: T) -> T:
-    """Have kernels hand on tuples of this class by address; a decorator.
+    """Make kernels pass on tuples of this class by address; a class decorator.
 
-    The fields may be arrays, floats, integers, truth values and other tuples that are declared so.
+    The fields may be arrays, floats, integers, truth values and other tuples declared in this way.
     """
 
     @typeof_impl.register(named_tuple)
@@ -85,7 +85,7 @@ class TupleByAddressFields(AttributeTemplate):  # type: ignore[misc]
     key = TupleByAddress
 
     def generic_resolve(self, kind: Any, name: str) -> Any:  # type: ignore[override]
-        """Return the type of a field; None if there is none of that name."""
+        """Return the type of a field; None if there is no field of that name."""
         return kind.fields.get(name)
 
 
@@ -106,13 +106,13 @@ def _at(builder: Any, address: Any, word: int) -> Any:
 
 
 def _read(builder: Any, address: Any, word: int, kind: Any) -> Any:
-    """Return a word of the table as a value of a type of LLVM."""
-    # not marked as invariant: where a kernel is inlined into its wrapper, LLVM then reads the table before it is filled
+    """Return a word of the table as a value of an LLVM type."""
+    # not marked as invariant, because LLVM would read the table before it is filled where a kernel is inlined
     return builder.load(builder.bitcast(_at(builder, address, word), kind.as_pointer()), align=WORD)
 
 
 def _read_array(context: Any, builder: Any, kind: Any, address: Any, first: int) -> Any:
-    """Return Numba's description of an array; what its type says already is not read."""
+    """Return Numba's description of an array; values known from its type are not read."""
     array = context.get_value_type(kind)
     item_size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
     known = [ir.Constant(element, item_size if place == ITEM_SIZE else None) for place, element in enumerate(array)]
@@ -130,7 +130,7 @@ def _read_array(context: Any, builder: Any, kind: Any, address: Any, first: int)
 
 @unbox(TupleByAddress)  # type: ignore[no-untyped-call]
 def _unbox(kind: Any, given: Any, c: Any) -> NativeValue:
-    """Fill the table of a tuple that Python gives to a kernel."""
+    """Fill the table of a tuple that Python passes to a kernel."""
     room = cgutils.alloca_once(c.builder, INDEX, size=kind.words)  # type: ignore[no-untyped-call]
     table = c.builder.bitcast(room, ADDRESS)
     failed = _fill(kind, given, table, c)
@@ -138,7 +138,7 @@ def _unbox(kind: Any, given: Any, c: Any) -> NativeValue:
 
 
 def _fill(kind: Any, given: Any, table: Any, c: Any) -> Any:
-    """Write the words of a tuple; return the code's truth value of whether it failed, with an exception of Python."""
+    """Write the words of a tuple; return the generated flag for failure, in which case a Python exception is set."""
     failed = cgutils.false_bit
     for number, (name, field) in enumerate(kind.fields.items()):
         item, place = c.pyapi.tuple_getitem(given, number), _at(c.builder, table, kind.first[name])

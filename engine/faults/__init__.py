@@ -1,1 +1,1 @@
-"""What is wrong with a file or a value, as data, and where in a text it stands."""
+"""Faults of a file or a value as data, with their positions in the text."""

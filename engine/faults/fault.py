@@ -1,35 +1,36 @@
-"""What is wrong with a file or a value, as data; the line that a user reads is made from it."""
+"""A fault of a file or a value as data; the line shown to the user is made from it."""
 
 import re
 from dataclasses import dataclass
 from typing import Any
 
-LONGEST_FAULT = 1000  # characters of a line
-_LONGEST_VALUE = 80  # characters of a value in a line
+LONGEST_FAULT = 1000  # characters per line
+_LONGEST_VALUE = 80  # characters of a value within a line
 _PARTS = re.compile(r"(?P<what>.*?)(?:^|; )allowed(?: here)?: (?P<allowed>.*?)(?:; (?P<remedy>.*))?", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong, where, and what to do.
+    """One fault: what is wrong, where, and what to do.
 
     Parameters
     ----------
     keys : tuple of str
-        The keys down to the one at fault, as the user wrote them; entries of lists by their number from 0. Empty if it
-        is the file as a whole.
+        Keys down to the one at fault, as written by the user; list entries by their index from 0. Empty if the fault is
+        in the file as a whole.
     text : str
         What is wrong; what is allowed; what to do.
     value : object
-        The value of the key; None if it has none, or if it is a table.
+        Value of the key; None if it has none or is a table.
     unit : str
-        Unit of the value, if it is a number that has one.
+        Unit of the value, if it is a number with a unit.
     others : tuple of str
-        Dotted paths of further keys that are at fault together with this one.
+        Dotted paths of other keys that share the fault.
     within : tuple of Fault
-        Faults of the file that the value names.
+        Faults of the file named by the value.
     line, column : int or None
-        Where the key, or its nearest table, stands in the text that was read, from 1; None if it was no text.
+        Position of the key, or its nearest table, in the text, counted from 1; None if the data were not read from a
+        text.
     """
 
     keys: tuple[str, ...]
@@ -48,7 +49,7 @@ class Fault:
 
     @property
     def shown(self) -> str:
-        """The value with its unit, as a line shows it; empty if there is none."""
+        """The value with its unit as shown in a line; empty if there is none."""
         if self.value is None:
             return ""
         value = str(self.value).lower() if isinstance(self.value, bool) else repr(self.value)
@@ -62,7 +63,7 @@ class Fault:
 
     @property
     def allowed(self) -> str:
-        """What would be allowed; empty if the text does not say."""
+        """What is allowed; empty if the text does not say."""
         return self._parts()[1]
 
     @property
@@ -83,7 +84,7 @@ class Fault:
         return one_line(f"{where}{value}: {self.text}" if self.keys else self.text)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data: the fields, the three parts of the text, and the line that a user reads."""
+        """Return plain data: the fields, the three parts of the text, and the line shown to the user."""
         return {
             "keys": list(self.keys),
             "value": self.shown or None,
@@ -95,6 +96,6 @@ class Fault:
 
 
 def one_line(text: str) -> str:
-    """Return a fault as one line of bounded length; a key or value of a file can hold any character."""
+    """Return a fault as one line of bounded length; a key or value in a file can contain any character."""
     shown = text if len(text) <= LONGEST_FAULT else f"{text[: LONGEST_FAULT - 200]} ... {text[-195:]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in shown)

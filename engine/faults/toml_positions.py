@@ -1,4 +1,4 @@
-"""Where the keys of a TOML text stand in it, so that an editor can show what is wrong beside its line."""
+"""Positions of the keys in a TOML text, so that an editor can show a fault next to its line."""
 
 import tomllib
 from bisect import bisect_right
@@ -15,12 +15,12 @@ Keys = tuple[str, ...]
 
 @dataclass(frozen=True)
 class TextPosition:
-    """A place in a text.
+    """A position in a text.
 
     Parameters
     ----------
     line, column : int
-        From 1; columns count characters.
+        Counted from 1; columns count characters.
     """
 
     line: int
@@ -28,30 +28,30 @@ class TextPosition:
 
 
 def position_of(text: str, keys: Sequence[str]) -> TextPosition:
-    """Return where a key stands in a TOML text.
+    """Return the position of a key in a TOML text.
 
     Parameters
     ----------
     text : str
-        TOML that `engine.toml_file.parse_toml` accepts; any other is followed as far as it goes.
+        TOML that `engine.toml_file.parse_toml` accepts; any other text is followed as far as possible.
     keys : sequence of str
-        The tables and the key, from the outside in; entries of lists by their number from 0.
+        The tables and the key, from the outside in; list entries by their index from 0.
 
     Returns
     -------
     TextPosition
-        Of the key; of the nearest table around it if the text does not have it; the beginning if it has none of them.
+        Position of the key; if the text lacks it, of the nearest enclosing table; otherwise the start of the text.
     """
     return _nearest(key_positions(text), keys)
 
 
 def with_positions(faults: Iterable[Fault], content: bytes) -> tuple[Fault, ...]:
-    """Return the faults of a text with the lines and columns of their keys.
+    """Return the faults of a text with the line and column of their keys.
 
     Parameters
     ----------
     faults : iterable of Fault
-        Faults whose keys are those of the text.
+        Faults whose keys refer to the text.
     content : bytes
         The text, which `engine.toml_file.parse_toml` accepts.
     """
@@ -61,7 +61,7 @@ def with_positions(faults: Iterable[Fault], content: bytes) -> tuple[Fault, ...]
 
 
 def key_positions(text: str) -> dict[Keys, TextPosition]:
-    """Return where each key, entry and table of a TOML text stands; of a table its header, or the first key in it."""
+    """Return the position of each key, entry and table of a TOML text; for a table, its header or its first key."""
     reader = _KeyReader(text)
     reader.read()
     line_starts = [0, *(i + 1 for i, c in enumerate(text) if c == "\n")]
@@ -80,20 +80,20 @@ def _nearest(known: dict[Keys, TextPosition], keys: Sequence[str]) -> TextPositi
 
 
 class _KeyReader:
-    """Follows a text token by token, and notes where its keys begin.
+    """Parses a text token by token, and records where its keys start.
 
     Attributes
     ----------
     written : dict
-        Keys that are written whole -> the character where they begin.
+        Full path of an explicitly written key or table -> index of its first character.
     implied : dict
-        Tables that are named only on the way to a key in them -> the character where the first of those begins.
+        Tables named only in the paths of their keys -> index of the first character of the first such path.
     """
 
     def __init__(self, text: str) -> None:
         tokens = ((token.lastgroup, token[0], token.start()) for token in TOKEN.finditer(text))
         self._tokens = [token for token in tokens if token[0] not in ("skipped", "dot")][::-1]
-        self._entries: Counter[Keys] = Counter()  # of the lists of tables
+        self._entries: Counter[Keys] = Counter()  # entries so far of each array of tables
         self.written: dict[Keys, int] = {}
         self.implied: dict[Keys, int] = {}
 
@@ -113,7 +113,7 @@ class _KeyReader:
         return self._tokens[-1][0] or "" if self._tokens else ""
 
     def _names(self) -> list[tuple[str, int]]:
-        """Read the parts of a key; return each with the character where it begins."""
+        """Read the parts of a key; return each with the index of its first character."""
         names = []
         while self._next_kind() in ("word", "string"):
             _, text, at = self._tokens.pop()
@@ -151,7 +151,7 @@ class _KeyReader:
             self._value(keys)
 
     def _value(self, keys: Keys) -> None:
-        """Read a value to its end."""
+        """Read a value up to its end."""
         if self._next_kind() != "open":
             while self._next_kind() not in ("comma", "close", "end", ""):
                 self._tokens.pop()
@@ -173,7 +173,7 @@ class _KeyReader:
 
 
 def _unquoted(text: str) -> str:
-    """Return the part of a key that a token stands for."""
+    """Return the part of a key that a token represents."""
     if text[0] not in "\"'":
         return text
     try:

@@ -1,4 +1,4 @@
-"""What can be known before a run: numbers in a wrong unit, motions that nothing loads, a rest that comes too early."""
+"""Checks before a run: numbers in a wrong unit, motions without any load, rest that is detected too early."""
 
 from engine.preflight.caution import Caution
 from engine.preflight.cautions import cautions

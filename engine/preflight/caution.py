@@ -1,24 +1,24 @@
-"""A caution: what looks wrong in a mechanism that could run all the same."""
+"""A caution: something that looks wrong in a mechanism although it could run."""
 
 from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True)
 class Caution:
-    """What looks wrong in a mechanism, where, and what to do.
+    """Something that looks wrong in a mechanism, where it is, and what to do.
 
     Attributes
     ----------
     key : str
         Dotted path in the mechanism file.
     value : float or None
-        The number there, if it is one number.
+        The number at this key, if it is a single number.
     unit : str
-        Its unit; "1" for a pure number.
+        Unit of the value; "1" for a pure number.
     text : str
         What looks wrong.
     customary : str
-        What would be customary.
+        What is customary.
     remedy : str
         What to do.
     """

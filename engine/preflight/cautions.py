@@ -1,4 +1,4 @@
-"""All cautions of a mechanism."""
+"""All cautions about a mechanism."""
 
 from engine.mechanism import Mechanism
 from engine.preflight.caution import Caution
@@ -7,21 +7,21 @@ from engine.preflight.doubles import doubles_of
 from engine.preflight.pace import pace_of
 from engine.preflight.start_gaps import start_gap_cautions
 
-MOST_BODIES = 40  # of a mechanism whose small motions are looked at; the time grows with the third power
+MOST_BODIES = 40  # in a mechanism whose small motions are examined; the time grows with the third power
 
 
 def cautions(mechanism: Mechanism) -> list[Caution]:
-    """Return what looks wrong in a mechanism that can start: numbers first, then motions, in the order of the file.
+    """Return the cautions about a mechanism that can start: first numbers, then motions, in the order of the file.
 
     Parameters
     ----------
     mechanism : Mechanism
-        As `engine.check` accepts it.
+        A mechanism that `engine.check` accepts.
 
     Returns
     -------
     list of Caution
-        Empty if nothing does.
+        Empty if nothing looks wrong.
     """
     drawn = [*start_gap_cautions(mechanism), *doubles_of(mechanism)]
     numbers = [*customs_of(mechanism), *pace_of(mechanism)]

@@ -1,7 +1,7 @@
-"""Numbers that are a thousand times off what is customary, mostly because they are in another unit.
+"""Numbers that are off the customary range by a factor of a thousand, mostly because they are in another unit.
 
-The ranges are those of machines and instruments that are made: from a watch to a dredger, each end a thousand times
-beyond what is usual. A density is that of a body as compact as its moments of inertia tell.
+The ranges are those of real machines and instruments, from a watch to a dredger, extended by a factor of a thousand
+beyond the usual at each end. The density is that of a body as compact as its moments of inertia indicate.
 """
 
 from collections.abc import Iterator
@@ -12,9 +12,9 @@ from engine.mechanism import Mechanism
 from engine.preflight.caution import Caution
 
 STANDARD_GRAVITY = 9.80665  # m/s2
-GRAVITY_FACTOR = 100.0  # a centrifuge is stronger, the moon weaker, a wrong unit a thousand times off
+GRAVITY_FACTOR = 100.0  # allows for centrifuges and the moon; a wrong unit is off by a factor of a thousand
 
-# quantity: least, most and what is usual, in SI
+# quantity: smallest, largest, and the usual range, in SI units
 CLEARANCE = (1e-7, 1e-2, (2e-6, 2e-3))
 MASS = (1e-9, 1e9, (1e-6, 1e5))
 STIFFNESS = (1e-2, 1e9, (10.0, 1e6))
@@ -23,13 +23,13 @@ DENSITY = (1e-2, 5e5, (100.0, 2e4))
 
 CLEARANCES = ("radial_clearance", "clearance", "width_clearance", "axial_clearance")
 
-# what 1 of the unit of "mm-g-ms" is in SI
+# value in SI units of 1 in the units of "mm-g-ms"
 IN_SI = {"length": 1e-3, "mass": 1e-3, "acceleration": 1e3, "stiffness": 1e3, "torsional stiffness": 1e-3}
-BALL = 9.1  # m / (4/3 pi r^3) of a ball in terms of m / k^3, with its radius of gyration k
+BALL = 9.1  # m / (4/3 pi r^3) of a ball divided by m / k^3, where k is its radius of gyration
 
 
 def customs_of(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield the numbers of a mechanism that are far off what is customary in its system of units."""
+    """Yield cautions about the numbers of a mechanism that are far off what is customary in its unit system."""
     yield from _gravity(mechanism)
     for name, joint in mechanism.joints.items():
         for key in CLEARANCES if not joint.ideal else ():
@@ -45,12 +45,12 @@ def customs_of(mechanism: Mechanism) -> Iterator[Caution]:
 
 
 def _factor(mechanism: Mechanism, quantity: str) -> float:
-    """Return what 1 of the mechanism's unit of a quantity is in SI."""
+    """Return the value in SI units of 1 in the mechanism's unit of a quantity."""
     return 1.0 if mechanism.units == "SI" else IN_SI[quantity]
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield a caution if gravity is far off the earth's, but not zero."""
+    """Yield a caution if gravity is far off the earth's but not zero."""
     factor = _factor(mechanism, "acceleration")
     size = float(np.linalg.norm(mechanism.gravity))
     ratio = size * factor / STANDARD_GRAVITY
@@ -67,7 +67,7 @@ def _gravity(mechanism: Mechanism) -> Iterator[Caution]:
 
 
 def _mass(mechanism: Mechanism, name: str, mass: float, inertia: object) -> Iterator[Caution]:
-    """Yield a caution if a mass is off, alone or for a body of this inertia."""
+    """Yield a caution if a mass is out of range, by itself or for a body with this inertia."""
     key, off = f"bodies.{name}.mass", False
     for caution in _off(mechanism, key, mass, "mass", MASS):
         off = True
@@ -93,7 +93,7 @@ def _mass(mechanism: Mechanism, name: str, mass: float, inertia: object) -> Iter
 def _off(
     mechanism: Mechanism, key: str, value: float, quantity: str, custom: tuple[float, float, tuple[float, float]]
 ) -> Iterator[Caution]:
-    """Yield a caution if a number is beyond its range."""
+    """Yield a caution if a number is out of its range."""
     least, most, (low, high) = custom
     factor, unit = _factor(mechanism, quantity), mechanism.unit(quantity)
     if not least <= value * factor <= most:

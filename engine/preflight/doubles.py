@@ -1,4 +1,4 @@
-"""Joints and contacts that are written twice: each of the two carries a share of a force that one would carry."""
+"""Joints and contacts written twice: each of the two carries a share of the force that one would carry."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from engine.preflight.caution import Caution
 
 
 def doubles_of(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield the joints and contacts that say word by word what another one of their table says.
+    """Yield the joints and contacts whose entries are identical to another one in the same table.
 
     Parameters
     ----------

@@ -11,21 +11,21 @@ from engine.preflight.small_motions import SmallMotions, accelerations, null_spa
 from engine.preflight.unloaded import values_at
 
 SLOW = 1e6  # windows: a play that takes longer to close has no load
-SHORT = 4.0  # a play of a joint that takes more windows than this to close is not waited for
+SHORT = 4.0  # windows: a run does not wait for a play of a joint that takes longer than this to close
 
 
 def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     """Yield the slowest play that is still open when the mechanism may count as being at rest.
 
-    At the start all is at rest. Where the loads move no measured length by more than the drift allowed within the
-    window, the run ends there, though its bodies have only begun to slide or to turn. Where they do, a body that is not
-    measured may still move later, when what is measured stands still. Only a body in flight is waited for.
+    At the start everything is at rest. If the loads move no measured length by more than the allowed drift within the
+    window, the run ends there although its bodies have only begun to slide or turn. If they do, a body that is not
+    measured may still move later, when the measured ones stand still. A run waits only for bodies in flight.
 
     Parameters
     ----------
     mechanism : Mechanism
     small : SmallMotions
-        About its start pose.
+        Small motions about the start pose.
     """
     rest, assembly = mechanism.simulation.rest, small.assembly
     window = max(rest.window, mechanism.simulation.step)
@@ -59,7 +59,7 @@ def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution
 
 
 def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
-    """Return how fast the speed grows with which the gap of a contact closes."""
+    """Return the acceleration at which the gap of a contact closes."""
     if small.is_round[contact]:
         rows = small.rounds[small.round_of == contact]
         return float(np.linalg.norm(rows @ moves))
@@ -67,7 +67,7 @@ def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
 
 
 def _play(mechanism: Mechanism, contact: str) -> str:
-    """Return the play at a contact, with its value if it is a number of the file."""
+    """Return the name of the play at a contact, with its value if it is a number in the file."""
     joint, _, face = contact.partition(".")
     if not face:
         return f"the gap of contacts.{contact}"

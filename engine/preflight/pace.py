@@ -10,14 +10,14 @@ from engine.mechanism import Mechanism
 from engine.mechanism.loads import Damper, Spring
 from engine.preflight.caution import Caution
 
-LONGEST = 1.0  # rad or 1, of what a step may be: angular frequency times step, damping times step over mass
+LONGEST = 1.0  # rad or 1: largest product of angular frequency and step, or of damping and step divided by mass
 
 
 def pace_of(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield the springs and dampers whose own time is shorter than the time step."""
+    """Yield cautions about springs and dampers whose characteristic time is shorter than the time step."""
     step, unit = mechanism.simulation.step, mechanism.unit("time")
     for name, spring in mechanism.springs.items():
-        if spring.actions:  # its lever arms are its own
+        if spring.actions:  # its actions have lever arms of their own
             continue
         inert = _inert(mechanism, spring)
         rate = math.sqrt(spring.stiffness / inert)
@@ -40,7 +40,7 @@ def pace_of(mechanism: Mechanism) -> Iterator[Caution]:
 
 
 def _fast(key: str, value: float, unit: str, own: str, step: float, most: float) -> Caution:
-    """Return the caution on a number that is too stiff for the step."""
+    """Return the caution about a number that is too stiff for the step."""
     return Caution(
         key,
         value,
@@ -52,7 +52,7 @@ def _fast(key: str, value: float, unit: str, own: str, step: float, most: float)
 
 
 def _inert(mechanism: Mechanism, link: Spring | Damper) -> float:
-    """Return the inertia that a spring or damper works against: that of its lighter body."""
+    """Return the inertia that a spring or damper works against: that of the lighter of its bodies."""
     names = [end if isinstance(end, str) else end.body for end in (link.a, link.b)]
     inert = _mass if link.type == "linear" else _inertia
     return min(inert(mechanism, name) for name in names if not mechanism.bodies[name].fixed)
@@ -64,7 +64,7 @@ def _mass(mechanism: Mechanism, name: str) -> float:
 
 
 def _inertia(mechanism: Mechanism, name: str) -> float:
-    """Return the largest inertia that a body has about any of its joints."""
+    """Return the largest inertia of a body about any of its joints."""
     body = mechanism.bodies[name]
     largest = float(np.linalg.eigvalsh(np.array(body.inertia, float))[-1])
     centre = np.array(body.center_of_mass)

@@ -1,4 +1,4 @@
-"""Motions that lose no energy, and so never come to rest: swings on springs and in gravity that nothing damps."""
+"""Motions that lose no energy and so never come to rest: undamped oscillations on springs and in gravity."""
 
 from collections.abc import Iterator
 
@@ -12,13 +12,13 @@ from engine.preflight.unloaded import values_at
 
 
 def perpetual_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
-    """Yield the bodies that move from the start on, are measured at the end, and lose no energy on the way.
+    """Yield cautions about bodies that move from the start, are measured at the end, and lose no energy meanwhile.
 
     Parameters
     ----------
     mechanism : Mechanism
     small : SmallMotions
-        About its start pose.
+        Small motions about the start pose.
     """
     if mechanism.motions or any(phase.damping for phase in mechanism.phases):
         return
@@ -48,7 +48,7 @@ def perpetual_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]
 
 
 def _linked(mechanism: Mechanism) -> list[set[str]]:
-    """Return the groups of moving bodies that joints, contacts, springs or dampers link."""
+    """Return the groups of moving bodies that are linked by joints, contacts, springs or dampers."""
     groups = [{name} for name, body in mechanism.bodies.items() if not body.fixed]
     pairs = [{side.body for side in pair.sides} for pair in (*mechanism.joints.values(), *mechanism.contacts.values())]
     for link in (*mechanism.springs.values(), *mechanism.dampers.values()):

@@ -1,8 +1,8 @@
-"""The small motions of a mechanism about its start pose: what joints and contacts leave free, and how loads act.
+"""The small motions of a mechanism about its start pose: the freedom left by joints and contacts, and the loads.
 
-Unknowns are the velocities of all moving bodies, six each: of the centre of mass and about it, in world axes. They are
-whitened, y = M^1/2 w, so that lengths of y are energies. `free` has the motions that ideal joints leave, and that turn
-no all-round contact (a pin in a bore, a ball in a socket) off its place.
+The unknowns are the velocities of all moving bodies, six each: of the centre of mass and about it, in world axes. They
+are whitened, y = M^1/2 w, so that the squared length of y measures energy. `free` contains the motions that ideal
+joints allow and that do not move any all-round contact (a pin in a bore, a ball in a socket) out of its place.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,19 +21,19 @@ from engine.kernels.loads import apply_loads
 from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, State
 
 ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
-NOTHING = 1e-9  # relative size of what rounding leaves of zero
-SMALL = 1e-5  # angle, and share of a radius of gyration, of a small displacement
-SOFT = 1e-6  # compliance of all contacts alike, so that those that can share a load do
+NOTHING = 1e-9  # relative size below which a number is a rounding error of zero
+SMALL = 1e-5  # a small displacement, as an angle and as a share of a radius of gyration
+SOFT = 1e-6  # common compliance of all contacts, so that those that can share a load do
 
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """A mechanism about its start pose, `n` velocities in all.
+    """A mechanism about its start pose, with `n` velocities in total.
 
     Attributes
     ----------
     assembly : Assembly
-        At its start.
+        The mechanism at its start.
     root : (n, n) array
         M^-1/2: w = root y.
     joints : (nj, n) array
@@ -59,14 +59,14 @@ class SmallMotions:
         return np.isin(np.arange(len(self.normals)), self.round_of)
 
     def loads(self, phase: int, t: float, state: State | None = None) -> Array:
-        """Return the forces and torques of a phase on all bodies, shape (n,), in y; at another pose if it is given."""
+        """Return the forces and torques of a phase on all bodies, shape (n,), in y; optionally at another pose."""
         model, work = self.assembly.model, self.assembly.work
         state = state or self.assembly.state
         apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
         return np.asarray(self.root.T @ work.wrench[:-1].ravel())
 
     def derivative(self, measured: Callable[[State], Array]) -> Array:
-        """Return the derivative of something at a pose, shape (m, n), in y; zero where rounding hides it."""
+        """Return the derivative of a function of the pose, shape (m, n), in y; zero where rounding hides it."""
         size, columns = float(np.abs(measured(self.assembly.state)).max(initial=0.0)), []
         for j, step in enumerate(self.steps()):
             forth, back = (displaced(self.assembly.state, sign * step * self.root[:, j]) for sign in (1.0, -1.0))
@@ -75,7 +75,7 @@ class SmallMotions:
         return np.array(columns).T
 
     def steps(self) -> Array:
-        """Return small steps of each y: a small share of the radius of gyration, or a small angle."""
+        """Return a small step for each y: a small share of the radius of gyration, or a small angle."""
         bodies = self.assembly.model.bodies
         arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))
         lengths = np.repeat(np.stack([arms, np.ones_like(arms)], axis=1).ravel(), 3)
@@ -109,7 +109,7 @@ def displaced(state: State, w: Array) -> State:
 
 
 def null_space(rows: Array, n: int) -> Array:
-    """Return an orthonormal basis, shape (n, k), of the vectors that no row sees; rows count whatever their length."""
+    """Return an orthonormal basis, shape (n, k), of the null space of rows, regardless of the lengths of the rows."""
     lengths = np.linalg.norm(rows, axis=1)
     rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
     if not len(rows):
@@ -119,16 +119,16 @@ def null_space(rows: Array, n: int) -> Array:
 
 
 def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Array]:
-    """Return how the bodies begin to move under loads, and how hard the contacts press, without friction.
+    """Return how the bodies start to move under loads, and how hard the contacts press, without friction.
 
-    Gauss's principle: of all motions that close no contact, the one nearest to that of the loads alone.
+    By Gauss's principle, this is the motion nearest to that of the loads alone among all that close no contact.
 
     Parameters
     ----------
     free : (n, k) array
-        Basis of the motions that are possible.
+        Basis of the possible motions.
     normals : (nc, n) array
-        Rows of the contacts that are closed.
+        Rows of the closed contacts.
     loads : (n,) array
 
     Returns
@@ -174,7 +174,7 @@ def _rows(
 ) -> Array:
     """Return the rows of the velocity of bodies a relative to b along directions at points, shape (n, 6 nb).
 
-    Where `is_spin`, of shape (n,), they are the rows of the spin about the direction; the point is nothing to them.
+    Where `is_spin`, shape (n,), is true, they are the rows of the spin about the direction; the point is irrelevant.
     """
     nb = len(state.x) - 1
     rows = np.zeros((len(direction), nb, 2, 3))
@@ -188,10 +188,10 @@ def _rows(
 
 
 def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
-    """Return the rows in which all-round contacts hold, in y, and the contact of each; a row's speed is a gap's.
+    """Return the rows in which all-round contacts hold, in y, and the contact of each; a row's speed is that of a gap.
 
-    The bodies are displaced until the gaps would be closed: the normal of a pin in a bore then points everywhere, that
-    of a face hardly turns.
+    The bodies are displaced until the gaps would be closed: the normal of a pin in a bore then covers all directions,
+    whereas that of a face hardly turns.
     """
     contacts, state, nb = assembly.model.contacts, assembly.state, len(assembly.model.bodies.mass)
     curved = np.isin(contacts.kind, (RING_BORE, ON_ROUND, ON_BALL, ON_TURNED, ON_EXTRUDED, ON_SURFACE))
@@ -210,7 +210,7 @@ def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
         across, spread, _ = np.linalg.svd(np.array(normals[i]).T, full_matrices=False)
         ways = across[:, spread > ROUND * np.sqrt(len(normals[i]))]
         if ways.shape[1] > 1:
-            # of all normals, the row of each principal way: its speed is that of the gap along it
+            # from all normals, one row for each principal direction: its speed is that of the gap along it
             held.append(np.linalg.pinv(np.array(normals[i]) @ ways) @ np.array(rows[i]))
             of.append(np.full(ways.shape[1], i))
     return np.vstack(held), np.concatenate(of)

@@ -1,4 +1,4 @@
-"""Gaps at the start, computed twice: by the functions that a run uses, and by OCCT between the faces as drawn."""
+"""Gaps at the start, computed in two ways: by the functions used in a run, and by OCCT between the faces as drawn."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,16 +14,16 @@ from engine.preflight.caution import Caution
 AGREE = 1e-5
 """Largest difference [mm] of the two, besides what recognising and converting the faces has cost."""
 
-_ENDS = 1e-6  # of a joint's length, by which a ring at its end may be beyond it
+_ENDS = 1e-6  # share of a joint's length by which a ring at its end may lie beyond it
 
 
 def with_start_gaps(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism whose certificate of geometry has the gaps at its start beside the distances as drawn.
+    """Return a mechanism whose certificate of geometry contains its gaps at the start next to the distances as drawn.
 
     Parameters
     ----------
     mechanism : Mechanism
-        As `engine.load_mechanism` returns it. One that takes nothing from a CAD file, or cannot start, stays as it is.
+        From `engine.load_mechanism`. If it takes nothing from a CAD file or cannot start, it is returned unchanged.
     """
     certificate = mechanism.geometry
     if certificate is None or not certificate.gaps:
@@ -44,7 +44,7 @@ def with_start_gaps(mechanism: Mechanism) -> Mechanism:
 def _compared(
     mechanism: Mechanism, certificate: GeometryCertificate, gaps: Mapping[str, DrawnGap]
 ) -> dict[str, DrawnGap]:
-    """Return the gaps with what a run would start from; as they are if it cannot start."""
+    """Return the gaps completed with those at the start of a run; unchanged if the mechanism cannot start."""
     from engine.assembly import assemble
 
     try:
@@ -66,9 +66,9 @@ def _compared(
 
 
 def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, float]) -> tuple[float, float]:
-    """Return the smallest gap of the rings where pin and hole both are, and what the file adds to their clearance.
+    """Return the smallest gap of the rings in the overlap of pin and hole, and what the file adds to their clearance.
 
-    The gap is infinite if there is no such ring.
+    The gap is infinite if no ring is there.
     """
     reach = (0.5 + _ENDS) * (drawn.length or 0.0)
     within = [i for i, station in enumerate(joint.rings or (), 1) if abs(station) <= reach]
@@ -77,12 +77,12 @@ def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, f
 
 
 def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield the gaps at the start that are not what OCCT measures between the faces.
+    """Yield cautions about gaps at the start that differ from those OCCT measures between the faces.
 
     Parameters
     ----------
     mechanism : Mechanism
-        As `with_start_gaps` returns it.
+        From `with_start_gaps`.
     """
     certificate, unit = mechanism.geometry, mechanism.unit("length")
     if certificate is None:
@@ -123,12 +123,12 @@ def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
 
 
 def _millimetre(mechanism: Mechanism) -> float:
-    """Return a millimetre in a mechanism's unit of length."""
+    """Return the length of a millimetre in a mechanism's unit of length."""
     return 1.0 if mechanism.units == "mm-g-ms" else 1e-3
 
 
 def _remedy(key: str) -> str:
-    """Return what to look at."""
+    """Return what the user should look at."""
     if ".joints." in f".{key}":
         return "look whether points, axes and rings that this file gives lie where hole and pin do"
     return (

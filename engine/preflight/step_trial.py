@@ -1,4 +1,4 @@
-"""Try whether a mechanism comes to rest with a fixed step, and which shorter one does if it does not."""
+"""Test whether a mechanism comes to rest with a fixed step, and otherwise which shorter step does."""
 
 from engine.mechanism import Mechanism, set_values
 from engine.preflight.caution import Caution
@@ -9,9 +9,9 @@ LONGEST_TRIAL = 10.0  # s
 
 
 def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None) -> Caution | None:
-    """Return a caution if a mechanism does not come to rest with a fixed step, with the longest step that does.
+    """Return a caution, naming the longest suitable step, if a mechanism does not come to rest with a fixed step.
 
-    Steps of a half, a quarter, ... are tried, one run each. If none of them does, the step is not to blame.
+    Half the step, a quarter of it and so on are tried, one run each. If none comes to rest, the step is not to blame.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None
     step : float
         The fixed step.
     horizon : float, optional
-        Longest simulated time, in place of the mechanism's.
+        Longest simulated time, instead of the mechanism's.
     """
     limit = min(LONGEST_TRIAL, mechanism.simulation.wall_limit)
     mechanism = set_values(mechanism, {"simulation.wall_limit": limit})

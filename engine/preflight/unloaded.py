@@ -1,6 +1,6 @@
-"""Motions that nothing loads: no force, spring or gravity decides where a body ends up.
+"""Motions without any load: no force, spring or gravity determines where a body ends up.
 
-Where responses say what matters, those that one of them measures; of a mechanism without any, all of them.
+If the mechanism has responses, only motions measured by one of them matter; otherwise all of them.
 """
 
 from collections.abc import Iterator
@@ -25,25 +25,25 @@ from engine.preflight.small_motions import (
 )
 from engine.unrest.direction_words import motion_words
 
-SEEN = 0.05  # share of a response's gradient that is worth a word
-BEGUN = 100.0  # small steps: a motion that has begun
-ACTS = 1e-6  # share of a load along a motion that is one
-SAME = 1e-6  # relative difference of two sizes that are one
-PURE = 0.05  # share of a motion's energy that is worth a word
+SEEN = 0.05  # share of a response's gradient that is worth mentioning
+BEGUN = 100.0  # number of small steps after which a motion has begun
+ACTS = 1e-6  # share of a load along a motion above which it acts on it
+SAME = 1e-6  # relative difference up to which two sizes are equal
+PURE = 0.05  # share of a motion's energy that is worth mentioning
 
 
 def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
-    """Yield the bodies that a response at the end of the run measures along a motion that nothing loads.
+    """Yield cautions about bodies that a response at the end of the run measures along a motion without any load.
 
-    Without any response, all bodies along all such motions, if one of them is fixed: else all could move together.
-
-    Prescribed motions push bodies in ways that a look at the start does not show: with one there is no caution.
+    Without responses, all bodies along all such motions are reported, provided that a body is fixed: otherwise all
+    could move together. Prescribed motions push bodies in ways that the start pose does not show, so with one there is
+    no caution.
 
     Parameters
     ----------
     mechanism : Mechanism
     small : SmallMotions
-        About its start pose.
+        Small motions about the start pose.
     """
     if mechanism.motions:
         return
@@ -68,14 +68,14 @@ def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
 
 
 def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[str, str]]:
-    """Return the motions that nothing loads, each by the body that has most of it and in words.
+    """Return the motions without any load, each as the body that takes the largest part in it and a description.
 
     Parameters
     ----------
     mechanism : Mechanism
-        None is returned where no body is fixed, so that all could move together.
+        If no body is fixed, the list is empty, because all could move together.
     small : SmallMotions
-        About its start pose.
+        Small motions about the start pose.
     """
     if not any(body.fixed for body in mechanism.bodies.values()):
         return []
@@ -86,8 +86,8 @@ def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[st
 def _pure_motions(basis: Array) -> Iterator[tuple[int, Array]]:
     """Yield as many motions as a basis, shape (n, k), has columns, with the body of each.
 
-    Each is the one with the largest share of its energy in the translation, or in the rotation, of one body; of several
-    bodies that are alike the first, of several directions the one nearest to a world axis.
+    Each is the one with the largest share of its energy in the translation, or in the rotation, of one body; among
+    equivalent bodies the first, among equivalent directions the one nearest to a world axis.
     """
     while basis.shape[1]:
         blocks = basis.reshape(-1, 3, basis.shape[1])
@@ -103,7 +103,7 @@ def _pure_motions(basis: Array) -> Iterator[tuple[int, Array]]:
 
 
 def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> bool:
-    """Return whether loads act on a motion once it has begun, as gravity does on a pendulum that hangs straight."""
+    """Return whether loads act on a motion once it has begun, as gravity does on a pendulum hanging straight down."""
     moving = y != 0.0
     begun = BEGUN * float((small.steps()[moving] / np.abs(y[moving])).min()) * (small.root @ y)
     there = small_motions(replace(small.assembly, state=displaced(small.assembly.state, begun)))
@@ -114,7 +114,7 @@ def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> boo
 
 
 def _caution(body: str, motion: str, measured: str) -> Caution:
-    """Return what is said of a body that nothing loads along a motion."""
+    """Return the caution about a body along a motion without any load."""
     return Caution(
         f"bodies.{body}",
         None,
@@ -134,9 +134,9 @@ def values_at(small: SmallMotions, pose: State) -> Array:
 
 
 def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
-    """Return a basis, shape (n, k), of the motions that nothing loads in any phase.
+    """Return a basis, shape (n, k), of the motions that are not loaded in any phase.
 
-    Neither the loads, nor what they become when the pose changes, nor the contacts that they close act on them.
+    Neither the loads, nor their change with the pose, nor the contacts that they close act on these motions.
     """
     n = len(small.root)
     free = null_space(np.vstack([small.joints, small.rounds]), n)
@@ -154,7 +154,7 @@ def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
 
 
 def _by_body(moves: Array, least: float) -> Array:
-    """Return the part of a motion of each body that moves by more than ``least``, one row each."""
+    """Return the part of a motion for each body that moves by more than ``least``, one row each."""
     nb = len(moves) // 6
     rows = np.zeros((nb, nb, 6))
     rows[np.arange(nb), np.arange(nb)] = moves.reshape(nb, 6)
@@ -162,7 +162,7 @@ def _by_body(moves: Array, least: float) -> Array:
 
 
 def _is_thrown(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> bool:
-    """Return whether a body starts with a speed in a motion that friction will end: that decides where it stops."""
+    """Return whether a body starts with a speed in a motion that friction will end, which decides where it stops."""
     name, twist, R = order_bodies(mechanism)[body], small.assembly.state.v[body], small.assembly.state.R[body]
     own = (small.root @ y)[6 * body : 6 * body + 6]
     along = abs(float(own[:3] @ twist[:3] + own[3:] @ (R @ twist[3:])))
@@ -172,7 +172,7 @@ def _is_thrown(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -
 
 
 def _words(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> tuple[str, str]:
-    """Return a body's name, and its part of a motion in words."""
+    """Return a body's name, and a description of its part in a motion."""
     parts = y.reshape(-1, 2, 3)[body]
     energies = (parts**2).sum(axis=1)
     y = np.where((energies > PURE * energies.sum())[:, None], parts, 0.0)

@@ -1,1 +1,1 @@
-"""Measure the time of a step and of its stages, with a time loop that has clocks."""
+"""Measure the time of a step and of its stages with an instrumented time loop."""

@@ -1,4 +1,4 @@
-"""The time of a step, and the shares of its stages: the numbers of `clearcap bench`."""
+"""The time of a step, and the shares of its stages: the numbers shown by `clearcap bench`."""
 
 import dataclasses
 import time
@@ -9,36 +9,36 @@ import numpy as np
 if TYPE_CHECKING:
     from engine import Mechanism
 
-STEPS = 7000  # at most, unless a number is given
-PAPER = {"c60": 1e-3}  # fixed steps [ms]: 7000 of these are the paper's run
-REPEATS = 2  # runs without clocks; the quickest counts
+STEPS = 7000  # largest number of steps, unless a number is given
+PAPER = {"c60": 1e-3}  # fixed steps [ms]: 7000 of them make up the paper's run
+REPEATS = 2  # runs without clocks; the fastest counts
 WALL_LIMIT = 600.0
 
 
 @dataclasses.dataclass(frozen=True)
 class StepTimes:
-    """One mechanism, simulated with one fixed step to the end of its horizon, at rest or not.
+    """One mechanism, simulated with a fixed step to the end of its horizon, at rest or not.
 
     Attributes
     ----------
     mechanism : str
-        Its name.
+        Name of the mechanism.
     status, message : str
-        Why the steps ended, as in a run; "ok" when all of them were made.
+        Why the steps ended, as in a run; "ok" if all of them were made.
     step : float
         Length of the steps, in the mechanism's unit of time.
     bodies, contacts, ties : int
         Numbers of moving bodies, potential contacts, and bilateral rows (ideal joints and prescribed motions).
     steps, repeated : int
-        Steps made, and steps among them that were repeated with half their length.
+        Number of steps made, and number of these that were repeated with half their length.
     step_us : float
-        Real time of a step, responses included [microseconds].
+        Real time per step, including responses [microseconds].
     iterations_per_step : float
-        Newton and interior-point steps of the friction solver.
+        Newton and interior-point steps of the friction solver per time step.
     shares : dict
-        Share of the time of each stage of `engine.profile.timed_loop.STAGES`; "other" makes their sum 1.
+        Share of the time per stage of `engine.profile.timed_loop.STAGES`; "other" completes the sum to 1.
     max_residual, max_penetration, max_violation : float
-        As in a run's certificate.
+        As in the certificate of a run.
     """
 
     mechanism: str
@@ -61,15 +61,16 @@ class StepTimes:
 def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> StepTimes:
     """Simulate a mechanism and measure the time of its steps.
 
-    The time of a step is that of the kernels that every run uses. The shares come from a second simulation, by the same
-    functions compiled once more with clocks between them (`engine.profile.timed_loop`). Compilation is not included.
+    The time of a step is measured with the kernels that every run uses. The shares come from a second simulation with
+    the same functions, compiled again with clocks between them (`engine.profile.timed_loop`). Compilation is not
+    included.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Its shortest step is used; for the C-60 the paper's.
+        Its shortest step is used; for the C-60, the paper's.
     steps : int, optional
-        Number of steps; by default as many as its horizon has, at most ``STEPS``.
+        Number of steps; by default as many as fit into its horizon, at most ``STEPS``.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
 
 
 def shares(mechanism: "Mechanism", control: Any) -> dict[str, float]:
-    """Return the share of the time that each stage of the steps takes; their sum is 1."""
+    """Return the share of the time that each stage of the steps takes; the sum is 1."""
     from engine.assembly import assemble
     from engine.kernels.time_loop import new_course
     from engine.profile.timed_loop import STAGES, timed_loop

@@ -1,7 +1,7 @@
 """The compiled time loop with a clock around each stage of a step, for `clearcap bench`.
 
 The loop is the engine's own: its functions `run_to_end`, `_advance` and `step` are compiled a second time with the
-names of the stages bound to timed ones. The kernels that runs use know of no clock. The copies are compiled anew in
+names of the stages bound to timed versions. The kernels used by runs contain no clock. The copies are compiled again in
 each process, because an address cannot be kept on disk.
 """
 
@@ -19,8 +19,8 @@ from numba.extending import intrinsic
 from engine.jit import inner, uncached
 from engine.kernels import step, time_loop
 
-# loads: with the free motion; contacts: the broad phase, velocities and the active set; projection: with its own
-# solver; rest: responses, and whether the mechanism is at rest
+# loads: includes the free motion; contacts: the broad phase, velocities and the active set; projection: includes its
+# solver; rest: responses, and the detection of rest
 STAGES = ("solver", "contacts", "loads", "joints", "projection", "rest")
 SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
 STAGES_OF_STEP = {
@@ -51,7 +51,7 @@ STAGES_OF_LOOP = {"_measure": REST, "update_reported": REST, "_track_rest": REST
 _clock = ctypes.CDLL(None).clock_gettime
 _clock.argtypes, _clock.restype = (ctypes.c_int, ctypes.c_size_t), ctypes.c_int
 _MONOTONIC = time.CLOCK_MONOTONIC
-_spent = np.zeros(len(STAGES), np.int64)  # [ns]; kernels write to it by its address
+_spent = np.zeros(len(STAGES), np.int64)  # [ns]; kernels write to it through its address
 _instant = np.zeros(2, np.int64)  # seconds, nanoseconds
 
 
@@ -69,14 +69,14 @@ _integers: Any = intrinsic(_build_integers)
 
 @cache
 def timed_loop() -> tuple[Callable[..., None], np.ndarray]:
-    """Return `kernels.time_loop.run_to_end` with clocks, and the times it adds to [ns], in the order of STAGES."""
+    """Return `kernels.time_loop.run_to_end` with clocks, and the array of times it adds to [ns], in order of STAGES."""
     timed_step = inner(_rebound(step.step, _timed(step, STAGES_OF_STEP)))
     advance = inner(_rebound(time_loop._advance, {"step": timed_step}))
     return uncached(_rebound(time_loop.run_to_end, {"_advance": advance, **_timed(time_loop, STAGES_OF_LOOP)})), _spent
 
 
 def _rebound(kernel: Any, names: Mapping[str, Any]) -> FunctionType:
-    """Return the function of a kernel with other functions behind the names it calls."""
+    """Return the function of a kernel with some of the functions it calls replaced, by name."""
     function = kernel.py_func
     return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
@@ -86,7 +86,7 @@ def _timed(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _with_clock(stage: Any, number: int) -> Any:
-    """Return the kernel ``stage`` with a clock: its time is added to ``_spent[number]``."""
+    """Return the kernel ``stage`` with a clock that adds its time to ``_spent[number]``."""
     spent_at, instant_at = _spent.ctypes.data, _instant.ctypes.data
 
     @inner

@@ -1,4 +1,4 @@
-"""The motion of one run as an HDF5 file that any HDF5 library reads: written while the run goes, and read back."""
+"""The motion of one run as an HDF5 file for any HDF5 library: written during the run, and read back."""
 
 from engine.trajectory.read import BodyMotion, ContactHistory, Trajectory, read_trajectory
 from engine.trajectory.recording import Recording

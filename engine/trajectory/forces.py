@@ -1,4 +1,4 @@
-"""Contact forces of a trajectory as vectors in the world; the file has them along each contact's own frame."""
+"""Contact forces of a trajectory as vectors in the world; the file stores them in each contact's own frame."""
 
 from collections.abc import Sequence
 
@@ -13,26 +13,26 @@ from engine.trajectory.read import Trajectory
 
 
 def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Array, Array]:
-    """Return the contact points, and the mean forces of the recorded steps since the previous of the instants.
+    """Return the contact points, and the mean forces over the recorded steps since the previous instant.
 
-    A force is the one on the contact's first body, or on the second if the first is fixed.
+    A force is that on the contact's first body, or on the second if the first is fixed.
 
     Parameters
     ----------
     trajectory : Trajectory
         With ``nc`` contacts.
     instants : sequence of int
-        ``m`` rows of it, increasing; the first has the force of its own step alone.
+        ``m`` rows of the trajectory, increasing; the first gets the force of its own step alone.
 
     Returns
     -------
     points, forces : (m, nc, 3) arrays
-        In the world.
+        In world axes.
     """
     mechanism = trajectory.mechanism()
     assembly, order = assemble(mechanism), order_bodies(mechanism)
     work, step = assembly.work, trajectory.step
-    # the plain scheme's frames are those of the end of a step
+    # in the plain scheme the frames are those at the end of a step
     within = (0.0 if trajectory.settings["scheme"] == "moreau_jean" else trajectory.settings["theta"]) * step
     sign = np.where(assembly.model.contacts.a < len(order), 1.0, -1.0)
     histories = [trajectory.contacts[name] for name in assembly.contact_names]
@@ -50,7 +50,7 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
 
 
 def _place(assembly: Assembly, trajectory: Trajectory, order: list[str], row: int, back: float) -> None:
-    """Find the contacts as the step did: at the pose of a row less the last part of its displacement."""
+    """Find the contacts as in the step: at the pose of a row minus the last part of its displacement."""
     state, work = assembly.state, assembly.work
     for body, name in enumerate(order):
         motion = trajectory.bodies[name]

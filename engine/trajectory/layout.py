@@ -1,4 +1,4 @@
-"""The datasets of a trajectory file, and the place of their numbers in a row of `kernels.record`."""
+"""The datasets of a trajectory file, and the position of their numbers in a row of `kernels.record`."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ class Series:
     Attributes
     ----------
     path : str
-        Its name in the file.
+        Name of the dataset in the file.
     width : int
-        Numbers in a row; 1 makes a dataset of one dimension.
+        Numbers per row; 1 gives a one-dimensional dataset.
     unit : str
-        Unit of its numbers.
+        Unit of the numbers.
     about : str
-        What the numbers are.
+        Meaning of the numbers.
     take : callable
-        From rows, shape (n, row length), to the dataset's, shape (n,) or (n, width).
+        Maps rows, shape (n, row length), to those of the dataset, shape (n,) or (n, width).
     dtype : str
-        Type in which they are stored.
+        Type in which the numbers are stored.
     """
 
     path: str
@@ -88,5 +88,5 @@ def _vector(path: str, at: int, unit: str, about: str, width: int = 3) -> Series
 
 
 def _origin(rows: Array, at: int, centre: Array) -> Array:
-    """Return x - Phi(p) centre, shape (n, 3), of a body whose numbers begin at column ``at``."""
+    """Return x - Phi(p) centre, shape (n, 3), for a body whose numbers begin at column ``at``."""
     return rows[:, at : at + 3] - rotate(rows[:, at + 3 : at + 7], centre)

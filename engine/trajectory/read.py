@@ -1,4 +1,4 @@
-"""Read a trajectory file back into arrays; a file that is not one is refused with its fault."""
+"""Read a trajectory file into arrays; a file that is not a valid trajectory is refused with the reason."""
 
 import json
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ FORMAT, VERSION = "clearcap trajectory", 1
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """The motion of one body, a row for each recorded instant."""
+    """The motion of one body, one row per recorded instant."""
 
     position: Array  # (n, 3) centre of mass, in the world
     origin: Array  # (n, 3) origin of its own frame, in the world
@@ -28,35 +28,35 @@ class BodyMotion:
 
 @dataclass(frozen=True)
 class ContactHistory:
-    """The history of one contact, a row for each recorded instant."""
+    """The history of one contact, one row per recorded instant."""
 
     gap: Array  # (n,)
-    impulse: Array  # (n, 3) of the step that led here, (N, T1, T2)
-    active: NDArray[np.bool_]  # (n,) in the index set of that step
+    impulse: Array  # (n, 3) during the step that ended here, (N, T1, T2)
+    active: NDArray[np.bool_]  # (n,) whether in the index set of that step
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run as recorded: ``n`` instants, the first and the last of the run among them.
+    """A recorded run: ``n`` instants, including the first and the last of the run.
 
     Attributes
     ----------
     description : dict
-        The mechanism as plain data, as it was simulated.
+        The simulated mechanism as plain data.
     digest, engine : str
-        Identity of the mechanism and of the engine's build.
+        Identities of the mechanism and of the engine's build.
     status, message : str
         How the run ended.
     settings, certificate : dict
-        The settings of the run, and what it proves of itself.
+        The settings of the run, and its certificate.
     units : dict
         Unit of each dataset, by its path in the file.
     time, step : (n,) arrays
-        Instants, and lengths of the steps that led to them.
+        Instants, and lengths of the steps that ended there.
     kinetic, potential : (n,) arrays
         Energies.
     bodies, contacts, responses : dict
-        By name.
+        Motion of each body, history of each contact and values of each response, by name.
     """
 
     description: dict[str, Any]
@@ -76,21 +76,21 @@ class Trajectory:
     responses: dict[str, Array]
 
     def mechanism(self) -> Mechanism:
-        """Return the mechanism that was simulated; MechanismError if this version does not know all its keys."""
+        """Return the simulated mechanism; raise MechanismError if this version does not know all its keys."""
         return mechanism_from(self.description, f"mechanism of the trajectory ({self.description.get('name')})")
 
     def force(self, contact: str) -> Array:
-        """Return the mean force of each step at a contact, (N, T1, T2), shape (n, 3)."""
+        """Return the mean force at a contact in each step, (N, T1, T2), shape (n, 3)."""
         return np.asarray(self.contacts[contact].impulse / self.step[:, None])
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
-    """Read a trajectory file whole.
+    """Read a whole trajectory file.
 
     Raises
     ------
     TrajectoryError
-        If there is no such file, or it is not a trajectory of clearcap, of a newer format, incomplete or damaged.
+        If the file does not exist, is not a trajectory of clearcap, has a newer format, or is incomplete or damaged.
     """
     import h5py
 
@@ -103,12 +103,12 @@ def read_trajectory(path: str | Path) -> Trajectory:
         with h5py.File(path, "r") as file:
             _check(path, file.attrs)
             return _read(file)
-    except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:  # cut short, checksum, datasets missing
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:  # truncated, checksum, datasets missing
         raise TrajectoryError(f"trajectory {path}: damaged ({error}); simulate again") from error
 
 
 def _check(path: Path, attributes: Any) -> None:
-    """Refuse files of others, of newer versions, and of runs that were killed."""
+    """Refuse files of other programs, of newer versions, and of runs that were killed."""
     if attributes.get("format") != FORMAT:
         raise TrajectoryError(f"trajectory {path}: not a trajectory of clearcap; give one that it has written")
     if attributes["format_version"] != VERSION:
@@ -121,7 +121,7 @@ def _check(path: Path, attributes: Any) -> None:
 
 
 def _read(file: Any) -> Trajectory:
-    """Return the content of an open file; ValueError if its datasets do not fit together."""
+    """Return the content of an open file; raise ValueError if its datasets are inconsistent."""
     attributes, arrays, units = file.attrs, {}, {}
     for path in _datasets(file, ""):
         arrays[path], units[path] = file[path][:], str(file[path].attrs["unit"])
@@ -144,7 +144,7 @@ def _read(file: Any) -> Trajectory:
 
 
 def _datasets(group: Any, prefix: str) -> list[str]:
-    """Return the paths of all series below a group: every dataset but the mechanism's text."""
+    """Return the paths of all series below a group, i.e. all datasets except the mechanism's text."""
     paths: list[str] = []
     for name, item in group.items():
         path = f"{prefix}{name}"

@@ -1,4 +1,4 @@
-"""What is kept of the motion of a run."""
+"""The settings of a recording: the trajectory file and the steps it contains."""
 
 from numbers import Integral
 from pathlib import Path
@@ -8,7 +8,7 @@ from engine.errors import TrajectoryError
 
 
 class Recording(NamedTuple):
-    """A trajectory file of which not every step is written.
+    """A trajectory file that need not contain every step.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class Recording(NamedTuple):
 
     @classmethod
     def of(cls, trajectory: "str | Path | Recording") -> "Recording":
-        """Return the recording that is meant: a path alone means every step.
+        """Return a recording unchanged; a path alone means a recording of every step.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Write the trajectory of a run in blocks during the run; the file gets its name when it is complete."""
+"""Write the trajectory of a run in blocks during the run; the file gets its name once it is complete."""
 
 import json
 import os
@@ -21,16 +21,16 @@ from engine.trajectory.layout import Series, series_of
 from engine.trajectory.read import FORMAT, VERSION
 from engine.trajectory.recording import Recording
 
-CHUNK = 1024  # rows that are compressed together
+CHUNK = 1024  # rows compressed together
 
 
 class TrajectoryWriter:
-    """A trajectory file that is being written; made by `trajectory_file`."""
+    """A trajectory file that is being written; created by `trajectory_file`."""
 
     def __init__(self, file: Any, mechanism: Mechanism, assembly: Assembly) -> None:
         self._file = file
         for group in ("bodies", "contacts", "responses"):
-            file.create_group(group, track_order=True)  # read in the order of the run, not of the alphabet
+            file.create_group(group, track_order=True)  # listed in the order of the run, not alphabetically
         self._series = [(series, _dataset(file, series)) for series in series_of(mechanism, assembly)]
 
     def append(self, rows: Array) -> None:
@@ -41,7 +41,7 @@ class TrajectoryWriter:
             dataset[n:] = series.take(rows)
 
     def finish(self, run: Run) -> None:
-        """Write how the run ended; a file without it is incomplete."""
+        """Write how the run ended; without this a file counts as incomplete."""
         self._file.create_group("certificate").attrs.update(asdict(run.certificate))
         self._file.attrs["message"] = run.message
         self._file.attrs["status"] = run.status
@@ -51,14 +51,14 @@ class TrajectoryWriter:
 def trajectory_file(
     recording: Recording, mechanism: Mechanism, assembly: Assembly, *, full_horizon: bool
 ) -> Iterator[TrajectoryWriter]:
-    """Open a trajectory file under a temporary name, and give it its own at the end of the block.
+    """Open a trajectory file under a temporary name, and give it its own name at the end of the block.
 
     Parameters
     ----------
     recording : Recording
-        Its name, and which steps it gets.
+        The name of the file, and the steps it contains.
     mechanism : Mechanism
-        The mechanism that is simulated.
+        The simulated mechanism.
     assembly : Assembly
         Its arrays.
     full_horizon : bool
@@ -73,7 +73,7 @@ def trajectory_file(
     temporary = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
     settings = {**mechanism.simulation.model_dump(mode="json"), "every": recording.every, "full_horizon": full_horizon}
     try:
-        # the format of HDF5 1.10: half the size of the oldest one when there are many datasets
+        # the format of HDF5 1.10: half the size of the oldest one if there are many datasets
         with h5py.File(temporary, "x", libver=("v110", "v110")) as file:
             _describe(file, mechanism, settings)
             yield TrajectoryWriter(file, mechanism, assembly)
@@ -99,11 +99,11 @@ def _describe(file: Any, mechanism: Mechanism, settings: dict[str, Any]) -> None
     file.attrs["units"] = mechanism.units
     file.attrs["settings"] = json.dumps(settings)
     description = mechanism.model_dump(mode="json", by_alias=True, exclude_none=True)
-    file["mechanism"] = json.dumps(description, ensure_ascii=False)  # may be longer than an attribute can be
+    file["mechanism"] = json.dumps(description, ensure_ascii=False)  # may exceed the size limit of an attribute
 
 
 def _dataset(file: Any, series: Series) -> Any:
-    """Create the dataset of a series, empty; it grows."""
+    """Create an empty, extendable dataset for a series."""
     more = () if series.width == 1 else (series.width,)
     dataset = file.create_dataset(
         series.path,

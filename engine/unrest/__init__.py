@@ -1,4 +1,4 @@
-"""What a mechanism does that is not at rest: which body moves, where to, how fast, and what would bring it to rest."""
+"""How a mechanism not at rest moves: which body, in which direction, how fast, and what would bring it to rest."""
 
 from engine.unrest.body_in_flight import in_flight
 from engine.unrest.diagnosis import flight, unheld, unrest

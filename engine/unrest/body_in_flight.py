@@ -1,6 +1,6 @@
-"""Bodies in flight while all that is measured is at rest: they fall, or go on at a constant speed.
+"""Bodies in flight while everything measured is at rest: they fall, or continue at a constant speed.
 
-A part without load that floats in its play is none: it meets the other side.
+A part without load that floats in its play does not count: it will meet the other side.
 """
 
 from collections.abc import Iterator
@@ -14,25 +14,26 @@ from engine.kernels.model import SLIDE, Model
 
 Chosen = NDArray[np.bool_]
 
-HELD = 1e-9  # share of a group's speed with which a joint or a gap may still change
-LOADED = 1e-6  # share of the largest load that is one
+HELD = 1e-9  # share of a group's speed at which a joint or a gap may still change
+LOADED = 1e-6  # share of the largest load below which a load counts as zero
 
 
 def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
     """Return the twists, shape (nb + 1, 6), of bodies in flight; zero for all others.
 
-    Bodies that joints, springs, loaded contacts or motions connect are one group. A group without such a link to the
-    ground is in flight if a load moves its centre of mass, as far as joints to the ground allow. Without a load it
-    is if it moves faster than ``least``, in a direction that these joints allow, and closes no gap by that.
+    Bodies connected by joints, springs, loaded contacts or motions form a group. A group without such a link to the
+    ground is in flight if a load moves its centre of mass in a direction that joints to the ground allow. Without a
+    load it is in flight if it moves faster than ``least`` in a direction that these joints allow, and closes no gap in
+    doing so.
 
     Parameters
     ----------
     assembly : Assembly
-        As the run left it.
+        The assembly as the run left it.
     pose : Assembly
-        Its copy, as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and rows at that pose.
+        Its copy as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and rows at that pose.
     least : float
-        Speed from which on a body without load moves [length/time].
+        Speed above which a body without load counts as moving [length/time].
     """
     model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
     found = np.zeros_like(assembly.state.v)
@@ -48,7 +49,8 @@ def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
 def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
     """Yield the groups of bodies, each a mask of shape (nb,), that are linked to one another and not to the ground.
 
-    An ideal joint to the ground is no such link: it may allow the motion. Neither is a spring that only pushes.
+    An ideal joint to the ground is not such a link, because it may allow the motion. Neither is a spring that only
+    pushes.
     """
     rows, loads, contacts, ground = model.bilateral, model.loads, model.contacts, len(model.bodies.mass)
     ends = np.stack([rows.a, rows.b], axis=1)
@@ -77,14 +79,14 @@ def _slides(pose: Assembly, group: Chosen) -> Array:
 
 
 def _allowed(pose: Assembly, group: Chosen, vector: Array) -> Array:
-    """Return the part of a vector along which joints let a group move."""
+    """Return the component of a vector along which joints let a group move."""
     _, sizes, directions = np.linalg.svd(_slides(pose, group))
     held = directions[: int((sizes > HELD).sum())]
     return np.asarray(vector - held.T @ (held @ vector))
 
 
 def _goes_on(pose: Assembly, group: Chosen, velocity: Array) -> bool:
-    """Return whether a group may go on with this velocity: joints to the ground allow it, and it closes no gap."""
+    """Return whether a group can continue with this velocity: joints to the ground allow it, and it closes no gap."""
     contacts, own, held = pose.model.contacts, np.append(group, False), HELD * float(np.linalg.norm(velocity))
     opens = (own[contacts.a].astype(float) - own[contacts.b]) * (pose.work.sites.frame[:, 0] @ velocity)
     return bool((np.abs(_slides(pose, group) @ velocity) <= held).all() and (opens >= -held).all())

@@ -1,6 +1,6 @@
 """Continue a run beyond its horizon, step by step, to see what the mechanism does.
 
-Only runs that did not come to rest are continued, on copies of their arrays, by the time loop that they ran in.
+Only runs that did not come to rest are continued, on copies of their arrays, by the same time loop.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from engine.kernels.time_loop import Course, run_to_end
 from engine.loop import Cancel, limited
 
 FEWEST, MOST = 500, 8000  # steps of a continuation
-NUMBERS = 1_000_000  # of a continuation that are kept
-FINE = 64  # steps of which every one is kept, to see what trembles
+NUMBERS = 1_000_000  # of a continuation that are kept in memory
+FINE = 64  # number of steps that are all kept, to detect trembling
 
 
 @dataclass(frozen=True)
 class Continuation:
-    """What a mechanism did after the end of its run.
+    """The motion of a mechanism after the end of its run.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Continuation:
     twist : (n, nb, 6) array
         Velocity of the centre of mass, and angular velocity, both in world axes.
     own : (n, nb, 6) array
-        The same in the axes of each body.
+        The same in body axes.
     place : (n, nb, 7) array
         Position of the centre of mass, and quaternion (w, x, y, z).
     impulse : (n, nc) array
@@ -50,7 +50,7 @@ class Continuation:
     rested: float | None
 
     def last(self, count: int) -> "Continuation":
-        """Return the last times of it."""
+        """Return the last ``count`` times of the continuation."""
         kept = {name: x[-count:] for name, x in vars(self).items() if name != "rested"}
         return Continuation(**kept, rested=self.rested)
 
@@ -63,22 +63,22 @@ def go_on(
     cancel: Cancel | None,
     every_step: bool = False,
 ) -> Continuation | None:
-    """Continue the phase in which a run reached its horizon; the run itself is left as it is.
+    """Continue the phase in which a run reached its horizon; the run itself is not changed.
 
     Parameters
     ----------
     assembly : Assembly
-        As the run left it.
+        The assembly as the run left it.
     control : Control
-        How to continue; its horizon is not used.
+        Settings of the continuation; its horizon is not used.
     course : Course
-        As the run left it.
+        The course as the run left it.
     seconds : float
-        Real time after which it is given up [s].
+        Real time after which the continuation is abandoned [s].
     cancel : Cancel or None
-        A flag of another thread that ends it.
+        A flag with which another thread can end it.
     every_step : bool
-        Make few steps and keep each one; else as many steps as the run has made, twice, and keep some of them.
+        Make few steps and keep each one; otherwise make twice as many steps as the run, and keep some of them.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def go_on(
 
 
 def _copy(arrays: RunArrays, phase: int) -> RunArrays:
-    """Return copies of all arrays that a run writes; the run ends with the present phase."""
+    """Return copies of all arrays that a run writes; the run ends with the current phase."""
     model, state, work, problem = arrays
     phases = model.phases._replace(**{name: x[: phase + 1] for name, x in model.phases._asdict().items()})
     laws = model.time_laws._replace(begun=model.time_laws.begun.copy())

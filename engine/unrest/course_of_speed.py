@@ -1,4 +1,4 @@
-"""How a speed goes on: to rest, to and fro, slower and slower, steadily, or ever faster."""
+"""How a speed develops: to rest, to and fro, slower and slower, steadily, or ever faster."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -8,24 +8,24 @@ import numpy as np
 
 from engine.arrays import Array, Integers
 
-STEADY = 0.02  # relative change of the speed over the time observed: less is none
-LINEAR = 0.8  # share of the loss of speed in the first half that the second half repeats: dry friction repeats it all
+STEADY = 0.02  # relative change of the speed over the time observed, below which it is steady
+LINEAR = 0.8  # share of the first half's loss of speed that the second half repeats; with dry friction it is 1
 
 
 @dataclass(frozen=True)
 class SpeedCourse:
-    """How a speed goes on.
+    """How a speed develops.
 
     Attributes
     ----------
     kind : str
         It "swings" to and fro, "turns back" once, "slows" down, is "steady", or gets "faster".
     rest : float or None
-        Time at which it is expected to be at rest, if it can be told.
+        Time at which it is expected to come to rest, if this can be told.
     period : float or None
-        Of a swing.
+        Period, for a swing.
     loss : float or None
-        Of a swing: the share of its amplitude lost in a period, if more than one was seen.
+        For a swing, the share of its amplitude lost per period, if more than one was seen.
     """
 
     kind: Literal["swings", "turns back", "slows", "steady", "faster"]
@@ -35,14 +35,14 @@ class SpeedCourse:
 
 
 def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCourse:
-    """Return how a speed goes on.
+    """Return how a speed develops.
 
     Parameters
     ----------
     time, speed : (n,) arrays
         n is at least 3.
     window, drift : float
-        At rest the body moves by no more than ``drift`` in the time ``window``.
+        Criterion of rest: the body moves by no more than ``drift`` in the time ``window``.
     """
     turns = turns_of(speed)
     if turns.size:
@@ -56,25 +56,25 @@ def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCo
 
 
 def turns_of(speed: Array) -> Integers:
-    """Return the numbers of the values after which a speed has the other sign."""
+    """Return the indices of the values after which a speed changes its sign."""
     return np.flatnonzero(np.sign(speed[:-1]) * np.sign(speed[1:]) < 0.0)
 
 
 def _stop(time: Array, first: float, middle: float, last: float, slow: float) -> float | None:
-    """Return when a speed that falls will be below ``slow``: in a straight line, or by equal shares in equal times."""
+    """Return when a falling speed will be below ``slow``: falling linearly, or by equal shares in equal times."""
     half, ratio = 0.5 * (time[-1] - time[0]), (middle - last) / (first - middle) if first > middle else np.inf
     if ratio > 1.0 / LINEAR:
-        return None  # it falls faster and faster: soon it turns round
+        return None  # it falls faster and faster and will soon reverse
     if ratio >= LINEAR:
         return float(time[-1] + max(last - slow, 0.0) / (middle - last) * half)
-    level = last - (middle - last) * ratio / (1.0 - ratio)  # to which it falls in the end
+    level = last - (middle - last) * ratio / (1.0 - ratio)  # its limit
     if level >= slow:
         return None
     return float(time[-1] + half * max(np.log((slow - level) / (last - level)) / np.log(ratio), 0.0))
 
 
 def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: float) -> SpeedCourse:
-    """Return period and loss of a speed that changes its sign, and when it will be at rest."""
+    """Return the period and loss of a speed that changes its sign, and when it will be at rest."""
     zeros = time[turns] + (time[turns + 1] - time[turns]) * speed[turns] / (speed[turns] - speed[turns + 1])
     if turns.size < 2:
         return SpeedCourse("turns back")

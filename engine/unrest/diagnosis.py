@@ -1,4 +1,4 @@
-"""Say what a mechanism does that did not come to rest, and what would bring it to rest."""
+"""Describe the motion of a mechanism that did not come to rest, and what would bring it to rest."""
 
 import math
 from collections.abc import Iterator
@@ -20,32 +20,32 @@ from engine.unrest.direction_words import HINGED, direction_words, joint_lines
 from engine.unrest.mover import Mover, find_mover
 from engine.unrest.two_places import held_in_turn
 
-TREMBLES = FINE // 8  # changes of direction in so few steps
-GETS_NOWHERE = 0.1  # share of the way that a body would go at its speed
-TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried where something trembles
-PURE = 0.05  # share of a motion's square that makes it more than a displacement, or more than a turn
-NO_LOAD = 1e-6  # share of the loads that act at all
-BEYOND = 1.2  # so many times the time of rest is a horizon that does
+TREMBLES = FINE // 8  # smallest number of reversals in that many steps
+GETS_NOWHERE = 0.1  # share of the distance that a body would cover at its speed
+TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried if something trembles
+PURE = 0.05  # share of a motion's square above which it is more than a displacement, or more than a turn
+NO_LOAD = 1e-6  # share of the largest load below which none acts along a motion
+BEYOND = 1.2  # a sufficient horizon, as a multiple of the time of rest
 
 
 def unrest(
     mechanism: Mechanism, assembly: Assembly, control: Control, course: Course, seconds: float, cancel: Cancel | None
 ) -> str:
-    """Return which body moves most at the end of a run, where to, how fast, and what would bring it to rest.
+    """Describe which body moves most at the end of a run, where to, how fast, and what would bring it to rest.
 
     Parameters
     ----------
     mechanism : Mechanism
     assembly : Assembly
-        As the run left it; its arrays of loads are written.
+        The assembly as the run left it; its arrays of loads are overwritten.
     control : Control
         The settings of the run.
     course : Course
-        As the run left it.
+        The course as the run left it.
     seconds : float
-        Real time that may be taken to see what the mechanism goes on to do [s].
+        Real time available to see how the mechanism continues [s].
     cancel : Cancel or None
-        A flag that ends that.
+        A flag with which another thread can end this.
 
     Returns
     -------
@@ -73,13 +73,13 @@ def unrest(
 
 
 def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
-    """Return which body begins to move at a pose that no contact forces hold; empty if that is not known.
+    """Describe which body starts to move at a pose that no contact forces hold; empty if that is not known.
 
     Parameters
     ----------
     mechanism : Mechanism
     pose : Assembly
-        As `engine.equilibrium.forces_at_rest` left it.
+        The pose as `engine.equilibrium.forces_at_rest` left it.
     control : Control
     """
     motion = _begun(mechanism, pose, control, pose.state.v, "begins")
@@ -87,23 +87,23 @@ def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
 
 
 def flight(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array) -> str:
-    """Return which body is in flight while all that is measured is at rest; empty if none is.
+    """Describe which body is in flight while everything measured is at rest; empty if none is.
 
     Parameters
     ----------
     mechanism : Mechanism
     pose : Assembly
-        At the end of the run.
+        The pose at the end of the run.
     control : Control
     twist : (nb + 1, 6) array
-        As `engine.unrest.in_flight` returns it.
+        Return value of `engine.unrest.in_flight`.
     """
     motion = _begun(mechanism, pose, control, twist, "flies")
     return f"{motion}, and no contact, joint or spring holds it" if motion else ""
 
 
 def _begun(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array, kind: str) -> str:
-    """Return the motion of the body that moves most with these twists, of shape (nb + 1, 6), in words."""
+    """Describe the motion of the body that moves most with these twists, shape (nb + 1, 6)."""
     spin = np.einsum("bij,bj->bi", pose.state.R[:-1], twist[:-1, 3:])
     motion = np.concatenate([twist[:-1, :3], spin], axis=1)[None]
     if not motion.any():
@@ -112,7 +112,7 @@ def _begun(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array,
 
 
 def _motion(mechanism: Mechanism, assembly: Assembly, mover: Mover, kind: str, loaded: bool = True) -> str:
-    """Return body, direction and speed of a motion in words; without the speed if it only "begins"."""
+    """Describe the body, direction and speed of a motion; without the speed if ``kind`` is "begins"."""
     body, length, time = order_bodies(mechanism)[mover.body], mechanism.unit("length"), mechanism.unit("time")
     R, moves, turns = assembly.state.R[mover.body], mover.along @ mover.along, mover.about @ mover.about
     to_and_fro = kind in ("swings", "trembles")
@@ -153,7 +153,7 @@ def _is_loaded(assembly: Assembly, mover: Mover, course: Course) -> bool:
 
 
 def _advice(mechanism: Mechanism, speeds: SpeedCourse, loaded: bool) -> Iterator[str]:
-    """Yield how the motion goes on, and what would end it."""
+    """Yield how the motion continues, and what would end it."""
     time, result = mechanism.unit("time"), "if this motion is the result, give the phase a duration"
     if speeds.kind == "swings":
         period = f"its period is {speeds.period:.3g} {time}"
@@ -185,7 +185,7 @@ def _advice(mechanism: Mechanism, speeds: SpeedCourse, loaded: bool) -> Iterator
 
 
 def _longer(mechanism: Mechanism, rest: float, comes: str) -> str:
-    """Return until when the mechanism takes to come to rest, and which horizon does."""
+    """Return how long the mechanism takes to come to rest, and a sufficient horizon."""
     unit, wanted = mechanism.unit("time"), BEYOND * rest
     digit = 10.0 ** (math.floor(math.log10(wanted)) - 1)
     horizon = math.ceil(wanted / digit) * digit
@@ -201,10 +201,10 @@ def _trembling(
     seconds: float,
     cancel: Cancel | None,
 ) -> str:
-    """Return what trembles from step to step in these few times, and what would end it; empty if nothing does."""
+    """Describe what trembles from step to step over a short time, and what would end it; empty if nothing does."""
     mover = find_mover(assembly, control, onward.twist, onward.own)
     span = float(onward.time[-1] - onward.time[0])
-    if onward.rested is not None or span > 2 * FINE * control.longest:  # a motion to and fro between kept times
+    if onward.rested is not None or span > 2 * FINE * control.longest:  # a slow motion to and fro, not trembling
         return ""
     if len(turns_of(mover.speed)) < TREMBLES and not (_stays(onward, mover, span) and held_in_turn(assembly, onward)):
         return ""
@@ -213,10 +213,10 @@ def _trembling(
 
 
 def _stays(onward: Continuation, mover: Mover, span: float) -> bool:
-    """Return whether the body gets nowhere at the speed it has: what each step does, its projection undoes."""
+    """Return whether the body gets nowhere at its speed, because the projection undoes the motion of each step."""
     moved = onward.place[-1, mover.body, :3] - onward.place[0, mover.body, :3]
     went = float(np.abs(mover.speed).mean()) * math.hypot(*mover.along) * span
-    return math.hypot(*moved) < GETS_NOWHERE * went  # no squares: what runs away may be too fast for them
+    return math.hypot(*moved) < GETS_NOWHERE * went  # hypot avoids squares, which may overflow for a runaway body
 
 
 def _shorter_step(
@@ -234,7 +234,7 @@ def _shorter_step(
 
 
 def _places(assembly: Assembly, onward: Continuation) -> str:
-    """Return what may help where no shorter step does: a contact for each of two places that one has to hold."""
+    """Return what may help if no shorter step does: a separate contact for each of two places that one has to hold."""
     if names := held_in_turn(assembly, onward):
         which, needs = ("contact", "it needs") if len(names) == 1 else ("contacts", "they need")
         return (

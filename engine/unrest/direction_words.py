@@ -1,4 +1,4 @@
-"""Directions and axes in the words of a drawing: world axes, axes of the body's joints, else components."""
+"""Directions and axes in words: world axes, axes of the body's joints, otherwise components."""
 
 from collections.abc import Iterator
 
@@ -8,8 +8,8 @@ from engine.arrays import Array
 from engine.mechanism import Mechanism
 from engine.mechanism.joints import Joint
 
-HINGED = 0.3  # share of a body's motion that a joint with play leaves at its axis
-PARALLEL = 0.99  # cosine of 8 degrees: a body in a joint with play tilts
+HINGED = 0.3  # share of a body's motion that a joint with play allows at its axis
+PARALLEL = 0.99  # cosine of 8 degrees, because a body in a joint with play tilts
 
 
 def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction: Array, signed: bool = True) -> str:
@@ -19,13 +19,13 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
     ----------
     mechanism : Mechanism
     body : str
-        The body whose joints are looked at.
+        The body whose joints are considered.
     rotation : (3, 3) array
-        From the body's axes to the world's.
+        Rotation from the body's axes to the world's.
     direction : (3,) array
         In world axes, of any length.
     signed : bool
-        False for an axis, which has no sense.
+        False for an axis, whose sign is irrelevant.
     """
     unit = direction / np.linalg.norm(direction)
     largest = int(np.abs(unit).argmax())
@@ -40,16 +40,16 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
 
 
 def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> str:
-    """Return a motion of a body to and fro in words: along a direction, about an axis, or both.
+    """Return a description of a body's motion to and fro: along a direction, about an axis, or both.
 
     Parameters
     ----------
     mechanism : Mechanism
     body : str
     rotation : (3, 3) array
-        From the body's axes to the world's.
+        Rotation from the body's axes to the world's.
     velocity, spin : (3,) arrays
-        Of the centre of mass, and angular; in world axes, of any size.
+        Velocity of the centre of mass, and angular velocity; in world axes, of any magnitude.
     """
     about = f"about {direction_words(mechanism, body, rotation, spin, signed=False)}" if spin.any() else ""
     hinged = any(

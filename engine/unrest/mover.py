@@ -11,7 +11,7 @@ from engine.kernels.context import Control
 from engine.kernels.model import ANGLE, GAP, POSITION
 from engine.kernels.rest import LOADED
 
-UNSEEN = 1e-12  # share of the square of the largest speed: no motion
+UNSEEN = 1e-12  # share of the squared largest speed below which there is no motion
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,12 @@ class Mover:
     body : int
         Number of the body in the arrays.
     along, about : (3,) arrays
-        The direction in world axes, of which the squares of both lengths add up to 1: displacement of the centre of
-        mass, and rotation times ``arm``.
+        The direction in world axes: displacement of the centre of mass, and rotation times ``arm``. The squares of the
+        two lengths add up to 1.
     arm : float
         Radius of gyration [length].
     speed : (n,) array
-        Speed along it at the times of the continuation [length/time]; positive on the whole.
+        Speed along it at the times of the continuation [length/time]; positive on average.
     """
 
     body: int
@@ -39,17 +39,18 @@ class Mover:
 
 
 def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -> Mover:
-    """Return the motion of the fastest body among those that keep the mechanism from rest, or of all if these stand.
+    """Return the motion of the fastest body among those that keep the mechanism from rest, or of all if these rest.
 
     Parameters
     ----------
     assembly : Assembly
-        As the run left it.
+        The assembly as the run left it.
     control : Control
     twist : (n, nb, 6) array
-        What the bodies did then, in world axes, see `engine.unrest.continuation`.
+        Motion of the bodies since then, in world axes, see `engine.unrest.continuation`.
     own : (n, nb, 6) array
-        The same in body axes. A body that slides keeps its direction in the world, one that turns far keeps it there.
+        The same in body axes. A sliding body keeps its direction in world axes, one that turns far keeps it in body
+        axes.
     """
     bodies = assembly.model.bodies
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
@@ -66,9 +67,9 @@ def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -
 
 
 def _principal(motion: Array) -> tuple[float, Array, Array]:
-    """Return the principal direction of a motion, shape (n, 6): its share of the mean square, itself, speed along it.
+    """Return the principal direction of a motion, shape (n, 6): its share of the mean square, itself, and the speed.
 
-    The speed is positive on the whole.
+    The speed is positive on average.
     """
     largest = np.abs(motion).max()
     sizes, directions = np.linalg.eigh(np.einsum("ti,tj->ij", motion / largest, motion / largest))
@@ -79,7 +80,7 @@ def _principal(motion: Array) -> tuple[float, Array, Array]:
 
 
 def _restless(assembly: Assembly, control: Control) -> NDArray[np.bool_]:
-    """Return which bodies a response at the end measures, or slip under load; all bodies if that is none of them."""
+    """Return which bodies a response at the end measures, or slip under load; if there are none, all bodies."""
     model, state = assembly.model, assembly.state
     responses, contacts, nb = model.responses, model.contacts, len(model.bodies.mass)
     found = np.zeros(nb + 1, bool)

@@ -1,4 +1,4 @@
-"""Find contacts that press at two places in turn: one contact acts at one of them, and cannot hold at both."""
+"""Find contacts that press alternately at two places: a contact acts at one of them and cannot hold at both."""
 
 import itertools
 
@@ -10,19 +10,19 @@ from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.rotations import rotation_matrix
 from engine.unrest.continuation import Continuation
 
-APART = 0.1  # between the unit normals of two places; what rolls or slides on one face turns by far less in a step
-OFTEN = 4  # changes from one place to the other, of a continuation in which every step is kept
+APART = 0.1  # between the unit normals of two places; a body that rolls or slides on one face turns far less in a step
+OFTEN = 4  # changes from one place to the other within a continuation that keeps every step
 
 
 def held_in_turn(assembly: Assembly, onward: Continuation) -> list[str]:
-    """Return the names of the contacts that press now in one direction and then in another.
+    """Return the names of the contacts that press alternately in two different directions.
 
     Parameters
     ----------
     assembly : Assembly
-        As the run left it; nothing is written.
+        The assembly as the run left it; nothing is written.
     onward : Continuation
-        What the mechanism did then, in every step.
+        The continuation of the run, with every step.
     """
     normals, names = _normals(assembly, onward), []
     for c, name in enumerate(assembly.contact_names):
@@ -34,7 +34,7 @@ def held_in_turn(assembly: Assembly, onward: Continuation) -> list[str]:
 
 
 def _normals(assembly: Assembly, onward: Continuation) -> Array:
-    """Return the normals of all contacts in the world, shape (n, nc, 3)."""
+    """Return the normals of all contacts in world axes, shape (n, nc, 3)."""
     state, work = copied(assembly.state), copied(assembly.work)
     sites, bodies = work.sites, onward.place.shape[1]
     normals = np.empty((len(onward.time), len(assembly.contact_names), 3))
