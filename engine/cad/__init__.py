@@ -1,4 +1,4 @@
-"""CAD files: STEP in, plain numbers out. OCCT, the extra ``clearcap[cad]``, runs only in the process that reads."""
+"""Read STEP files into plain numbers. OCCT, the extra ``clearcap[cad]``, runs only in the reading process."""
 
 from engine.cad.cad_model import CadAssembly, CadEdge, CadFace, CadPart, SplineSurface
 from engine.cad.occt_process import ReadingLimits

@@ -6,11 +6,11 @@ import numpy as np
 
 from engine.arrays import Array
 
-_TOUCHING = 1e-7  # rad between two intervals that are one
+_TOUCHING = 1e-7  # rad between two intervals that count as one
 
 
 def covered(starts: Array, ends: Array) -> tuple[float, float]:
-    """Return how much of the circle intervals of angles cover, and the middle of it.
+    """Return how much of the circle is covered by intervals of angles, and the middle of the covered part.
 
     Parameters
     ----------
@@ -20,11 +20,11 @@ def covered(starts: Array, ends: Array) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        The sum of what is covered [rad], 2 pi for all of it; the middle between the two sides of the largest gap.
+        Total angle covered [rad], 2 pi for the full circle; the angle midway between the two sides of the largest gap.
     """
     order = np.argsort(starts % tau)
     begin, length = (starts % tau)[order], (ends - starts)[order]
-    reach = float((begin + length).max()) - tau  # of what began before 0
+    reach = float((begin + length).max()) - tau  # overlap of intervals past 2 pi with the start
     gaps = []
     for start, extent in zip(begin.tolist(), length.tolist(), strict=True):
         if start > reach + _TOUCHING:
@@ -37,7 +37,7 @@ def covered(starts: Array, ends: Array) -> tuple[float, float]:
 
 
 def perpendicular(axis: Array) -> Array:
-    """Return two unit vectors that make a right-handed frame with an axis, shape (2, 3)."""
+    """Return two unit vectors that form a right-handed frame with an axis, shape (2, 3)."""
     first = np.zeros(3)
     first[np.argmin(np.abs(axis))] = 1.0
     first -= axis * (first @ axis)

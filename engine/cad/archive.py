@@ -1,4 +1,4 @@
-"""Dataclasses of numbers as one file: a tree in JSON, and the arrays it refers to, in NumPy's format (npz)."""
+"""Store dataclasses of numbers in one file: a tree in JSON, and the arrays it refers to, in NumPy's format (npz)."""
 
 import io
 import json
@@ -15,7 +15,7 @@ _TREE = "tree"
 
 
 def packed(value: Any) -> bytes:
-    """Return a dataclass of numbers, texts, arrays, tuples and further dataclasses as the content of a file."""
+    """Return a dataclass of numbers, texts, arrays, tuples and nested dataclasses as the content of a file."""
     arrays: list[Any] = []
     tree = json.dumps(_tree(value, arrays)).encode()
     named: dict[str, Any] = {str(place): array for place, array in enumerate(arrays)}
@@ -33,12 +33,12 @@ def unpacked(kind: type[_T], content: bytes) -> _T:
     kind : type
         The class of the dataclass.
     content : bytes
-        Of the file.
+        Content of the file.
 
     Raises
     ------
     ValueError
-        If the content is damaged, or is that of another class.
+        If the content is damaged or belongs to another class.
     """
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
@@ -51,7 +51,7 @@ def unpacked(kind: type[_T], content: bytes) -> _T:
 
 
 def _tree(value: Any, arrays: list[Any]) -> Any:
-    """Return a value as JSON; an array as its place among the arrays, a dataclass as the list of its fields."""
+    """Return a value as JSON; an array becomes its index among the arrays, a dataclass the list of its fields."""
     if is_dataclass(value):
         return [_tree(getattr(value, field.name), arrays) for field in fields(value)]
     if isinstance(value, tuple):
@@ -63,7 +63,7 @@ def _tree(value: Any, arrays: list[Any]) -> Any:
 
 
 def _value(kind: Any, tree: Any, arrays: dict[str, Any]) -> Any:
-    """Return the value of a type from its JSON."""
+    """Return a value of a given type from its JSON."""
     if isinstance(kind, UnionType):
         [kind] = [NoneType] if tree is None else [each for each in get_args(kind) if each is not NoneType]
     if isinstance(kind, type) and is_dataclass(kind):
@@ -78,6 +78,6 @@ def _value(kind: Any, tree: Any, arrays: dict[str, Any]) -> Any:
 
 @cache
 def _field_kinds(kind: Any) -> dict[str, Any]:
-    """Return the types of a dataclass' fields by their names, in their order."""
+    """Return the types of a dataclass's fields by name, in order."""
     hints = get_type_hints(kind)
     return {field.name: hints[field.name] for field in fields(kind)}

@@ -1,4 +1,4 @@
-"""What was read from CAD files, kept in the user's cache."""
+"""A cache, in the user's cache folder, of what was read from CAD files."""
 
 import hashlib
 import os
@@ -19,24 +19,24 @@ MOST_BYTES = 2**30
 
 
 def cached(sha256: str, recognition: float) -> CadAssembly | None:
-    """Return what was read from a file of this content before, by the same reader; None if it is not kept.
+    """Return what the same reader read earlier from a file with this content; None if it is not in the cache.
 
     Parameters
     ----------
     sha256 : str
-        Of the file's content.
+        Hash of the file's content.
     recognition : float
-        The recognition gap [mm] it was read with.
+        The recognition gap [mm] used for reading.
     """
     answer = cached_answer(sha256, repr(recognition))
-    with suppress(ValueError):  # it was damaged
+    with suppress(ValueError):  # the cached file is damaged
         return unpacked(CadAssembly, answer) if answer is not None else None
     return None
 
 
 def cached_answer(sha256: str, question: str) -> bytes | None:
-    """Return what the reader answered to a question about a file of this content before; None if it is not kept."""
-    with suppress(FolderError, OSError, RuntimeError):  # RuntimeError: this user has no home
+    """Return the reader's earlier answer to a question about a file with this content; None if it is not cached."""
+    with suppress(FolderError, OSError, RuntimeError):  # RuntimeError: this user has no home folder
         file = _folder() / _name(sha256, question)
         answer = file.read_bytes()
         os.utime(file)
@@ -45,20 +45,20 @@ def cached_answer(sha256: str, question: str) -> bytes | None:
 
 
 def keep(sha256: str, recognition: float, content: bytes) -> None:
-    """Keep what was read from a file; without a folder for it, nothing is kept.
+    """Add what was read from a file to the cache; do nothing if there is no usable folder.
 
     Parameters
     ----------
     sha256, recognition
         As for `cached`.
     content : bytes
-        As `engine.cad.archive.packed` returned it.
+        Content from `engine.cad.archive.packed`.
     """
     keep_answer(sha256, repr(recognition), content)
 
 
 def keep_answer(sha256: str, question: str, answer: bytes) -> None:
-    """Keep the reader's answer to a question about a file."""
+    """Add the reader's answer to a question about a file to the cache."""
     with suppress(FolderError, OSError, RuntimeError):
         folder = _folder()
         with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
@@ -68,20 +68,20 @@ def keep_answer(sha256: str, question: str, answer: bytes) -> None:
 
 
 def _folder() -> Path:
-    """Return the folder, which nobody else can have filled."""
+    """Return the cache folder, which no other user can have filled."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     return private_folder(base, "clearcap", "cad")
 
 
 def _name(sha256: str, question: str) -> str:
-    """Return the name of a file: what was read, by which reader, how."""
+    """Return the name of a cached file, which depends on the content, the reader and its settings."""
     how = hashlib.sha256(f"{_reader()} {question}".encode()).hexdigest()[:16]
     return f"{sha256}-{how}"
 
 
 @cache
 def _reader() -> str:
-    """Return what the result depends on besides the file: the code of this package, and OCCT."""
+    """Return what the result depends on besides the file: the code of this package, and the version of OCCT."""
     try:
         occt = version("cadquery-ocp-novtk")
     except PackageNotFoundError:
@@ -90,7 +90,7 @@ def _reader() -> str:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the files that were used longest ago, until the rest is small enough."""
+    """Remove the least recently used files until the rest is small enough."""
     files = sorted(((file.stat(), file) for file in folder.iterdir()), key=lambda each: each[0].st_mtime, reverse=True)
     total = 0
     for status, file in files:

@@ -1,7 +1,8 @@
-"""What a STEP file holds, as plain numbers: parts, their solids and faces, circular edges, limits of size, triangles.
+"""The content of a STEP file as plain numbers: parts, solids, faces, circular edges, limits of size, triangles.
 
-All places and directions are in the frame of the assembly, as it is posed in the file; lengths in mm, angles in rad.
-The type of a field says by which power of the unit of length its numbers grow, see `engine.cad.unit_of_length`.
+All positions and directions are in the frame of the assembly, as posed in the file; lengths in mm, angles in rad. The
+type of a field determines the power of the unit of length with which its numbers scale, see
+`engine.cad.unit_of_length`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,7 +17,7 @@ FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "surface"]
 
 @dataclass(frozen=True)
 class LengthPower:
-    """By which power of the unit of length a number grows."""
+    """The power of the unit of length with which a number scales."""
 
     power: int
 
@@ -30,16 +31,16 @@ UnitInertia = Annotated[Array, LengthPower(5)]
 
 
 def _no_direction() -> Array:
-    """Return zeros in place of a unit vector."""
+    """Return zeros instead of a unit vector."""
     return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Placement:
-    """Where a part's own frame lies in the assembly.
+    """The pose of a part's own frame in the assembly.
 
     A point p of the part is at ``rotation @ (p * mirror) + translation``, where ``mirror`` is (1, 1, -1) for a mirrored
-    part and (1, 1, 1) for any other. So ``rotation`` is always a proper one.
+    part and (1, 1, 1) otherwise. So ``rotation`` is always a proper rotation.
     """
 
     rotation: Array
@@ -50,24 +51,24 @@ class Placement:
 
     @property
     def matrix(self) -> Array:
-        """The linear part with the mirror, shape (3, 3)."""
+        """The linear part including the mirror, shape (3, 3)."""
         matrix: Array = self.rotation * np.array([1.0, 1.0, -1.0 if self.mirrored else 1.0])
         return matrix
 
     def to_assembly(self, points: Array) -> Array:
-        """Return points of the part's frame in the assembly's, shape (..., 3)."""
+        """Return points in the assembly's frame, given in the part's frame, shape (..., 3)."""
         placed: Array = np.asarray(points) @ self.matrix.T + self.translation
         return placed
 
     def to_part(self, points: Array) -> Array:
-        """Return points of the assembly's frame in the part's, shape (..., 3)."""
+        """Return points in the part's frame, given in the assembly's frame, shape (..., 3)."""
         local: Array = (np.asarray(points) - self.translation) @ self.matrix
         return local
 
 
 @dataclass(frozen=True, kw_only=True)
 class CadMaterial:
-    """A material that the file names."""
+    """A material named in the file."""
 
     name: str
     density: GramsPerCubicMillimetre | None = None
@@ -76,7 +77,7 @@ class CadMaterial:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solid:
-    """A solid of a part, of uniform density."""
+    """A solid of a part, with uniform density."""
 
     name: str
     """As the file names it; empty where it has no name of its own."""
@@ -93,7 +94,7 @@ class Solid:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CadPart:
-    """A part as it stands in the assembly; a product that stands there twice is two parts."""
+    """One occurrence of a part in the assembly; a product that occurs twice gives two parts."""
 
     name: str
     """Unique in the assembly: the product's, with a number behind where several would have the same."""
@@ -110,7 +111,7 @@ class CadPart:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SplineSurface:
-    """A B-spline surface; neither direction is periodic. The product S_u x S_v points out of the material."""
+    """A B-spline surface, not periodic in either direction. The product S_u x S_v points out of the material."""
 
     degrees: tuple[int, int]
     knots: tuple[Array, Array]
@@ -121,14 +122,14 @@ class SplineSurface:
     """Shape (n, m); all 1 unless the surface is rational."""
 
     def turned_over(self) -> "SplineSurface":
-        """Return the same surface with its normal on the other side: u and v exchanged."""
+        """Return the same surface with its normal reversed: u and v exchanged."""
         points, weights = np.swapaxes(self.points, 0, 1), self.weights.T
         return replace(self, degrees=self.degrees[::-1], knots=self.knots[::-1], points=points, weights=weights)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CadFace:
-    """A face; pieces of one plane, cylinder, cone, sphere or torus are one, as a bore is that was cut into halves."""
+    """A face; pieces of one plane, cylinder, cone, sphere or torus are merged, such as the halves of a bore."""
 
     number: int
     """Its place in the assembly's faces; another export of the same part may number them otherwise."""
@@ -171,7 +172,7 @@ class CadFace:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CadEdge:
-    """An edge that is a circle or an arc of one."""
+    """An edge that is a circle or a circular arc."""
 
     part: str
     faces: tuple[int, ...]
@@ -206,7 +207,7 @@ class SizeLimits:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TriangleMesh:
-    """Triangles of a part for pictures and overlaps; they turn counter-clockwise seen from outside."""
+    """Triangles of a part for pictures and overlaps, oriented counter-clockwise as seen from outside."""
 
     part: str
     vertices: Coordinates
@@ -221,7 +222,7 @@ class TriangleMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CadAssembly:
-    """All that clearcap takes from a STEP file."""
+    """All data that clearcap takes from a STEP file."""
 
     sha256: str
     """Of the file's content, 64 hexadecimal digits."""
@@ -244,7 +245,7 @@ class CadAssembly:
 
     @property
     def damage(self) -> str:
-        """What is wrong with the file, in words and with what to do; empty if all of it can be read."""
+        """What is damaged in the file and what to do about it; empty if all of it can be read."""
         if not self.unreadable:
             return ""
         return (
@@ -253,7 +254,7 @@ class CadAssembly:
         )
 
     def part(self, name: str) -> CadPart:
-        """Return the part of a name; KeyError if there is none."""
+        """Return the part with a given name; raise KeyError if there is none."""
         for part in self.parts:
             if part.name == name:
                 return part

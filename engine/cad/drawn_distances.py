@@ -1,4 +1,4 @@
-"""Distances between faces, arcs and points of a CAD file as OCCT measures them, once for each question."""
+"""Distances between faces, arcs and points of a CAD file as measured by OCCT, once per question."""
 
 import json
 from collections.abc import Sequence
@@ -13,16 +13,16 @@ from engine.cad.step_reader import step_content
 
 @dataclass(frozen=True)
 class MeasuredShape:
-    """One end of a distance: faces or edges of a part as it stands in the assembly, or a point.
+    """One end of a distance: faces or edges of a part as placed in the assembly, or a point.
 
     Attributes
     ----------
     part : int
-        Place of the part in the assembly; -1 for a point.
+        Index of the part in the assembly; -1 for a point.
     faces, edges : tuple of int
-        Their places in the part's product.
+        Their indices in the part's product.
     point : tuple of float
-        In the assembly [mm], three coordinates; empty if it is none.
+        Coordinates in the assembly's frame [mm]; empty if it is not a point.
     """
 
     part: int = -1
@@ -37,27 +37,27 @@ ShapePair = tuple[MeasuredShape, MeasuredShape]
 def drawn_distances(
     path: str | Path, sha256: str, pairs: Sequence[ShapePair], limits: ReadingLimits = USUAL_LIMITS
 ) -> list[float]:
-    """Return the distance of each pair [mm], as the file draws them; 0 where they touch or overlap.
+    """Return the distance of each pair [mm] as drawn in the file; 0 if they touch or overlap.
 
     Parameters
     ----------
     path : str or Path
         The STEP file.
     sha256 : str
-        Of its content, as `engine.cad.read_step` found it.
+        Hash of its content, from `engine.cad.read_step`.
     pairs : sequence of ShapePair
-        As numbered there.
+        Pairs of shapes, numbered as by `engine.cad.read_step`.
     limits : ReadingLimits
-        What measuring may take.
+        Limits of time and memory for measuring.
 
     Raises
     ------
     CadError
-        As of `engine.cad.read_step`.
+        As for `engine.cad.read_step`.
     """
     question = [[asdict(shape) for shape in pair] for pair in pairs]
     text = json.dumps(question)
-    with suppress(ValueError):  # what was kept is damaged
+    with suppress(ValueError):  # the cached answer is damaged
         if (known := cached_answer(sha256, text)) is not None:
             return _distances(known)
     answer = ask_occt(path, step_content(path, limits), {"distances": question}, limits)
@@ -66,5 +66,5 @@ def drawn_distances(
 
 
 def _distances(answer: bytes) -> list[float]:
-    """Return the numbers of an answer; ValueError if it holds none."""
+    """Return the numbers of an answer; raise ValueError if it contains none."""
     return [float(distance) for distance in json.loads(answer)]

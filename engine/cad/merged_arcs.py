@@ -1,4 +1,4 @@
-"""Arcs of one circle become one edge, as the circle at the end of a bore that was cut into halves."""
+"""Merge arcs of one circle into one edge, such as the circle at the end of a bore that was cut into halves."""
 
 from dataclasses import dataclass
 from math import tau
@@ -10,13 +10,13 @@ from engine.cad.angles import covered, perpendicular
 from engine.cad.cad_model import CadEdge
 from engine.cad.one_surface import groups_of_one
 
-_NEAR = 1e-2  # mm between the features of two arcs that could be one
-_SAME = 1e-6  # mm between two circles that are one, besides what recognising them has cost
+_NEAR = 1e-2  # mm between the features of two arcs that may be merged
+_SAME = 1e-6  # mm between two circles that are one, besides their recognition gaps
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ArcPiece:
-    """An edge as the file has it, in the frame of its product; lengths in mm, angles in rad."""
+    """An edge as given in the file, in the frame of its product; lengths in mm, angles in rad."""
 
     place: int
     """Among all edges of the product."""

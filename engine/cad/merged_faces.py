@@ -1,4 +1,4 @@
-"""Pieces of one surface become one face: many CAD systems cut a bore into halves, or a plane where parts touch."""
+"""Merge pieces of one surface into one face: many CAD systems cut a bore into halves, or a plane where parts touch."""
 
 from dataclasses import dataclass, field, replace
 from math import pi, tau
@@ -12,14 +12,14 @@ from engine.cad.angles import covered, perpendicular
 from engine.cad.cad_model import CadFace, FaceKind, SplineSurface
 from engine.cad.one_surface import groups_of_one
 
-_CORNER = 1e-5  # mm between two corners that are one
-_NEAR = 1e-2  # mm between the features of two pieces that could be one
-_SAME = 1e-6  # mm between two surfaces that are one, besides what recognising them has cost
+_CORNER = 1e-5  # mm between two corners that coincide
+_NEAR = 1e-2  # mm between the features of two pieces that may be merged
+_SAME = 1e-6  # mm between two surfaces that are one, besides their recognition gaps
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FacePiece:
-    """A face as the file has it, in the frame of its product; lengths in mm."""
+    """A face as given in the file, in the frame of its product; lengths in mm."""
 
     solid: int
     kind: FaceKind
@@ -42,7 +42,7 @@ class FacePiece:
 
 
 def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Integers]:
-    """Return the faces of a part, and of each piece the number of its face."""
+    """Return the faces of a part, and for each piece the number of its face."""
     near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
     features = np.array([_features(piece) for piece in pieces]).reshape(-1, 6)
     groups = groups_of_one(features, near, lambda a, b: _are_one(pieces[a], pieces[b]))
@@ -53,8 +53,8 @@ def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Int
 
 
 def _features(piece: FacePiece) -> Array:
-    """Return numbers that two pieces of one surface have in common: its kind and size, and where it is [mm]."""
-    foot = piece.point - (piece.point @ piece.axis) * piece.axis  # the point of the axis that is nearest to the origin
+    """Return numbers that are equal for two pieces of one surface: its kind, size and position [mm]."""
+    foot = piece.point - (piece.point @ piece.axis) * piece.axis  # the point of the axis nearest to the origin
     where = {
         "plane": (*piece.axis, piece.point @ piece.axis),
         "cylinder": (*foot, piece.radius),
@@ -65,7 +65,7 @@ def _features(piece: FacePiece) -> Array:
 
 
 def _are_one(a: FacePiece, b: FacePiece) -> bool:
-    """Return whether two pieces lie on the same surface, on the same side of it, and meet along its axis."""
+    """Return whether two pieces lie on the same side of the same surface, and meet along its axis."""
     if (a.solid, a.kind) != (b.solid, b.kind) or a.kind == "surface":
         return False
     allowed = _SAME + a.recognition_gap + b.recognition_gap
@@ -86,19 +86,19 @@ def _are_one(a: FacePiece, b: FacePiece) -> bool:
 
 
 def _meet(a: FacePiece, b: FacePiece, allowed: float) -> bool:
-    """Return whether two pieces about one axis overlap or touch along it."""
+    """Return whether two pieces with a common axis overlap or touch along it."""
     first, second = (a.vertices - a.point) @ a.axis, (b.vertices - a.point) @ a.axis
     return bool(first.min() <= second.max() + allowed and second.min() <= first.max() + allowed)
 
 
 def _share_corners(a: FacePiece, b: FacePiece) -> bool:
-    """Return whether two pieces have at least two corners of triangles in common, so an edge."""
+    """Return whether two pieces share at least two corners of triangles, and so an edge."""
     first, second = ({tuple(corner) for corner in (piece.vertices / _CORNER).round().tolist()} for piece in (a, b))
     return len(first & second) > 1
 
 
 def _radius_at(piece: FacePiece, point: Array) -> float:
-    """Return the radius of a piece at the height of a point; only a cone's depends on it."""
+    """Return the radius of a piece at the height of a point; it varies only on a cone."""
     return piece.radius + float((point - piece.point) @ piece.axis) * float(np.tan(piece.half_angle))
 
 
@@ -113,7 +113,7 @@ def _hollow(piece: FacePiece) -> bool:
 
 
 def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
-    """Return the face that pieces make up."""
+    """Return the face made up of pieces."""
     first = max(pieces, key=lambda piece: piece.area)
     face = CadFace(
         number=number,
@@ -138,14 +138,14 @@ def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
 
 
 def _splines(pieces: list[FacePiece]) -> tuple[SplineSurface, ...]:
-    """Return the B-splines of all pieces; none if one of them has none."""
+    """Return the B-splines of all pieces; none if one of the pieces has none."""
     if not all(piece.splines for piece in pieces):
         return ()
     return tuple(spline for piece in pieces for spline in piece.splines)
 
 
 def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:
-    """Return a face with the angle and the length of the axis that the triangles of its pieces cover."""
+    """Return a face with the angle and the axial length covered by the triangles of its pieces."""
     axis = face.axis if face.kind != "sphere" else np.array([0.0, 0.0, 1.0])
     frame = perpendicular(axis)
     local = [piece.vertices - face.point for piece in pieces]
@@ -175,7 +175,7 @@ def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:
 def _intervals(corners: Array, on_axis: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Return the interval of angles that each triangle covers; a corner on the axis has no angle of its own."""
     filled = corners.copy()
-    for column in range(3):  # it takes that of the next corner
+    for column in range(3):  # such a corner takes the angle of the next one
         filled[:, column] = np.where(on_axis[:, column], corners[:, (column + 1) % 3], filled[:, column])
     base = filled[:, :1]
     turned = (filled - base + pi) % tau - pi

@@ -1,4 +1,4 @@
-"""Ask OCCT about a STEP file in a process of its own, with limits: a broken file can crash it, or keep it busy."""
+"""Ask OCCT about a STEP file in a separate process with limits, because a broken file can crash or block it."""
 
 import json
 import os
@@ -32,7 +32,7 @@ _STAGES = {
 
 @dataclass(frozen=True)
 class ReadingLimits:
-    """What reading one CAD file may take."""
+    """The limits of time and memory for reading one CAD file."""
 
     file_bytes: int = 100 * 2**20
     memory_bytes: int = 4 * 2**30
@@ -43,18 +43,18 @@ USUAL_LIMITS = ReadingLimits()
 
 
 def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
-    """Return what `engine.cad.occt` answers to a question about a STEP file.
+    """Return the answer of `engine.cad.occt` to a question about a STEP file.
 
     Parameters
     ----------
     path : str or Path
-        What a message calls the file.
+        Name of the file in messages.
     content : bytes
-        Of the file.
+        Content of the file.
     question : mapping
         Plain data, see `engine.cad.occt.__main__`.
     limits : ReadingLimits
-        What the answer may take.
+        Limits of time and memory for the answer.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limi
 
 
 def _answer(path: str | Path, folder: Path, limits: ReadingLimits) -> bytes:
-    """Return what the process has written into its folder."""
-    # Modules come from where this process has its own, and never from the current folder.
+    """Return what the process wrote into its folder."""
+    # Modules are found where this process finds its own, and never in the current folder.
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(os.path.isabs, sys.path))}
     words = [folder, limits.memory_bytes, limits.seconds]
     try:
@@ -94,7 +94,7 @@ def _answer(path: str | Path, folder: Path, limits: ReadingLimits) -> bytes:
 
 
 def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -> str:
-    """Return what became of a process that ended without an answer."""
+    """Return why a process ended without an answer."""
     if ended.returncode == -signal.SIGXCPU:
         return _TOO_SLOW.format(limits.seconds)
     if ended.returncode < 0:

@@ -1,4 +1,4 @@
-"""Groups of pieces that are one, found without comparing each with each."""
+"""Group pieces that belong to one surface or circle without comparing every pair."""
 
 from collections.abc import Callable
 
@@ -8,19 +8,21 @@ from engine.arrays import Array
 
 
 def groups_of_one(features: Array, near: float, are_one: Callable[[int, int], bool]) -> list[list[int]]:
-    """Return the pieces of each group: linked, directly or through others, by pairs that are one.
+    """Return groups of pieces that are linked, directly or through others, by pairs that belong together.
 
     Parameters
     ----------
     features : array
-        Numbers of each piece that differ by less than `near` between two that are one, shape (n, k).
+        Numbers for each piece, shape (n, k); they differ by less than `near` between two pieces that belong together.
     near : float
-        Of the features.
+        Tolerance of the features.
     are_one : callable
-        Tells of two pieces, by their places, whether they are one; asked only where all features are near.
+        Returns whether two pieces, given by index, belong together; called only if all their features are near.
 
     Returns
     -------
+    list of list of int
+        Indices in ascending order; the groups are ordered by their first index.
     list of list of int
         Places in their order, the groups in that of their first one.
     """

@@ -1,4 +1,4 @@
-"""A product, read once in its own frame, as the parts that stand in the assembly."""
+"""Place a product, which is read once in its own frame, as parts in the assembly."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from engine.cad.cad_model import CadEdge, CadFace, Placement, Solid, SplineSurfa
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProductGeometry:
-    """What a product consists of, in its own frame; faces are numbered from 0."""
+    """The components of a product in its own frame; faces are numbered from 0."""
 
     solids: tuple[Solid, ...]
     faces: tuple[CadFace, ...]
@@ -18,16 +18,16 @@ class ProductGeometry:
 
 
 def placed_product(product: ProductGeometry, part: str, placement: Placement, first_face: int) -> ProductGeometry:
-    """Return a product as it stands in the assembly.
+    """Return a product as placed in the assembly.
 
     Parameters
     ----------
     product : ProductGeometry
-        In its own frame.
+        The product in its own frame.
     part : str
         Name of the part.
     placement : Placement
-        Where its frame lies in the assembly.
+        Pose of the product's frame in the assembly.
     first_face : int
         Number of its first face in the assembly.
     """

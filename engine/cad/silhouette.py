@@ -12,30 +12,30 @@ from engine.cad.angles import perpendicular
 from engine.cad.cad_model import TriangleMesh
 
 _PIXELS = 500  # along the longer side
-_STRAIGHT = 1.0  # pixels between the outline and what is drawn
-_NEAR = 2.5  # pixels from a corner of the outline to the vertex that it is
-_TURNS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # steps along the border of a pixel, each to the left of the one before
+_STRAIGHT = 1.0  # pixels between the outline and its simplification
+_NEAR = 2.5  # pixels between a corner of the outline and the vertex it is moved to
+_TURNS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # steps along the border of a pixel, each turned left from the previous one
 _EVERYWHERE = np.ones((3, 3))
 
 
 def silhouette(mesh: TriangleMesh, direction: Array) -> list[Array]:
-    """Return the outlines of a part without what is hidden in them, the largest first.
+    """Return the outlines of a part, without hidden lines inside them, the largest first.
 
-    The triangles' edges are drawn on a grid, what they enclose is filled, and the border is followed. Its corners are
-    vertices of the mesh; in between it is off by at most 1/500 of the part's size.
+    The edges of the triangles are drawn on a grid, the enclosed area is filled, and its border is followed. The corners
+    of the outline are vertices of the mesh; in between it deviates by at most 1/500 of the part's size.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Of the part.
+        Mesh of the part.
     direction : array
-        Along which it is seen, a unit vector, shape (3,).
+        Viewing direction, a unit vector, shape (3,).
 
     Returns
     -------
     list of array
-        Corners of each outline in their order, the first one once, shape (n, 3), in the plane across the direction
-        through the middle of the part; in the unit of the mesh. Empty if the mesh is.
+        Corners of each outline in order, without repeating the first, shape (n, 3), in the plane perpendicular to the
+        direction through the middle of the part; in the unit of the mesh. Empty if the mesh is empty.
     """
     if not len(mesh.triangles):
         return []
@@ -76,7 +76,7 @@ def _border(filled: NDArray[np.bool_]) -> Array:
     """Return the corners of the pixels along the outer border of a filled piece, counter-clockwise, shape (n, 2)."""
     row, column = np.argwhere(filled)[0]
     start = at = (int(row), int(column))
-    way, corners = 3, [at]  # along the lowest row, the piece on the left
+    way, corners = 3, [at]  # start along the lowest row, with the piece on the left
     while True:
         at = (at[0] + _TURNS[way][0], at[1] + _TURNS[way][1])
         if at == start:
@@ -87,7 +87,7 @@ def _border(filled: NDArray[np.bool_]) -> Array:
 
 
 def _ahead(filled: NDArray[np.bool_], at: tuple[int, int], way: int) -> tuple[bool, bool]:
-    """Return whether the pixels ahead of a corner, to the left and to the right of the way, are filled."""
+    """Return whether the pixels ahead of a corner, left and right of the direction of travel, are filled."""
     row, column = at
     ahead = {
         0: ((row - 1, column), (row, column)),
@@ -100,7 +100,7 @@ def _ahead(filled: NDArray[np.bool_], at: tuple[int, int], way: int) -> tuple[bo
 
 
 def _straightened(corners: Array) -> Array:
-    """Return the corners that are needed to stay near all of them (Douglas and Peucker 1973)."""
+    """Return the corners needed to stay close to all of them (Douglas and Peucker 1973)."""
     far = int(np.argmax(np.linalg.norm(corners - corners[0], axis=1)))
     closed = np.vstack([corners, corners[:1]])
     needed, open_pieces = {0, far}, [(0, far), (far, len(corners))]

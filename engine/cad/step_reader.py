@@ -1,4 +1,4 @@
-"""Read a STEP file: once, in a process of its own, with limits; from then on from the user's cache."""
+"""Read a STEP file once, in a separate process with limits; afterwards it comes from the user's cache."""
 
 import hashlib
 from pathlib import Path
@@ -25,10 +25,10 @@ def read_step(path: str | Path, recognition: float = RECOGNITION, limits: Readin
     path : str or Path
         The file: AP203, AP214 or AP242, not compressed.
     recognition : float
-        Largest distance [mm] between a spline and the plane, cylinder, cone, sphere or circle that it is taken for;
-        0 takes none for another.
+        Largest distance [mm] between a spline and the plane, cylinder, cone, sphere or circle that replaces it;
+        0 replaces none.
     limits : ReadingLimits
-        What reading may take.
+        Limits of time and memory for reading.
 
     Returns
     -------
@@ -38,8 +38,8 @@ def read_step(path: str | Path, recognition: float = RECOGNITION, limits: Readin
     Raises
     ------
     CadError
-        If the file cannot be read, is no STEP, holds no shapes, takes too much time or memory or crashes OCCT, or if
-        OCCT is not installed. The message names the file, what is wrong and what to do.
+        If the file cannot be read, is not a STEP file, contains no shapes, takes too much time or memory or crashes
+        OCCT, or if OCCT is not installed. The message names the file, what is wrong and what to do.
     """
     content = step_content(path, limits)
     sha256 = hashlib.sha256(content).hexdigest()
@@ -52,7 +52,7 @@ def read_step(path: str | Path, recognition: float = RECOGNITION, limits: Readin
 
 
 def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
-    """Return the content of a file that begins and ends as STEP does; CadError if it does not, or cannot be read."""
+    """Return the content of a file that starts and ends as STEP does; raise CadError for another or unreadable one."""
     try:
         content = read_regular_file(path, limits.file_bytes)
     except (OSError, ValueError) as error:
@@ -67,5 +67,5 @@ def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
 
 
 def _smaller(reason: str) -> str:
-    """Return what to do about a file that is too large."""
+    """Return advice about a file that is too large."""
     return " with only the parts of the mechanism" if "bytes" in reason else ""

@@ -1,4 +1,4 @@
-"""How far a point is from triangles, and where they are nearest."""
+"""The distance of a point from triangles, and the nearest point on them."""
 
 import numpy as np
 
@@ -6,27 +6,27 @@ from engine.arrays import Array
 
 
 def distance_to_triangles(point: Array, corners: Array) -> float:
-    """Return the distance from a point to the nearest of some triangles; infinite if there are none.
+    """Return the distance from a point to the nearest triangle; infinite if there are no triangles.
 
     Parameters
     ----------
     point : array
         Shape (3,).
     corners : array
-        Shape (n, 3, 3), three corners each; none of them degenerate to a point.
+        Three corners of each triangle, shape (n, 3, 3); none of them degenerate to a point.
     """
     return float(np.linalg.norm(nearest_on_triangles(point, corners)[0] - point)) if len(corners) else np.inf
 
 
 def nearest_on_triangles(point: Array, corners: Array) -> tuple[Array, int]:
-    """Return the point of some triangles that is nearest to another, and the row of its triangle.
+    """Return the nearest point on a set of triangles, and the row of its triangle.
 
     Parameters
     ----------
     point : array
         Shape (3,).
     corners : array
-        Shape (n, 3, 3), n >= 1; none of them degenerate to a point.
+        Shape (n, 3, 3), n >= 1; none of the triangles degenerate to a point.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def nearest_on_triangles(point: Array, corners: Array) -> tuple[Array, int]:
 
 
 def _on_segments(point: Array, start: Array, end: Array) -> Array:
-    """Return the nearest points of straight segments, shape (n, 3)."""
+    """Return the nearest points on straight segments, shape (n, 3)."""
     along = end - start
     square = (along**2).sum(axis=1)
     share = ((point - start) * along).sum(axis=1) / np.where(square > 0, square, 1.0)

@@ -1,4 +1,4 @@
-"""Names of parts that can be told apart."""
+"""Unique names of parts."""
 
 from collections import Counter
 
@@ -6,12 +6,12 @@ _UNNAMED = "part"
 
 
 def unique_names(products: list[str]) -> list[str]:
-    """Return a name for each part: that of its product, with a number behind it where several have the same.
+    """Return a unique name for each part: the name of its product, with a number if several parts share it.
 
     Parameters
     ----------
     products : list of str
-        Name of each part's product; empty for an unnamed one, which is called ``part``.
+        Name of each part's product; empty for an unnamed one, whose part is called ``part``.
     """
     called = [product or _UNNAMED for product in products]
     several = {name for name, count in Counter(called).items() if count > 1}

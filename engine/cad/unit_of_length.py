@@ -1,4 +1,4 @@
-"""The same geometry in another unit of length."""
+"""Conversion of geometry to another unit of length."""
 
 from dataclasses import is_dataclass, replace
 from functools import cache
@@ -12,26 +12,26 @@ _T = TypeVar("_T")
 
 
 def in_unit(geometry: _T, millimetres: float) -> _T:
-    """Return what was read from a CAD file, or found in it, in another unit of length.
+    """Return data read from a CAD file, or derived from it, in another unit of length.
 
     Parameters
     ----------
     geometry : dataclass
         An assembly, or anything of `engine.cad.cad_model`, in mm.
     millimetres : float
-        The unit of length [mm], as 1000 for metres, > 0.
+        The unit of length [mm], for instance 1000 for metres, > 0.
 
     Returns
     -------
     dataclass
-        The same, with all lengths, areas, volumes, inertias and densities in the unit. Masses stay in g.
+        The same data with all lengths, areas, volumes, inertias and densities in this unit. Masses stay in g.
     """
     scaled: _T = _scaled(geometry, 0, 1.0 / millimetres)
     return scaled
 
 
 def _scaled(value: Any, power: int, factor: float) -> Any:
-    """Return a value times a power of the factor; of a dataclass, each field with its own power."""
+    """Return a value times a power of the factor; in a dataclass, each field with its own power."""
     if is_dataclass(value) and not isinstance(value, type):
         each = _powers(type(value)).items()
         return replace(value, **{name: _scaled(getattr(value, name), own, factor) for name, own in each})
@@ -44,12 +44,12 @@ def _scaled(value: Any, power: int, factor: float) -> Any:
 
 @cache
 def _powers(kind: type) -> dict[str, int]:
-    """Return the power of the unit of length of each field of a dataclass, by its name."""
+    """Return the power of the unit of length for each field of a dataclass, by name."""
     return {name: _power(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
 
 
 def _power(hint: Any) -> int:
-    """Return the power that a type is annotated with, or one of the types it is made of; 0 if none is."""
+    """Return the power annotated on a type or on one of its components; 0 if there is none."""
     if isinstance(hint, LengthPower):
         return hint.power
     return next((power for inner in get_args(hint) if (power := _power(inner))), 0)

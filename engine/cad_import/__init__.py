@@ -1,1 +1,1 @@
-"""A mechanism file proposed from a CAD file: what was found in it, and questions about what only a person knows."""
+"""Propose a mechanism file from a CAD file: the features found, and questions about what only a person knows."""

@@ -1,4 +1,4 @@
-"""A mechanism file and the CAD file that it was written for, before a new revision replaces that."""
+"""A mechanism file and the CAD file it was written for, before a new revision of the CAD file replaces it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +14,18 @@ from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
 @dataclass(frozen=True, eq=False)
 class EarlierRevision:
-    """A mechanism file, and the assembly that its ``[cad]`` names.
+    """A mechanism file, and the assembly named in its ``[cad]`` table.
 
     Attributes
     ----------
     text : str
         Content of the mechanism file.
     name : str
-        Of the mechanism.
+        Name of the mechanism.
     file : str
-        The CAD file, as the mechanism file names it.
+        Path of the CAD file, as given in the mechanism file.
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     """
 
     text: str
@@ -35,14 +35,14 @@ class EarlierRevision:
 
 
 def earlier_revision(path: Path) -> EarlierRevision:
-    """Read a mechanism file and what its CAD file held, even where another file has taken that one's place.
+    """Read a mechanism file and the earlier content of its CAD file, even if another file has replaced it since.
 
     Raises
     ------
     MechanismError
         If the mechanism file cannot be read, or names no CAD file.
     CadError
-        If the CAD file has another content by now, and what was read of it is not kept.
+        If the CAD file has other content now, and what was read of it before is no longer in the cache.
     """
     try:
         content = read_regular_file(path, LARGEST)

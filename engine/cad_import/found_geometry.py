@@ -1,4 +1,4 @@
-"""What a CAD file says of its mechanism, put in order: joints with their flanges, candidates of stops, names."""
+"""The features of a mechanism in a CAD file, arranged: joints with their flanges, candidates for stops, names."""
 
 import re
 import unicodedata
@@ -24,7 +24,7 @@ from engine.cad.findings import (
 )
 from engine.cad.findings.common_area import triangles_by_face
 
-_LONGEST = 40  # letters of a body's name
+_LONGEST = 40  # letters in a body's name
 _LETTERS = str.maketrans(
     {
         "\N{LATIN SMALL LETTER SHARP S}": "ss",
@@ -35,12 +35,12 @@ _LETTERS = str.maketrans(
         "\N{LATIN SMALL LETTER L WITH STROKE}": "l",
         "\N{LATIN CAPITAL LETTER L WITH STROKE}": "L",
     }
-)  # what Unicode does not take apart
+)  # letters that Unicode does not decompose
 
 
 @dataclass(frozen=True, eq=False)
 class FoundJoint:
-    """A pin in a hole, with a name of its own."""
+    """A pin in a hole, with a unique name."""
 
     name: str
     pin: PinInHole
@@ -49,7 +49,7 @@ class FoundJoint:
 
 @dataclass(frozen=True, eq=False)
 class FoundBall:
-    """A ball in a socket, with a name of its own."""
+    """A ball in a socket, with a unique name."""
 
     name: str
     ball: BallInSocket
@@ -57,14 +57,14 @@ class FoundBall:
 
 @dataclass(frozen=True, eq=False)
 class FoundStop:
-    """Two faces that look at each other, with a name of their own."""
+    """Two faces that face each other, with a unique name."""
 
     name: str
     pair: FacingPlanes | FacingRound
 
     @property
     def sizes(self) -> str:
-        """How far they are apart, and how large is what they share, in words."""
+        """A description of their distance, and of the size of what they share."""
         gap, about = self.pair.gap, "about " if isinstance(self.pair, FacingRound) and self.pair.is_estimate else ""
         apart = f"{about}{gap:.4g} mm apart" if gap >= 0 else f"overlapping by {about}{-gap:.4g} mm"
         if isinstance(self.pair, FacingPlanes):
@@ -74,19 +74,19 @@ class FoundStop:
 
 @dataclass(frozen=True, eq=False)
 class FoundGeometry:
-    """What was found in an assembly; lengths in mm.
+    """The features found in an assembly; lengths in mm.
 
     Attributes
     ----------
     assembly : CadAssembly
     bodies : dict
-        A name for the body that each part becomes, by the part's.
+        Part name -> name of the body that it becomes.
     joints : tuple of FoundJoint
     balls : tuple of FoundBall
     refused : tuple of NearMiss
-        Pins and holes, balls and sockets that are no joint.
+        Pins and holes, balls and sockets that are not joints.
     stops : tuple of FoundStop
-        Faces that look at each other and are no flanges: planes, then round ones.
+        Faces that face each other and are not flanges: first planes, then round ones.
     """
 
     assembly: CadAssembly
@@ -101,18 +101,18 @@ class FoundGeometry:
         return next(face for face in self.assembly.faces if face.number == number)
 
     def to_body(self, part: str, point: Array) -> Array:
-        """Return a point of the assembly's frame in that of the body that a part becomes."""
+        """Return a point in the frame of the body that a part becomes, given in the assembly's frame."""
         placement = self.assembly.part(part).placement
         return np.asarray(placement.rotation.T @ (point - placement.translation))
 
 
 def find_geometry(assembly: CadAssembly) -> FoundGeometry:
-    """Find joints and candidates of stops in an assembly, and give them names.
+    """Find joints and candidates for stops in an assembly, and name them.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     """
     triangles = triangles_by_face(assembly)
     parts = [part.name for part in assembly.parts]
@@ -136,11 +136,11 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
 
 
 def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list[str]:
-    """Return a name of the mechanism file for each text, no two alike, cut off after some letters."""
+    """Return a unique name for the mechanism file for each text, truncated after some letters."""
     names: list[str] = []
     for text in texts:
         plain = text.translate(_LETTERS)
-        plain = unicodedata.normalize("NFKD", plain)  # an umlaut becomes its letter and two dots
+        plain = unicodedata.normalize("NFKD", plain)  # decomposes an umlaut into its letter and two dots
         plain = "".join(c for c in plain if not unicodedata.combining(c))
         stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"

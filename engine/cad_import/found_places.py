@@ -1,4 +1,4 @@
-"""What was found in a CAD file, each with its place: parts, joints, candidates of stops, pins that are no joint."""
+"""The features found in a CAD file with their places: parts, joints, candidates for stops, pins that are not joints."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,26 +15,26 @@ from engine.cad_import.toml_lines import value
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FoundPlace:
-    """Something that was found between two parts; lengths in mm, in the frame of the assembly.
+    """A feature found between two parts; lengths in mm, in the frame of the assembly.
 
     Attributes
     ----------
     kind : str
-        What it is.
+        Kind of the feature.
     name : str
-        As the proposed mechanism file calls it: ``base-crank``, ``stop-1``; of what is no joint, its number.
+        Name in the proposed mechanism file: ``base-crank``, ``stop-1``; its number if it is not a joint.
     parts : (str, str)
         Names of the two parts.
     faces : tuple of int
-        Numbers of their faces; of a joint holes and pins, no flanges.
+        Numbers of their faces; for a joint holes and pins, without flanges.
     between, sizes : str
-        In words: the parts; how large what is between them is, or why it is no joint.
+        In words: the parts; the size of the gap or clearance between them, or why it is not a joint.
     radii : str
-        Of hole and pin, or socket and ball, of a joint, in words; else empty.
+        For a joint, the radii of hole and pin, or of socket and ball, in words; otherwise empty.
     ends : array, shape (2, 3)
-        Of a joint, where it begins and ends on its axis, of a ball its centre twice; of a stop, a point of each face.
+        For a joint, its start and end on its axis; for a ball, its centre twice; for a stop, a point of each face.
     radius : float
-        Of the hole or the socket; 0 of a stop.
+        Radius of the hole or the socket; 0 for a stop.
     """
 
     kind: Literal["joint", "no joint", "facing"]
@@ -49,28 +49,28 @@ class FoundPlace:
 
     @property
     def said(self) -> str:
-        """All that is said of it besides its name."""
+        """The description without the name."""
         return ", ".join(filter(None, (self.between, self.radii, self.sizes)))
 
     @property
     def text(self) -> str:
-        """All that is said of it."""
+        """The full description."""
         return f"{self.kind} {self.name}: {self.said}"
 
     @property
     def middle(self) -> Array:
-        """The point in its middle, shape (3,)."""
+        """The midpoint of the ends, shape (3,)."""
         return np.asarray(self.ends.mean(axis=0))
 
 
 def part_text(part: CadPart) -> str:
-    """Return all that is said of a part."""
+    """Return the description of a part."""
     volume = sum(solid.volume for solid in part.solids)
     return f"part {part.name}: {volume:.6g} mm3, {part.material.name if part.material else 'no material'}"
 
 
 def found_places(found: FoundGeometry) -> list[FoundPlace]:
-    """Return all that was found: joints, then what is no joint, then candidates of stops, each in its order."""
+    """Return all features found: joints, then pairs that are not joints, then candidates for stops, each in order."""
     faces = {face.number: face for face in found.assembly.faces}
     joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
     refused = [_no_joint(found, miss, number, faces) for number, miss in enumerate(found.refused, 1)]
@@ -79,7 +79,7 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
 
 def _joint(joint: FoundJoint) -> FoundPlace:
     pin, first = joint.pin, joint.pin.seats[0]
-    plays = ", ".join(f"{round(flange.play, 9) + 0.0:.4g}" for flange in joint.flanges)  # no -0
+    plays = ", ".join(f"{round(flange.play, 9) + 0.0:.4g}" for flange in joint.flanges)  # avoids -0
     axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
     radii = [f"{seat.hole_radius:.6g} and {seat.pin_radius:.6g}" for seat in pin.seats]
     least = least_clearance(pin)

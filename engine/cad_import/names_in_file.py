@@ -1,4 +1,4 @@
-"""The names that a mechanism file has for what was found in its CAD file: a person may have changed them."""
+"""The names in a mechanism file of the features found in its CAD file; a person may have changed them."""
 
 import tomllib
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from engine.cad_import.names_of_before import NamedPlace, matched, places_of_joi
 from engine.cad_import.proposed_stops import stop_sides
 from engine.cad_import.proposed_text import entries_of
 
-_SAME = 0.5  # mm from where the file says that a stop is
+_SAME = 0.5  # mm from the position of a stop according to the file
 _STOP_PLACES = (
     *((kind, "near") for kind in ("plane", "pin", "hole")),
     *((kind, "centre") for kind in ("sphere", "socket")),
@@ -24,14 +24,14 @@ _STOP_PLACES = (
 
 
 def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
-    """Return what was found with the names of a mechanism file, marked tables too.
+    """Return the features found with their names in a mechanism file, including those in marked tables.
 
     Parameters
     ----------
     found : FoundGeometry
-        In the CAD file of the mechanism file.
+        Features of the mechanism file's CAD file.
     text : str
-        Of the mechanism file.
+        Text of the mechanism file.
     """
     tables = _tables(text)
     bodies = {table.get("part"): name for kind, name, table in tables if kind == "bodies"}
@@ -47,19 +47,19 @@ def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
 
 
 def _tables(text: str) -> list[tuple[str, str, dict[str, Any]]]:
-    """Return kind, name and keys of each table with a name; what cannot be read alone is left out."""
+    """Return kind, name and keys of each named table; lines that cannot be read on their own are skipped."""
     found: dict[str, dict[str, Any]] = {}
     for (header, key), entry in entries_of(text.splitlines()).items():
         table = found.setdefault(header.strip("[]"), {})
         try:
             table |= tomllib.loads(f"{key} = {entry.value}") if key else {}
-        except tomllib.TOMLDecodeError:  # a value that goes on in the next line
+        except tomllib.TOMLDecodeError:  # a value that continues on the next line
             continue
     return [(*header.split("."), table) for header, table in found.items() if header.count(".") == 1]  # type: ignore[misc]
 
 
 def _joint(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
-    """Return where a joint is in the body around its pin or ball."""
+    """Yield the position of a joint in the body around its pin or ball."""
     for outer, inner, where in (("bearing", "journal", ("hole", "near")), ("socket", "ball", ("point",))):
         point = _point(table, outer, *where)
         if point is not None:
@@ -67,7 +67,7 @@ def _joint(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
 
 
 def _stop(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
-    """Return where a stop is in the body that its side b names, and what that side is."""
+    """Yield the position of a stop in the body of its side b, and the kind of that side."""
     for kind, *where in _STOP_PLACES:
         point = _point(table, "b", kind, *where)
         if point is not None:
@@ -80,7 +80,7 @@ def _body(table: dict[str, Any], side: str) -> str:
 
 
 def _point(table: dict[str, Any], *path: str | int) -> Array | None:
-    """Return a point of a table; None where there is none of three numbers."""
+    """Return a point in a table; None if there is no list of three numbers."""
     entry: Any = table
     for key in path:
         if isinstance(key, int):

@@ -1,7 +1,7 @@
-"""The names of an earlier revision for what is found in a new one: of parts, joints and stops that are still there.
+"""Keep the names of an earlier revision for the parts, joints and stops that are still present in a new one.
 
-A stop or a joint has a number where several are alike. Without this, one that is new would take the number of another,
-and what a person has written about that one.
+A stop or a joint gets a number if several are alike. Without this module, a new one would take the number of another
+one, together with what a person has written about that one.
 """
 
 import re
@@ -16,21 +16,21 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadPart
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 
-_FAR = 5.0  # mm between two places of a stop that is the same
-_ALIKE = 1e-6  # relative difference of the volumes and inertias of a part that has been renamed
-_SAME_PLACE = 1e-3  # mm between its two centres
+_FAR = 5.0  # mm between two positions of the same stop
+_ALIKE = 1e-6  # relative difference of the volumes and inertias of a renamed part
+_SAME_PLACE = 1e-3  # mm between the two centres of a renamed part
 _Found = TypeVar("_Found", FoundJoint, FoundBall, FoundStop)
 
 
 @dataclass(frozen=True, eq=False)
 class NamedPlace:
-    """Where something is that has a name.
+    """The position of a named feature.
 
     Attributes
     ----------
     name : str
     kind : tuple
-        Only what has the same kind can be the same.
+        Only features of the same kind can be the same.
     point : array
         Shape (3,) [mm].
     """
@@ -41,17 +41,17 @@ class NamedPlace:
 
 
 def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometry:
-    """Return what was found with the names that the same parts, joints and stops had in an earlier revision.
+    """Return the features found, with the names that the same parts, joints and stops had in an earlier revision.
 
-    Parts of one product, and joints of two parts, are the same as those nearest to them. A part of a product that is
-    new is one of a product that has gone, if its solids have the same volume and inertia and are in the same place. A
-    stop is the same if it is within 5 mm of an earlier one, with the same normal. All else gets a name that the earlier
-    revision did not have.
+    Parts of one product, and joints between two parts, are matched with the nearest earlier ones. A part of a new
+    product is matched with one of a product that has disappeared, if its solids have the same volume and inertia and
+    are in the same place. A stop is matched with an earlier one within 5 mm with the same normal. All others get names
+    that the earlier revision did not have.
 
     Parameters
     ----------
     found, before : FoundGeometry
-        Of the new revision, and of the earlier one.
+        Features of the new revision and of the earlier one.
     """
     names = matched(_parts(found, _former_products(found.assembly, before.assembly)), _parts(before, {}))
     found = replace(found, bodies=dict(zip(found.bodies, names, strict=True)))
@@ -63,7 +63,7 @@ def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometr
 
 
 def _parts(found: FoundGeometry, products: Mapping[str, str]) -> list[NamedPlace]:
-    """Return the parts, each as one of its product, or of the one that a mapping has for the part."""
+    """Return the parts, each as one of its own product, or of the product that a mapping gives for the part."""
     return [
         NamedPlace(found.bodies[p.name], (products.get(p.name, p.product),), p.bounds.mean(axis=0))
         for p in found.assembly.parts
@@ -96,14 +96,14 @@ def _is_same(part: CadPart, former: CadPart) -> bool:
 
 
 def renamed_parts(found: FoundGeometry, before: FoundGeometry) -> list[tuple[str, str, str]]:
-    """Return body, earlier and new name of each part that has another name in a new revision.
+    """Return body, earlier name and new name of each part that is renamed in a new revision.
 
     Parameters
     ----------
     found : FoundGeometry
-        As `named_as_before` returns it.
+        Features as returned by `named_as_before`.
     before : FoundGeometry
-        Of the earlier revision.
+        Features of the earlier revision.
     """
     parts = {body: part for part, body in found.bodies.items()}
     return [(body, part, parts[body]) for part, body in before.bodies.items() if parts.get(body, part) != part]
@@ -131,7 +131,7 @@ def places_of_stops(found: FoundGeometry) -> list[NamedPlace]:
 
 
 def matched(now: list[NamedPlace], before: list[NamedPlace], most: float = np.inf) -> list[str]:
-    """Return a name for each place: of the nearest earlier one of its kind, nearest pairs first, or one of its own."""
+    """Return a name for each place: that of the nearest earlier one of its kind, nearest pairs first, or a new name."""
     pairs = [
         (float(np.linalg.norm(here.point - there.point)), i, j)
         for i, here in enumerate(now)
@@ -151,12 +151,12 @@ def matched(now: list[NamedPlace], before: list[NamedPlace], most: float = np.in
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken: itself, or with the next number."""
+    """Return a free name: the name itself, or the name with the next free number."""
     stem = re.sub(r"-\d+$", "", name)
     first = 2 if stem == name else 1
     return name if name not in taken else next(each for n in count(first) if (each := f"{stem}-{n}") not in taken)
 
 
 def renamed(found: Sequence[_Found], names: list[str]) -> tuple[_Found, ...]:
-    """Return what was found with other names, in the same order."""
+    """Return features with other names, in the same order."""
     return tuple(replace(each, name=name) for each, name in zip(found, names, strict=True))

@@ -1,4 +1,4 @@
-"""The questions of a proposed file that are still open: its lines that begin with ``#?``."""
+"""The open questions in a proposed file: its lines that begin with ``#?``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +16,9 @@ class OpenQuestion:
     Attributes
     ----------
     line : int
-        From 1.
+        Line number from 1.
     text : str
-        The key or table it is about, a colon, and the question.
+        The key or table in question, a colon, and the question.
     """
 
     line: int
@@ -26,7 +26,7 @@ class OpenQuestion:
 
 
 def open_questions(text: str) -> list[OpenQuestion]:
-    """Return the questions of a file that nobody has answered yet: whoever answers one removes its line."""
+    """Return the unanswered questions in a file; a person who answers one removes its line."""
     lines = enumerate(text.splitlines(), 1)
     return [
         OpenQuestion(number, line.strip().removeprefix(QUESTION).strip())
@@ -36,10 +36,10 @@ def open_questions(text: str) -> list[OpenQuestion]:
 
 
 def questions_of_file(name_or_path: str | Path) -> list[OpenQuestion]:
-    """Return the open questions of a mechanism or campaign file; none of a shipped one, or where none can be read."""
+    """Return the open questions in a mechanism or campaign file; none for a shipped file or one that cannot be read."""
     if str(name_or_path) in library_names():
         return []
     try:
         return open_questions(read_regular_file(name_or_path, LARGEST).decode("utf-8", "replace"))
-    except (OSError, ValueError):  # ValueError: a NUL in the name
+    except (OSError, ValueError):  # ValueError: a null character in the name
         return []

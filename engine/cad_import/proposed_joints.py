@@ -1,4 +1,4 @@
-"""The tables of joints: a pin in a hole, its rings, its clearance, its flanges; a ball in a socket."""
+"""The tables of joints: a pin in a hole with its rings, clearance and flanges; a ball in a socket."""
 
 from dataclasses import dataclass
 from math import degrees, radians
@@ -19,7 +19,7 @@ LAW = "contact"
 
 _ALIKE = 1e-6  # mm
 _LEAST_PLAY = 1e-6  # mm
-_OPEN = radians(190.0)  # of a hole: a pin can leave one with less
+_OPEN = radians(190.0)  # a pin can leave a hole with a smaller span
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Diameter:
     parameter : str
         Its name in the mechanism file.
     nominal, lower, upper : float
-        [mm].
+        Sizes [mm].
     """
 
     parameter: str
@@ -41,7 +41,7 @@ class Diameter:
 
 
 def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
-    """Return the table of a joint, with a question for all that the CAD file does not say."""
+    """Return the table of a joint, with a question for everything that the CAD file does not provide."""
     pin = joint.pin
     first = pin.seats[0]
     holes, pins = [found.face(seat.hole) for seat in pin.seats], [found.face(seat.pin) for seat in pin.seats]
@@ -72,7 +72,7 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
 
 
 def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
-    """Return the table of a ball in its socket, as numbers, with a question for what the CAD file does not say."""
+    """Return the table of a ball in its socket in numbers, with a question for what the CAD file does not provide."""
     ball = joint.ball
     socket = {"body": found.bodies[ball.socket_part], "point": found.to_body(ball.socket_part, ball.centre).round(9)}
     centre = found.to_body(ball.ball_part, ball.ball_centre).round(9)
@@ -114,7 +114,7 @@ def _overlap_question(name: str, sides: str, overlap: float) -> str:
 
 
 def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]:
-    """Return the diameters with limits of a joint with one seat, under ``hole`` and ``pin``; none if it has several."""
+    """Return the diameters with limits of a joint with one seat, under ``hole`` and ``pin``; else empty."""
     if len(joint.pin.seats) > 1 or joint.pin.radial_clearance <= 0:
         return {}
     [seat] = joint.pin.seats
@@ -139,13 +139,13 @@ def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
 
 @dataclass(frozen=True, eq=False)
 class _Stations:
-    """Stations along a joint's axis, as the mechanism file counts them: from the middle of its first seat.
+    """Stations along a joint's axis as counted in the mechanism file: from the middle of its first seat.
 
     Attributes
     ----------
     joint : FoundJoint
     axis : array
-        The direction in which the file counts, along the joint's axis or against it.
+        The direction in which the file counts, the joint's axis or its opposite.
     """
 
     joint: FoundJoint
@@ -156,12 +156,12 @@ class _Stations:
         return float(np.sign(self.axis @ self.joint.pin.axis))
 
     def of(self, station: float) -> float:
-        """Return a station from the joint's point as the file counts it."""
+        """Return a station, given from the joint's point, as counted in the file."""
         first = self.joint.pin.seats[0]
         return self.sign * (station - (first.start + first.end) / 2)
 
     def shift(self) -> Array | None:
-        """Return the point of the pin that is in the middle when the pin is; None where it is as posed."""
+        """Return the point of the pin that is in the middle when the pin is; None if it stays as posed."""
         plays = {flange.side: flange.play for flange in self.joint.flanges}
         if len(plays) < 2 or abs(plays["end"] - plays["start"]) < _ALIKE:
             return None
@@ -196,7 +196,7 @@ def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) 
 
 
 def least_clearance(pin: PinInHole) -> str:
-    """Return of which radial clearances that of a joint is the least; empty where they are all one."""
+    """Return the radial clearances of which that of a joint is the smallest; empty if all are equal."""
     drawn = list(dict.fromkeys(f"{seat.hole_radius - seat.pin_radius:.4g}" for seat in pin.seats))
     return f"the least of {', '.join(drawn[:-1])} and {drawn[-1]}, for all rings" if len(drawn) > 1 else ""
 

@@ -1,4 +1,4 @@
-"""The text of a mechanism file, proposed from what was found in a CAD file."""
+"""The text of a mechanism file, proposed from the features found in a CAD file."""
 
 from collections.abc import Sequence
 
@@ -24,11 +24,11 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Seq
     ----------
     found : FoundGeometry
     file : str
-        The CAD file, by its path from the mechanism file.
+        Path of the CAD file relative to the mechanism file.
     name : str
-        Of the mechanism.
+        Name of the mechanism.
     unloaded : sequence of str
-        What `engine.cad_import.unloaded_directions.unloaded_directions` says of the text without them.
+        Result of `engine.cad_import.unloaded_directions.unloaded_directions` for the text without it.
     """
     assembly = found.assembly
     lines = [
@@ -62,12 +62,12 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Seq
 
 
 def largest_part(assembly: CadAssembly) -> CadPart:
-    """Return the part with the largest volume: nobody has said yet which one is fixed, and it may be."""
+    """Return the part with the largest volume: it may be the fixed one, which nobody has named yet."""
     return max(assembly.parts, key=lambda part: sum(solid.volume for solid in part.solids))
 
 
 def _gravity(found: FoundGeometry) -> list[str]:
-    """Return the question about attitude and gravity, which names the axes along which parts are loose."""
+    """Return the question about attitude and gravity, with the axes along which parts are loose."""
     axes = {tuple(np.round(np.abs(joint.pin.axis), 3) + 0.0) for joint in found.joints if joint.flanges}
     loose = " and ".join(f"[{', '.join(f'{x:g}' for x in axis)}]" for axis in sorted(axes))
     text = "which way is down? Along a direction that neither gravity nor a load acts on, parts float and never rest"
@@ -77,7 +77,7 @@ def _gravity(found: FoundGeometry) -> list[str]:
 
 
 def _parameters(found: FoundGeometry) -> list[str]:
-    """Return the diameters with limits, which a campaign varies."""
+    """Return the diameters with limits, to be varied by a campaign."""
     diameters = all_diameters(found)
     if not diameters:
         return []
@@ -118,7 +118,7 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
 
 
 def _density(part: CadPart, solid: Solid) -> float | None:
-    """Return the density of a solid as the CAD file has it."""
+    """Return the density of a solid according to the CAD file."""
     material = solid.material or part.material
     return material.density if material else None
 

@@ -1,4 +1,4 @@
-"""The tables of contacts that could be stops or latches, marked: two faces that look at each other."""
+"""The tables of contacts that may be stops or latches, marked as inactive: two faces that face each other."""
 
 from typing import Any
 
@@ -15,13 +15,13 @@ from engine.mechanism.geometry.cad_table import NearPlace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 
 _DIGITS = 9
-_WITHIN = None, 0.1, 0.01, 1e-3  # mm from a point to its face: half a millimetre, or less where others are as near
+_WITHIN = None, 0.1, 0.01, 1e-3  # mm from a point to its face: half a millimetre, or less if others are as near
 _CENTRED = 1e-6  # mm
 Side = dict[str, Any]
 
 
 def stop_tables(found: FoundGeometry) -> list[str]:
-    """Return the candidates of stops and latches, marked, under a question; nothing where there are none."""
+    """Return the candidates for stops and latches, marked, below a question; empty if there are none."""
     if not found.stops:
         return []
     text = (
@@ -37,7 +37,7 @@ def stop_tables(found: FoundGeometry) -> list[str]:
 
 
 def stop_sides(found: FoundGeometry, stop: FoundStop) -> tuple[Side, Side]:
-    """Return the sides a and b of the contact that a candidate would be; b is on the first of its faces."""
+    """Return the sides a and b of the contact for a candidate; b is on the first of its faces."""
     pair = stop.pair
     first, second = (found.face(number) for number in pair.faces)
     if isinstance(pair, FacingPlanes):
@@ -51,17 +51,17 @@ def _side(found: FoundGeometry, face: CadFace, kind: str, primitive: Any) -> Sid
 
 
 def _point(found: FoundGeometry, face: CadFace, point: Array) -> Array:
-    """Return a point of the assembly in the body of a face."""
+    """Return a point in the frame of a face's body, given in the assembly's frame."""
     return np.round(found.to_body(face.part, point), _DIGITS) + 0.0
 
 
 def _direction(found: FoundGeometry, face: CadFace, vector: Array) -> Array:
-    """Return a direction of the assembly in the body of a face."""
+    """Return a direction in the frame of a face's body, given in the assembly's frame."""
     return np.round(found.assembly.part(face.part).placement.rotation.T @ vector, 12) + 0.0
 
 
 def _near_side(found: FoundGeometry, face: CadFace, at: Array) -> Side:
-    """Return the side that names a face by a point of it, so that no other face fits."""
+    """Return the side that selects a face by a point on it, such that no other face fits."""
     search, near = PartSearch(found.assembly, face.part, 1.0), np.round(found.to_body(face.part, at), 6) + 0.0
     searched = search.plane if face.kind == "plane" else search.face
     wanted: Side = {"near": near}
@@ -80,7 +80,7 @@ def _near_side(found: FoundGeometry, face: CadFace, at: Array) -> Side:
 
 
 def _round_side(found: FoundGeometry, pair: FacingRound, touched: CadFace, face: CadFace) -> Side:
-    """Return the side of the round face: a ball; the pin itself on a plane; else the arc of a cylinder."""
+    """Return the side of the round face: a ball; the pin itself against a plane; otherwise the arc of a cylinder."""
     if face.kind == "sphere":
         ball = {"centre": _point(found, face, face.point), "radius": round(face.radius, _DIGITS)}
         return _side(found, face, "sphere", ball)
@@ -98,7 +98,7 @@ def _round_side(found: FoundGeometry, pair: FacingRound, touched: CadFace, face:
 
 
 def _touched_side(found: FoundGeometry, pair: FacingRound, face: CadFace) -> Side:
-    """Return the side of the face that is touched: as the CAD file names it, or its profile in numbers."""
+    """Return the side of the touched face: by reference to the CAD file, or as its profile in numbers."""
     if pair.profile is not None:
         return _side(found, face, "extruded", _extruded(found, face, pair.profile))
     if face.kind == "sphere" and not (face.hollow and face.splines and _is_open(face)):
@@ -112,12 +112,12 @@ def _touched_side(found: FoundGeometry, pair: FacingRound, face: CadFace) -> Sid
 
 
 def _is_open(socket: CadFace) -> bool:
-    """Return whether a ball can leave a hollow one: no more than half of it is there."""
+    """Return whether a ball can leave a hollow sphere, because no more than half of the sphere is there."""
     return socket.area < 2.1 * np.pi * socket.radius**2
 
 
 def _extruded(found: FoundGeometry, face: CadFace, profile: ExtrudedProfile) -> Side:
-    """Return a profile as a mechanism file has it."""
+    """Return a profile in the form of a mechanism file."""
     segments = []
     for piece in profile.pieces:
         segment: Side = {"to": _plane_point(piece.end)}

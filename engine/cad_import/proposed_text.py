@@ -1,4 +1,4 @@
-"""The lines of a proposed file: tables, keys, and the questions above them, each with its place."""
+"""The lines of a proposed file: tables, keys, and the questions above them, each with its line index."""
 
 import re
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ class ProposedLine:
     Attributes
     ----------
     place : int
-        Of its line.
+        Index of its line.
     line : str
     value : str
-        As it is written, without the comment behind it; of a header, the header.
+        The value as written, without the comment after it; for a header, the header itself.
     marked : bool
-        Whether it has a mark, and so does not count.
+        Whether it has a mark, so that it is inactive.
     questions : tuple of str
-        The lines above it that ask something.
+        The questions in the lines above it.
     """
 
     place: int
@@ -41,12 +41,12 @@ class ProposedLine:
 
     @property
     def unmarked(self) -> str:
-        """Its line without a mark, with the comment behind it."""
+        """The line without its mark, but with the comment after it."""
         return self.line.removeprefix(MARK)
 
 
 def entries_of(lines: list[str]) -> dict[Key, ProposedLine]:
-    """Return the keys and tables of a file; of those that are there twice, the first."""
+    """Return the keys and tables of a file; of duplicates, the first."""
     found: dict[Key, ProposedLine] = {}
     table, asked = "", []
     for place, line in enumerate(lines):
@@ -64,7 +64,7 @@ def entries_of(lines: list[str]) -> dict[Key, ProposedLine]:
 
 
 def table_lines(lines: list[str], header: str) -> list[str]:
-    """Return the lines of a table up to the next empty one, with the questions in it and above it."""
+    """Return the lines of a table up to the next empty one, including the questions in it and above it."""
     entry = entries_of(lines)[header, ""]
     start = entry.place - len(entry.questions)
     end = next((i for i in range(entry.place, len(lines)) if not lines[i].strip()), len(lines))
@@ -72,7 +72,7 @@ def table_lines(lines: list[str], header: str) -> list[str]:
 
 
 def what_it_asks(question: str) -> str:
-    """Return a question without its numbers and what stands behind it: the same about another revision."""
+    """Return a question without its numbers and trailing text, to compare it with that about another revision."""
     return _NUMBER.sub("0", question.removeprefix(QUESTION).partition("?")[0])
 
 

@@ -10,7 +10,7 @@ QUESTION = "#?"
 
 
 def value(entry: Any) -> str:
-    """Return a value as TOML on one line: texts, numbers, true and false, lists, tables in each other."""
+    """Return a value as TOML on one line: texts, numbers, true and false, lists, nested tables."""
     match entry:
         case bool():
             return str(entry).lower()
@@ -39,7 +39,7 @@ def question(key: str, text: str) -> str:
 
 
 def marked(lines: Iterable[str]) -> list[str]:
-    """Return lines that count only when their marks are removed."""
+    """Return lines with marks, which are inactive until their marks are removed."""
     return [f"# {line}" for line in lines]
 
 

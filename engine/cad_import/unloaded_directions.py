@@ -1,4 +1,4 @@
-"""Motions of a proposed mechanism on which nothing acts yet: what gravity and loads will have to act on."""
+"""Motions of a proposed mechanism that no load acts on yet: gravity and loads will have to act on them."""
 
 import tomllib
 from typing import Any
@@ -12,24 +12,24 @@ from engine.mechanism import mechanism_from
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, without_selectors
 from engine.preflight.cautions import MOST_BODIES
 
-_SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: which motions are free depends on neither
+_SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
 _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
 
 
 def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
-    """Return the motions on which nothing acts, with the largest part fixed, each with the body that has most of it.
+    """Return the motions that no load acts on, with the largest part fixed, each with the body that has most of it.
 
     Parameters
     ----------
     found : FoundGeometry
     text : str
-        The mechanism file proposed for it. What it asks is answered for the look with some number: which motions joints
-        leave free does not depend on densities and plays.
+        The mechanism file proposed for it. Its questions are answered with arbitrary numbers for this check, because
+        the free motions do not depend on densities and plays.
 
     Returns
     -------
     list of str
-        Such as ``"crank along z, the axis of J"``; empty also where the parts cannot start as they are drawn.
+        For instance ``"crank along z, the axis of J"``; empty also if the parts cannot start as they are drawn.
     """
     if not 1 < len(found.assembly.parts) <= MOST_BODIES:
         return []
@@ -46,7 +46,7 @@ def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
 
 
 def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of a proposed file with some answer to what it asks of bodies and joints."""
+    """Return the tables of a proposed file with arbitrary answers to its questions about bodies and joints."""
     fixed = found.bodies[largest_part(found.assembly).name]
     for name, body in tables["bodies"].items():
         body.update({"fixed": True} if name == fixed else {"density": _SOME_DENSITY})

@@ -1,4 +1,4 @@
-"""A proposed file for a new revision of its CAD file: what a person wrote stays, what the CAD file said follows."""
+"""Update a proposed file for a new revision of its CAD file: edits by a person stay, other entries follow the file."""
 
 import re
 from dataclasses import dataclass, field
@@ -11,18 +11,18 @@ _PARAMETERS = "[parameters]"
 
 @dataclass(frozen=True)
 class UpdatedProposal:
-    """What became of a mechanism file, or of a campaign file.
+    """The result of updating a mechanism file or a campaign file.
 
     Attributes
     ----------
     text : str
         The file for the new revision.
     kept : list of str
-        Where the proposal has changed and the file has a value of its own, which stays; each as a line.
+        Places, one per line, where the proposal has changed but the file's own value is kept.
     gone : list of str
-        Tables of which the new revision has nothing left; they stay, too.
+        Tables of which nothing remains in the new revision; they are kept, too.
     added : list of str
-        Tables that are new.
+        New tables.
     """
 
     text: str
@@ -32,26 +32,26 @@ class UpdatedProposal:
 
 
 def updated_proposal(text: str, before: str, after: str) -> UpdatedProposal:
-    """Return a file in which what was proposed for one revision is as it is proposed for another.
+    """Return a file with its proposed entries updated from one revision to another.
 
     Parameters
     ----------
     text : str
-        The file, with whatever the person has written into it.
+        The file, including a person's edits.
     before, after : str
-        What was proposed for the two revisions, as by `engine.cad_import.proposed_mechanism.proposed_mechanism`.
+        The proposals for the two revisions, as from `engine.cad_import.proposed_mechanism.proposed_mechanism`.
 
     Returns
     -------
     UpdatedProposal
-        A line changes, or goes, only where the person left it as it was proposed. What has become a question is one
-        again, and what is no question any more is none, unless the person has answered it.
+        A line is changed or removed only if the person left it as it was proposed. What has become a question is one
+        again, and a question that is no longer asked is removed, unless the person has answered it.
     """
     return _Merge(text, before, after).result()
 
 
 class _Merge:
-    """The lines of a file, each of which becomes some lines, and what is said of it."""
+    """The lines of a file, each with the lines that replace it, and the lists of what was done."""
 
     def __init__(self, text: str, before: str, after: str) -> None:
         lines, self._after = text.splitlines(), after.splitlines()
@@ -76,17 +76,17 @@ class _Merge:
         lines: list[str] = []
         for place, each in enumerate(self._out):
             gone = place > 0 and not self._out[place - 1]
-            if not (each == lines[-1:] == [""] and gone):  # what has gone leaves no second empty line
+            if not (each == lines[-1:] == [""] and gone):  # a removed table leaves no second empty line
                 lines += each
         text = "\n".join(lines)
         return UpdatedProposal(text + "\n", self._said.kept, self._said.gone, self._said.added)
 
     def _follow(self, key: Key, entry: ProposedLine) -> None:
-        """Replace a line that is as it was proposed by the one that is proposed now."""
+        """Replace a line that is still as it was proposed by the one proposed now."""
         was, own = self._old[key], self._own.get(key)
         if own is not None:
             self._ask(own, entry)
-        if (was.unmarked, was.marked) == (entry.unmarked, entry.marked):  # the comment says what "as drawn" is
+        if (was.unmarked, was.marked) == (entry.unmarked, entry.marked):  # with the comment, which explains "as drawn"
             return
         is_stop = entry.marked and key[0].startswith("[contacts.")  # a person removes its mark, not its geometry
         answered = own is not None and was.marked and not own.marked and not is_stop
@@ -97,20 +97,20 @@ class _Merge:
             self._said.kept.append(f"{path_of(key)}: proposed is now {entry.value}, and was {was.value}")
 
     def _insert(self, key: Key, entry: ProposedLine) -> None:
-        """Write a key that is new into its table, behind the one that it is proposed behind."""
+        """Write a new key into its table, after the key that precedes it in the proposal."""
         if key in self._own:
             if self._own[key].value != entry.value:
                 self._said.kept.append(f"{path_of(key)}: proposed is now {entry.value}")
             return
         questions = self._not_asked(entry)
-        if entry.marked and entry.questions and not questions:  # the same question as before, elsewhere
+        if entry.marked and entry.questions and not questions:  # the same question as before, asked elsewhere
             return
         before = [k for k, e in self._new.items() if k[0] == key[0] and e.place < entry.place and k in self._own]
         if before:
             self._out[self._own[before[-1]].place] += [*questions, entry.line]
 
     def _drop(self, key: Key, was: ProposedLine) -> None:
-        """Remove a key that is proposed no more, unless the person changed it; name a table that is not."""
+        """Remove a key that is no longer proposed, unless the person changed it; record a table that is gone."""
         if (own := self._own.get(key)) is None or key == (_PARAMETERS, ""):
             return
         header = self._own.get((key[0], ""))
@@ -123,7 +123,7 @@ class _Merge:
                 self._said.kept.append(f"{path_of(key)}: no longer proposed, and was {was.value}")
 
     def _remove_parameters(self) -> None:
-        """Keep a parameter that is proposed no more where it is used elsewhere; remove a table of none."""
+        """Keep a parameter that is no longer proposed if it is used elsewhere; remove the table if it is empty."""
         header = self._own.get((_PARAMETERS, ""))
         own = {key[1]: entry for key, entry in self._own.items() if key[0] == _PARAMETERS and key[1]}
         rest = "\n".join(line.partition("#")[0] for lines in self._out for line in lines)
@@ -134,7 +134,7 @@ class _Merge:
             self._out[header.place] = []
 
     def _add_tables(self) -> None:
-        """Write tables that are new at the end, with the questions about them that are not open already."""
+        """Append new tables at the end, with those of their questions that are not open already."""
         open_now = {line for lines in self._out for line in lines if line.startswith(QUESTION)}
         for key in self._new:
             if not key[1] and key not in self._old and key not in self._own:
@@ -142,20 +142,20 @@ class _Merge:
                 self._said.added.append(key[0])
 
     def _update_questions(self) -> None:
-        """Remove the open questions that are asked no more, and bring the numbers of the others up to date."""
+        """Remove open questions that are no longer asked, and update the numbers in the others."""
         for lines in self._out:
             if lines[0].startswith(QUESTION) and (asks := what_it_asks(lines[0])) in self._asked:
                 lines[:] = [self._asks[asks]] if asks in self._asks else []
 
     def _ask(self, own: ProposedLine, entry: ProposedLine) -> None:
-        """Write the questions about a key that were not asked before above its line."""
+        """Write the new questions about a key above its line."""
         self._out[own.place][:0] = self._not_asked(entry)
 
     def _not_asked(self, entry: ProposedLine) -> list[str]:
-        """Return the questions about a key that were not asked of the revision before."""
+        """Return the questions about a key that were not asked about the earlier revision."""
         return [line for line in entry.questions if what_it_asks(line) not in self._asked]
 
 
 def _questions(text: str) -> dict[str, str]:
-    """Return the questions of a file, each by what it asks."""
+    """Return the questions in a file, by their text without numbers."""
     return {what_it_asks(line): line for line in text.splitlines() if line.startswith(QUESTION)}

@@ -1,4 +1,4 @@
-"""What a CAD assembly says of its mechanism: pins in holes, balls in sockets, flanges, faces that could be stops."""
+"""Find features of a mechanism in a CAD assembly: pins in holes, balls in sockets, flanges, possible stops."""
 
 from engine.cad.findings.balls_in_sockets import BallInSocket, balls_in_sockets
 from engine.cad.findings.common_area import triangles_by_face

@@ -1,4 +1,4 @@
-"""Balls in sockets: spheres of two parts about one centre; and what is nearly so, with the reason."""
+"""Balls in sockets: concentric spheres of two parts; and near misses, each with the reason."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,14 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
 from engine.cad.findings.pins_in_holes import MOST_CLEARANCE, MOST_EXCESS, NearMiss
 
-_NEAR = 1.0  # mm of difference in radius, or between the centres, up to which a pair is named when it is refused
-_LEAST_BALL = 0.25  # of a whole sphere: less is a rounded end
-_DIRECTIONS = 4000  # in which a ball could leave its socket
+_NEAR = 1.0  # mm of difference between radii or centres, up to which a refused pair is reported
+_LEAST_BALL = 0.25  # share of a whole sphere; less is a rounded end
+_DIRECTIONS = 4000  # number of directions in which a ball could leave its socket
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BallInSocket:
-    """A joint of two parts: a ball that its socket holds in all directions."""
+    """A joint of two parts: a ball held by its socket in all directions."""
 
     socket_part: str
     ball_part: str
@@ -34,14 +34,14 @@ class BallInSocket:
 
 
 def balls_in_sockets(assembly: CadAssembly, triangles: dict[int, Array]) -> tuple[list[BallInSocket], list[NearMiss]]:
-    """Return the balls in sockets of an assembly, and the pairs that nearly are some.
+    """Return the balls in sockets of an assembly, and the near misses.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     triangles : dict
-        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     """
     spheres = [face for face in assembly.faces if face.kind == "sphere" and face.number in triangles]
     found, refused = [], []
@@ -57,7 +57,7 @@ def balls_in_sockets(assembly: CadAssembly, triangles: dict[int, Array]) -> tupl
 
 
 def _near(socket: CadFace, ball: CadFace) -> bool:
-    """Return whether radii and centres differ by little, and the ball is more than a rounded end."""
+    """Return whether radii and centres differ little, and the ball is more than a rounded end."""
     whole = ball.area > _LEAST_BALL * 4 * np.pi * ball.radius**2
     return bool(whole and abs(socket.radius - ball.radius) <= _NEAR and _offset(socket, ball) <= _NEAR)
 
@@ -67,12 +67,12 @@ def _offset(socket: CadFace, ball: CadFace) -> float:
 
 
 def _unsure(socket: CadFace, ball: CadFace) -> float:
-    """Return the difference of the radii [mm] that says nothing."""
+    """Return the difference of the radii [mm] that is not significant."""
     return socket.recognition_gap + ball.recognition_gap + 1e-9
 
 
 def _refusal(socket: CadFace, ball: CadFace, points: Array) -> str:
-    """Return why a pair is no joint; empty if it is one."""
+    """Return why a pair is not a joint; empty if it is one."""
     clearance = socket.radius - ball.radius
     if clearance < -_unsure(socket, ball) - 1e-6:
         return f"the ball is {-clearance:.3g} mm larger in radius than the socket: a press fit, or an error"
@@ -88,10 +88,10 @@ def _refusal(socket: CadFace, ball: CadFace, points: Array) -> str:
 
 
 def _holds(points: Array, ball_radius: float) -> bool:
-    """Return whether a socket, by points of it from its centre, is narrower than the ball in all directions."""
+    """Return whether a socket, given by points relative to its centre, is narrower than the ball in all directions."""
     away = np.linalg.norm(points, axis=1)
     towards = points / away[:, None]
-    turns = np.arange(_DIRECTIONS) * np.pi * (3.0 - np.sqrt(5.0))  # a spiral of points, spread evenly
+    turns = np.arange(_DIRECTIONS) * np.pi * (3.0 - np.sqrt(5.0))  # an evenly spaced spiral of points
     heights = 1.0 - (2.0 * np.arange(_DIRECTIONS) + 1.0) / _DIRECTIONS
     across = np.sqrt(1.0 - heights**2)
     ways = np.column_stack([across * np.cos(turns), across * np.sin(turns), heights])

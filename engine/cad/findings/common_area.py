@@ -1,4 +1,4 @@
-"""Where two plane faces cover each other: the area that their triangles share, seen along the normal."""
+"""The overlap of two plane faces: the area that their triangles share, as seen along the normal."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from engine.cad.cad_model import CadAssembly
 
 
 def triangles_by_face(assembly: CadAssembly) -> dict[int, Array]:
-    """Return the corners of each face's triangles, shape (n, 3, 3) [mm], by the number of the face."""
+    """Return the corners of each face's triangles, shape (n, 3, 3) [mm], by face number."""
     found = {}
     for mesh in assembly.meshes:
         corners = mesh.vertices[mesh.triangles]
@@ -19,7 +19,7 @@ def triangles_by_face(assembly: CadAssembly) -> dict[int, Array]:
 
 
 def common_area(first: Array, second: Array, normal: Array) -> tuple[float, Array]:
-    """Return the area that two faces share, seen along a direction, and its middle.
+    """Return the area that two faces share, as seen along a direction, and its centroid.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ def common_area(first: Array, second: Array, normal: Array) -> tuple[float, Arra
     Returns
     -------
     area : float
-        [mm2]; 0 if they share nothing.
+        Shared area [mm2]; 0 if there is none.
     middle : array
-        Centroid of what they share, on the first face, shape (3,) [mm]; zeros if they share nothing.
+        Centroid of the shared area, on the first face, shape (3,) [mm]; zeros if there is none.
     """
     frame = perpendicular(normal)
     one, other = (_counter_clockwise(corners @ frame.T) for corners in (first, second))
@@ -53,7 +53,7 @@ def common_area(first: Array, second: Array, normal: Array) -> tuple[float, Arra
 
 
 def contains(triangles: Array, points: Array, normal: Array) -> NDArray[np.bool_]:
-    """Return which points lie in a plane face, seen along its normal.
+    """Return which points lie in a plane face, as seen along its normal.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def contains(triangles: Array, points: Array, normal: Array) -> NDArray[np.bool_
 
 
 def _counter_clockwise(triangles: Array) -> Array:
-    """Return triangles of a plane, shape (n, 3, 2), all turning the same way."""
+    """Return triangles of a plane, shape (n, 3, 2), all oriented counter-clockwise."""
     sides = triangles[:, 1:] - triangles[:, :1]
     turned = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] < 0
     return np.where(turned[:, None, None], triangles[:, ::-1], triangles)
 
 
 def _clipped(polygon: Array, window: Array) -> Array:
-    """Return what of a convex polygon lies in a convex window (Sutherland and Hodgman 1974), shape (n, 2)."""
+    """Return the part of a convex polygon inside a convex window (Sutherland and Hodgman 1974), shape (n, 2)."""
     for start, end in zip(window, np.roll(window, -1, axis=0), strict=True):
         if not len(polygon):
             break
@@ -104,7 +104,7 @@ def _clipped(polygon: Array, window: Array) -> Array:
 
 
 def _area(polygon: Array) -> tuple[float, Array]:
-    """Return area and centroid of a convex polygon, shape (n, 2)."""
+    """Return the area and centroid of a convex polygon, shape (n, 2)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(2)
     away = polygon[1:] - polygon[0]

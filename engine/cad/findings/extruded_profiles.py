@@ -1,4 +1,4 @@
-"""The closed profile of lines and arcs that a part has in a plane across an axis: of a cam, a hook, a ratchet."""
+"""The closed profile of lines and arcs of a part in a plane perpendicular to an axis: of a cam, a hook, a ratchet."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,9 +12,9 @@ from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
 
 MOST_PIECES = 24
 """Lines and arcs of a profile: one with more is named by its face."""
-_ALONG = 1e-6  # rad between an axis and faces along it
-_CLOSE = 1e-5  # mm between two ends that are one
-_TANGENT = 1e-3  # rad between two pieces that go on smoothly
+_ALONG = 1e-6  # rad between an axis and faces parallel to it
+_CLOSE = 1e-5  # mm between two ends that coincide
+_TANGENT = 1e-3  # rad between two pieces that continue smoothly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,19 +30,19 @@ class ProfilePiece:
     left: bool = True
 
     def seen_from(self, origin: Array) -> "ProfilePiece":
-        """Return the piece with its points from an origin of the plane, shape (2,)."""
+        """Return the piece with its points relative to an origin in the plane, shape (2,)."""
         centre = None if self.centre is None else self.centre - origin
         return replace(self, start=self.start - origin, end=self.end - origin, centre=centre)
 
     def direction(self, at: Array) -> Array:
-        """Return the unit direction in which it runs at one of its ends, shape (2,)."""
+        """Return the unit direction of travel at one of its ends, shape (2,)."""
         away = self.end - self.start if self.centre is None else _turned(at - self.centre) * (1 if self.left else -1)
         return np.asarray(away / np.linalg.norm(away))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExtrudedProfile:
-    """A closed profile, the material on its left, and how far faces along an axis go on from it."""
+    """A closed profile, with the material on its left, and how far its faces extend along an axis."""
 
     point: Coordinates
     """The origin of the profile, on the line along the axis through that of the part, at half its length [mm]."""
@@ -53,7 +53,7 @@ class ExtrudedProfile:
     pieces: tuple[ProfilePiece, ...]
 
     def is_smooth_at(self, face: int) -> bool:
-        """Return whether a section of a face goes on smoothly in an arc, or is an arc that goes on smoothly."""
+        """Return whether the section of a face continues smoothly into an arc, or is an arc that continues smoothly."""
         ring = [*self.pieces, self.pieces[0]]
         return any(
             face in (one.face, other.face)
@@ -66,20 +66,20 @@ class ExtrudedProfile:
 def extruded_profile(
     assembly: CadAssembly, triangles: dict[int, Array], face: CadFace, axis: Array, at: Array
 ) -> ExtrudedProfile | None:
-    """Return the closed profile around a part in the plane across an axis through a point; None if there is none.
+    """Return the closed profile of a part in the plane perpendicular to an axis through a point; None if there is none.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     triangles : dict
-        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     face : CadFace
-        A plane along the axis or a cylinder about one parallel to it, which the profile passes through.
+        A plane parallel to the axis, or a cylinder about a parallel axis, through which the profile passes.
     axis : array
         Unit vector, shape (3,).
     at : array
-        A point of the face, in whose plane the section is, shape (3,) [mm].
+        A point of the face, in the plane of the section, shape (3,) [mm].
     """
     frame, station = perpendicular(axis), float(at @ axis)
     own = [each for each in assembly.faces_of(face.part) if each.solid == face.solid and each.number in triangles]
@@ -103,20 +103,20 @@ def extruded_profile(
 
 
 def _goes_along(face: CadFace, axis: Array) -> bool:
-    """Return whether a plane or a cylinder goes along an axis."""
+    """Return whether a plane or a cylinder is parallel to an axis."""
     if face.kind == "plane":
         return bool(abs(face.axis @ axis) < _ALONG)
     return face.kind == "cylinder" and bool(np.linalg.norm(np.cross(face.axis, axis)) < _ALONG)
 
 
 def _section(face: CadFace, corners: Array, where: tuple[Array, Array, float]) -> list[ProfilePiece]:
-    """Return the pieces in which the plane at a station cuts a face, the material on the left."""
+    """Return the pieces in which the plane at a station cuts a face, with the material on the left."""
     frame, axis, station = where
     cuts = _cuts(corners, axis, station) @ frame.T
     if not len(cuts):
         return []
     if face.kind == "plane":
-        way = _turned(frame @ face.axis)  # the normal is on the right
+        way = _turned(frame @ face.axis)  # the normal points to the right
         spans = _merged(np.sort(cuts @ way, axis=1), _CLOSE)
         foot = frame @ face.point
         foot = foot - (foot @ way) * way
@@ -152,7 +152,7 @@ def _cuts(corners: Array, axis: Array, station: float) -> Array:
 
 
 def _merged(spans: Array, close: float) -> list[list[float]]:
-    """Return the union of intervals, shape (n, 2), those together that nearly touch."""
+    """Return the union of intervals, shape (n, 2), joining those that nearly touch."""
     merged: list[list[float]] = []
     for start, end in spans[np.argsort(spans[:, 0])].tolist():
         if merged and start <= merged[-1][1] + close:
@@ -163,14 +163,14 @@ def _merged(spans: Array, close: float) -> list[list[float]]:
 
 
 def _joined_round(spans: list[list[float]]) -> list[list[float]]:
-    """Return intervals of angles in which the last and the first are one where they meet."""
+    """Return intervals of angles, with the last joined to the first if they meet."""
     if len(spans) > 1 and spans[0][0] + tau <= spans[-1][1] + 1e-6:
         return [*spans[1:-1], [spans[-1][0], spans[0][1] + tau]]
     return spans
 
 
 def _ring(pieces: list[ProfilePiece], face: int) -> list[ProfilePiece] | None:
-    """Return the pieces of a closed curve through a face, each beginning where the one before ends; None if open."""
+    """Return the pieces of a closed curve through a face, each starting where the previous one ends; None if open."""
     first = next((piece for piece in pieces if piece.face == face), None)
     if first is None:
         return None
@@ -184,7 +184,7 @@ def _ring(pieces: list[ProfilePiece], face: int) -> list[ProfilePiece] | None:
 
 
 def _turned(vector: Array) -> Array:
-    """Return a vector of the plane, turned left by a right angle."""
+    """Return a vector in the plane, rotated left by a right angle."""
     return np.array([-vector[1], vector[0]])
 
 

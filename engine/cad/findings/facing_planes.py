@@ -1,4 +1,4 @@
-"""Plane faces of two parts that look at each other across a small gap: candidates of stops."""
+"""Plane faces of two parts that face each other across a small gap: candidates for stops."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ DEEPEST_OVERLAP = 0.1
 LEAST_AREA = 0.25
 """That two plane faces share [mm2]: what is less is a sliver, where an edge lies over another."""
 _PARALLEL = 1e-3  # rad
-_LEAST_SHARE = 1e-3  # of the smaller face: what is less is a corner over an edge
+_LEAST_SHARE = 1e-3  # of the smaller face; less is a corner over an edge
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FacingPlanes:
-    """Two plane faces that cover each other at least in part."""
+    """Two plane faces that overlap at least partly, as seen along their normal."""
 
     faces: tuple[int, int]
     parts: tuple[str, str]
@@ -35,16 +35,16 @@ class FacingPlanes:
 
 
 def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:
-    """Return the plane faces of different parts that look at each other, the smallest gap first.
+    """Return the plane faces of different parts that face each other, the smallest gap first.
 
-    The gap is at most 1 mm, and they share at least 0.25 mm2.
+    The gap is at most 1 mm, and the shared area is at least 0.25 mm2.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     triangles : dict
-        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     """
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []
@@ -66,7 +66,7 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[Fa
 
 
 def _near(planes: list[CadFace], triangles: dict[int, Array]) -> Integers:
-    """Return the pairs of planes that could face each other: opposite normals, a small gap, near boxes; (n, 2)."""
+    """Return the pairs of planes that may face each other: opposite normals, a small gap, close boxes; (n, 2)."""
     if len(planes) < 2:
         return np.zeros((0, 2), np.int64)
     normals, points = np.array([f.axis for f in planes]), np.array([f.point for f in planes])

@@ -1,4 +1,4 @@
-"""Round faces that could touch a face of another part: noses of hooks, rollers, cams and balls."""
+"""Round faces that may touch a face of another part: noses of hooks, rollers, cams and balls."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Stretch = Annotated[Array, LengthPower(1)]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FacingRound:
-    """A round face, convex, before a face of another part."""
+    """A convex round face opposite a face of another part."""
 
     faces: tuple[int, int]
     """Numbers: of the face that is touched, and of the round one."""
@@ -39,26 +39,26 @@ class FacingRound:
 
     @property
     def length(self) -> float:
-        """Of the line in which a cylinder could touch [mm]; 0 of a ball."""
+        """Length of the line along which a cylinder may touch [mm]; 0 for a ball."""
         return float(np.ptp(self.stretch))
 
 
 def facing_rounds(
     assembly: CadAssembly, triangles: dict[int, Array], joints: Collection[frozenset[int]] = ()
 ) -> list[FacingRound]:
-    """Return the convex cylinders and balls at most 1 mm before a face of another part, the smallest gap first.
+    """Return the convex cylinders and balls at most 1 mm from a face of another part, the smallest gap first.
 
     A cylinder is paired with planes, cylinders and free-form faces along its axis, a ball with faces of any kind. The
-    place where they are nearest must lie inside both faces, so not on the edge to the next one.
+    closest points must lie inside both faces, not on an edge to the next face.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     triangles : dict
-        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     joints : collection of frozenset
-        The numbers of the two faces of each pair that is a joint; they are left out.
+        The numbers of the two faces of each pair that is a joint; these pairs are skipped.
     """
     faces = [face for face in assembly.faces if face.number in triangles]
     rounds = [face for face in faces if face.kind in ("cylinder", "sphere") and not face.hollow]
@@ -81,7 +81,7 @@ def facing_rounds(
 
 
 def _box(corners: Array) -> Array:
-    """Return the smallest and the largest coordinates of triangles, shape (2, 3)."""
+    """Return the smallest and largest coordinates of triangles, shape (2, 3)."""
     points = corners.reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)])
 
@@ -89,7 +89,7 @@ def _box(corners: Array) -> Array:
 def _profile(
     assembly: CadAssembly, triangles: dict[int, Array], face: CadFace, other: CadFace, at: Array
 ) -> ExtrudedProfile | None:
-    """Return the profile that goes on smoothly beyond the face that is touched, or that is hollow there."""
+    """Return the profile that continues smoothly beyond the touched face, or is hollow there."""
     if other.kind == "cylinder" and other.span < WHOLE:
         return extruded_profile(assembly, triangles, other, other.axis, at)
     if other.kind == "plane" and face.kind == "cylinder":
@@ -99,7 +99,7 @@ def _profile(
 
 
 def _has_a_primitive(other: CadFace) -> bool:
-    """Return whether a mechanism file can have a face alone: by its splines, or as a solid that goes on all round."""
+    """Return whether a single face can be written in a mechanism file: by its splines, or as a closed round solid."""
     if other.splines or other.kind in ("plane", "sphere"):
         return True
     if other.kind == "cylinder" and not other.hollow:
@@ -108,7 +108,7 @@ def _has_a_primitive(other: CadFace) -> bool:
 
 
 def _one_of_each_profile(found: list[FacingRound]) -> list[FacingRound]:
-    """Return the candidates without those of which an earlier one has the same round face and profile."""
+    """Return the candidates without those that share round face and profile with an earlier one."""
     kept: dict[tuple[int, frozenset[int]], FacingRound] = {}
     for each in found:
         pieces = each.profile.pieces if each.profile else ()

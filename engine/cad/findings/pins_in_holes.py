@@ -1,4 +1,4 @@
-"""Pins in holes: cylinders of two parts, one in the other, on one axis; and what is nearly so, with the reason."""
+"""Pins in holes: coaxial cylinders of two parts, one inside the other; and near misses, each with the reason."""
 
 from dataclasses import dataclass
 from math import degrees, radians
@@ -18,12 +18,12 @@ MOST_EXCESS = 0.12
 _NEAR = 1.0
 """Differences of radii and offsets [mm] up to which a pair is named when it is refused."""
 _PARALLEL = radians(2.0)
-_ALIKE = 1e-6  # mm between two radii that are one
+_ALIKE = 1e-6  # mm between two radii that count as equal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Seat:
-    """A stretch of the axis along which a hole is around a pin."""
+    """A section of the axis in which a hole surrounds a pin."""
 
     hole: int
     """Number of the face."""
@@ -37,7 +37,7 @@ class Seat:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PinInHole:
-    """A joint of two parts: all holes of the one around all pins of the other on one axis."""
+    """A joint of two parts: all holes of one around all pins of the other on a common axis."""
 
     bearing: str
     """The part with the hole."""
@@ -64,7 +64,7 @@ class PinInHole:
 
     @property
     def rings(self) -> tuple[tuple[float, Seat], ...]:
-        """Stations [mm] where rings carry the pin, and the seat of each: both ends of what has the same radii."""
+        """Stations [mm] of the rings that carry the pin, each with its seat: one at each end of each pair of radii."""
         first, last = self.seats[0], self.seats[-1]
         radii = np.array([(seat.hole_radius, seat.pin_radius) for seat in self.seats])
         if np.ptp(radii, axis=0).max() < _ALIKE:
@@ -74,7 +74,7 @@ class PinInHole:
 
 @dataclass(frozen=True, kw_only=True)
 class NearMiss:
-    """A pin and a hole that are not taken for a joint."""
+    """A pin and a hole that are not accepted as a joint."""
 
     hole: int
     pin: int
@@ -85,7 +85,7 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A hole and a pin, nearly on one axis."""
+    """A hole and a pin that are nearly coaxial."""
 
     hole: CadFace
     pin: CadFace
@@ -100,23 +100,23 @@ class _Pair:
 
 
 def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss]]:
-    """Return the pins in holes of an assembly, and the pairs that nearly are some.
+    """Return the pins in holes of an assembly, and the near misses.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
 
     Returns
     -------
     joints : list of PinInHole
-        In the order of the parts.
+        Joints in the order of the parts.
     refused : list of NearMiss
-        Radii and axes differ by less than 1 mm, but they are no joint nor part of one; each with the reason.
+        Pairs whose radii and axes differ by less than 1 mm, but which are neither a joint nor part of one.
     """
     cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
     slots = slots_of([face for face in cylinders if face.hollow])
-    ends = {end.number for slot in slots for end in slot.ends}  # a pin is not held there, but slides away
+    ends = {end.number for slot in slots for end in slot.ends}  # a pin is not held there, because it can slide away
     holes = [face for face in cylinders if face.hollow and face.number not in ends]
     pins = [face for face in cylinders if not face.hollow]
     pairs = [(pair, _refusal(pair)) for pair in _near_pairs(holes, pins)]
@@ -130,18 +130,18 @@ def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss
 
 
 def pin_in_hole(hole: CadFace, pin: CadFace) -> PinInHole:
-    """Return the joint of one hole and one pin, both cylinders, whether or not they would be found to be one.
+    """Return the joint of one hole and one pin, both cylinders, whether or not they qualify as one.
 
     Parameters
     ----------
     hole, pin : CadFace
-        In mm.
+        The faces in mm.
     """
     return _joint([_pair(hole, pin)])
 
 
 def _near_pairs(holes: list[CadFace], pins: list[CadFace]) -> list[_Pair]:
-    """Return all holes and pins of two parts whose radii and axes differ by little."""
+    """Return all pairs of a hole and a pin of two parts whose radii and axes differ little."""
     if not holes or not pins:
         return []
     near = np.abs(np.subtract.outer([f.radius for f in holes], [f.radius for f in pins])) <= _NEAR
@@ -155,7 +155,7 @@ def _near_pairs(holes: list[CadFace], pins: list[CadFace]) -> list[_Pair]:
 
 
 def _pair(hole: CadFace, pin: CadFace) -> _Pair:
-    """Return where a hole is around a pin, and how far the axes are apart there."""
+    """Return where a hole surrounds a pin, and the distance of the axes there."""
     stations = np.sort((pin.point + np.outer(pin.extent, pin.axis) - hole.point) @ hole.axis)
     start, end = max(hole.extent[0], stations[0]), min(hole.extent[1], stations[1])
     at = hole.point + np.outer((start, end), hole.axis)
@@ -165,7 +165,7 @@ def _pair(hole: CadFace, pin: CadFace) -> _Pair:
 
 
 def _refusal(pair: _Pair) -> str:
-    """Return why a pair is no joint; empty if it is one."""
+    """Return why a pair is not a joint; empty if it is one."""
     for name, face in (("hole", pair.hole), ("pin", pair.pin)):
         if face.span <= LEAST_SPAN:
             return f"only {degrees(face.span):.0f} degrees of the {name} are there; allowed: more than 160"
@@ -183,13 +183,13 @@ def _refusal(pair: _Pair) -> str:
 
 
 def _is_loose(pair: _Pair) -> bool:
-    """Return whether a pin is held in a hole, with more clearance than what is taken for a joint."""
+    """Return whether a hole holds a pin, but with more clearance than is accepted for a joint."""
     spans = min(pair.hole.span, pair.pin.span)
     return spans > LEAST_SPAN and pair.end > pair.start and pair.clearance > max(MOST_CLEARANCE, pair.offset)
 
 
 def _grouped(pairs: list[_Pair]) -> list[list[_Pair]]:
-    """Return the pairs of each joint: of the same two parts, on one axis."""
+    """Return the pairs of each joint, i.e. of the same two parts on the same axis."""
     groups: list[list[_Pair]] = []
     for pair in pairs:
         for group in groups:
@@ -202,19 +202,19 @@ def _grouped(pairs: list[_Pair]) -> list[list[_Pair]]:
 
 
 def _of_one_joint(a: _Pair, b: _Pair) -> bool:
-    """Return whether two pairs belong to the same two parts and lie on one axis."""
+    """Return whether two pairs belong to the same two parts and lie on the same axis."""
     return (a.hole.part, a.pin.part) == (b.hole.part, b.pin.part) and _on_one_axis(a.hole, b.hole)
 
 
 def _on_one_axis(a: CadFace, b: CadFace) -> bool:
-    """Return whether the axes of two holes of a part are one."""
+    """Return whether two holes of a part are coaxial."""
     away = b.point - a.point
     apart = np.linalg.norm(away - (away @ a.axis) * a.axis)
     return bool(apart <= MOST_EXCESS and abs(a.axis @ b.axis) >= np.cos(_PARALLEL))
 
 
 def _joint(group: list[_Pair]) -> PinInHole:
-    """Return the joint that pairs on one axis make up."""
+    """Return the joint made up of the pairs on one axis."""
     hole, pin = group[0].hole, group[0].pin
     stretches = []
     for pair in group:

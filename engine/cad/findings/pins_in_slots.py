@@ -1,4 +1,4 @@
-"""Pins that slide in slots: no joint, but what looks like one from either end."""
+"""Pins that slide in slots: not joints, although either end of the slot looks like one."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ _ALIKE = 1e-6  # mm
 
 
 def pins_in_slots(assembly: CadAssembly) -> list[NearMiss]:
-    """Return the pins in slots of an assembly, each with what to write in the place of a joint.
+    """Return the pins in slots of an assembly, each with what to write instead of a joint.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     """
     cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
     pins = [face for face in cylinders if not face.hollow]
@@ -33,7 +33,7 @@ def pins_in_slots(assembly: CadAssembly) -> list[NearMiss]:
 
 
 def _fits(hole: CadFace, pin: CadFace) -> bool:
-    """Return whether a pin of another part is as thick as a slot is wide, parallel to it and beside it."""
+    """Return whether a pin of another part is as thick as the slot is wide, parallel to it and next to it."""
     if pin.part == hole.part or not -_ALIKE <= hole.radius - pin.radius <= MOST_CLEARANCE:
         return False
     stations = np.sort((pin.point + np.outer(pin.extent, pin.axis) - hole.point) @ hole.axis)
@@ -42,5 +42,5 @@ def _fits(hole: CadFace, pin: CadFace) -> bool:
 
 
 def _allowed(hole: CadFace, pin: CadFace) -> float:
-    """Return how far a pin may be from the middle plane of its slot [mm]."""
+    """Return the allowed distance of a pin from the middle plane of its slot [mm]."""
     return max(hole.radius - pin.radius, 0.0) + MOST_EXCESS

@@ -1,4 +1,4 @@
-"""Where a round face, a convex cylinder or a ball, is nearest to a face of another kind."""
+"""The place where a round face, i.e. a convex cylinder or a ball, is nearest to a face of another kind."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ LEAST_LENGTH = 0.2
 WHOLE = tau - 0.01
 """Of a cylinder [rad] from which on it is taken for one without an end around its axis."""
 _PARALLEL = 1e-3  # rad
-_CLOSED = radians(190.0)  # of a hole that a pin cannot leave: that is a joint, or none
-_INSIDE = 0.02  # rad from the edge of a rounding: what is nearer to it belongs to the face beside it
-_UPRIGHT = 0.9  # cosine between the normal of a free-form face and the way to a round one
-_STATIONS = 41  # along a cylinder
+_CLOSED = radians(190.0)  # a pin cannot leave a hole with a larger span: that is a joint, or none
+_INSIDE = 0.02  # rad from the edge of a rounding: anything closer belongs to the adjacent face
+_UPRIGHT = 0.9  # cosine between the normal of a free-form face and the direction to a round one
+_STATIONS = 41  # number along a cylinder
 _ON_AXIS = 1e-3  # mm
 
 
 @dataclass(frozen=True, eq=False)
 class NearestPlace:
-    """Where a round face is nearest to another, as `engine.cad.findings.FacingRound` has it."""
+    """The place where a round face is nearest to another, as stored in `engine.cad.findings.FacingRound`."""
 
     gap: float
     middle: Array
@@ -38,7 +38,7 @@ class NearestPlace:
 def nearest_place(
     face: CadFace, other: CadFace, triangles: dict[int, Array], sags: tuple[float, float]
 ) -> NearestPlace | None:
-    """Return where a round face is nearest to another; None where that is not inside both, to the sag of triangles."""
+    """Return where a round face is nearest to another; None if that is not inside both, up to the sag of triangles."""
     ways = _BALL if face.kind == "sphere" else _ROLLER
     way = ways.get(other.kind)
     pair = way(face, other, triangles[other.number]) if way else None
@@ -52,7 +52,7 @@ def nearest_place(
 
 
 def _covers(face: CadFace, direction: Array) -> bool:
-    """Return whether a cylinder goes on to both sides of a direction from its axis."""
+    """Return whether a cylinder extends to both sides of a direction from its axis."""
     if face.span >= WHOLE:
         return True
     half = face.span / 2 - _INSIDE
@@ -60,7 +60,7 @@ def _covers(face: CadFace, direction: Array) -> bool:
 
 
 def _roller_on_plane(roller: CadFace, plane: CadFace, corners: Array) -> NearestPlace | None:
-    """Return where a cylinder that lies along a plane is nearest to it."""
+    """Return where a cylinder lying along a plane is nearest to it."""
     normal = plane.axis
     if abs(roller.axis @ normal) > _PARALLEL:
         return None
@@ -75,12 +75,12 @@ def _roller_on_plane(roller: CadFace, plane: CadFace, corners: Array) -> Nearest
 
 
 def _middle(inside: Array) -> float:
-    """Return the station of a face that is nearest to the middle of them all."""
+    """Return the station inside a face that is nearest to the middle of all of them."""
     return float(inside[np.abs(inside - (inside.min() + inside.max()) / 2).argmin()])
 
 
 def _roller_on_cylinder(roller: CadFace, other: CadFace, _: Array) -> NearestPlace | None:
-    """Return where a cylinder is nearest to another one along it, or to one around it that does not close."""
+    """Return where a cylinder is nearest to a parallel one, or to one that surrounds it without closing."""
     away = roller.point - other.point
     along = float(away @ other.axis)
     across = away - along * other.axis
@@ -131,7 +131,7 @@ def _ball_on_sphere(ball: CadFace, other: CadFace, _: Array) -> NearestPlace | N
 
 
 def _ball_round(ball: CadFace, other: CadFace, centre: Array) -> NearestPlace | None:
-    """Return where a ball is nearest to the round face about a centre, outside or inside of it."""
+    """Return where a ball is nearest to the round face about a centre, from outside or inside."""
     if other.hollow and other.radius <= ball.radius:
         return None
     across = ball.point - centre
@@ -142,21 +142,21 @@ def _ball_round(ball: CadFace, other: CadFace, centre: Array) -> NearestPlace | 
 
 
 def _towards(other: CadFace) -> Array:
-    """Return a direction from an axis to the face about it, where it is as near on all sides."""
+    """Return any direction from an axis to the face about it, for a point equally near on all sides."""
     if other.middle.any():
         return other.middle
     return np.asarray(perpendicular(other.axis)[0] if other.axis.any() else -other.normal)
 
 
 def _ball_on_cone(ball: CadFace, cone: CadFace, _: Array) -> NearestPlace | None:
-    """Return where a ball is nearest to a cone; on its axis, to one of the places around it."""
+    """Return where a ball is nearest to a cone; if it is on the axis, one of the places around it."""
     away = ball.point - cone.point
     along = float(away @ cone.axis)
     across = away - along * cone.axis
     far = float(np.linalg.norm(across))
     outward = across / far if far > _ON_AXIS else _towards(cone)
     sine, cosine = np.sin(cone.half_angle), np.cos(cone.half_angle)
-    height = (far - cone.radius) * cosine - along * sine  # above the flank, outside of the cone
+    height = (far - cone.radius) * cosine - along * sine  # above the flank, outside the cone
     slope = cosine * outward - sine * cone.axis
     side = -1.0 if cone.hollow else 1.0
     return NearestPlace(side * height - ball.radius, ball.point - height * slope, side * slope, np.zeros(2))
@@ -167,7 +167,7 @@ def _ball_on_surface(ball: CadFace, _: CadFace, corners: Array) -> NearestPlace 
 
 
 def _on_triangles(point: Array, radius: float, at: Array, row: int, corners: Array) -> NearestPlace | None:
-    """Return where a round face about a point is nearest to triangles; None behind them, and beyond their edge."""
+    """Return where a round face about a point is nearest to triangles; None if behind them or beyond their edge."""
     first, second, third = corners[row]
     normal = np.cross(second - first, third - first)
     away = point - at

@@ -1,4 +1,4 @@
-"""Slots: two halves of a hole, apart across their axes and open to each other, between which a pin slides."""
+"""Slots: two half holes with parallel axes that are open towards each other, between which a pin slides."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -9,24 +9,24 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace
 
-_HALF_TURN = 0.02  # rad that the end of a slot may have more or less than half a turn
+_HALF_TURN = 0.02  # rad by which the end of a slot may differ from half a turn
 _PARALLEL = 1e-4  # rad
-_ALIKE = 1e-6  # relative difference of two radii, and mm between ends, that are one
+_ALIKE = 1e-6  # relative difference of equal radii, and distance of coinciding ends in mm
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Slot:
-    """A slot by its two round ends, faces of one part."""
+    """A slot, given by its two round ends, which are faces of one part."""
 
     ends: tuple[CadFace, CadFace]
 
     @property
     def way(self) -> Array:
-        """From the axis of the one end across to that of the other [mm], shape (3,)."""
+        """Vector from the axis of one end to that of the other, perpendicular to both [mm], shape (3,)."""
         return _across(*self.ends)
 
     def distance(self, pin: CadFace) -> float:
-        """Return how far the axis of a pin is from the middle plane of the slot, or from its ends [mm]."""
+        """Return the distance of a pin's axis from the middle plane of the slot, or from its ends [mm]."""
         first = self.ends[0]
         away = _across(first, pin)
         share = float(np.clip(away @ self.way / (self.way @ self.way), 0.0, 1.0))
@@ -39,7 +39,7 @@ def slots_of(holes: list[CadFace]) -> list[Slot]:
     Parameters
     ----------
     holes : list of CadFace
-        In mm.
+        The hollow cylinders in mm.
     """
     halves: dict[str, list[CadFace]] = {}
     for hole in holes:
@@ -49,13 +49,13 @@ def slots_of(holes: list[CadFace]) -> list[Slot]:
 
 
 def _across(first: CadFace, other: CadFace) -> Array:
-    """Return the way from one axis to another, at right angles to the first, shape (3,)."""
+    """Return the vector from one axis to another, perpendicular to the first, shape (3,)."""
     away = other.point - first.point
     return np.asarray(away - (away @ first.axis) * first.axis)
 
 
 def _are_ends_of_one(a: CadFace, b: CadFace) -> bool:
-    """Return whether two halves of holes are open to each other, of one radius, and side by side along their axes."""
+    """Return whether two half holes are open towards each other, equal in radius, and side by side along their axes."""
     way = _across(a, b)
     length = float(np.linalg.norm(way))
     alike = abs(a.radius - b.radius) <= _ALIKE * a.radius and abs(a.axis @ b.axis) > np.cos(_PARALLEL)

@@ -1,4 +1,4 @@
-"""Faces across the axis of a joint that limit how far its pin slides: ends of the bearing, flanges of the journal."""
+"""Faces across a joint's axis that limit the sliding of its pin: ends of the bearing, flanges of the journal."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,15 +15,15 @@ MOST_PLAY = 1.0
 """Axial play at one end [mm] up to which a face is taken for a flange."""
 _DEEPEST_OVERLAP = 0.02  # mm
 _ACROSS = 1e-4  # rad between a plane's normal and the axis
-_WIDEST = 3.0  # times the radius of the hole
-_SHRUNK = 0.985  # so that the chords of a mesh do not cut a circle off
+_WIDEST = 3.0  # multiple of the hole's radius
+_SHRUNK = 0.985  # factor, so that the chords of a mesh do not cut off a circle
 _ANGLES, _RADII = 24, 41
 Radii = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ThrustFaces:
-    """An end face of a bearing and the flange of its journal that it can touch."""
+    """An end face of a bearing and the flange of its journal that can touch it."""
 
     side: Literal["start", "end"]
     """The end of the bearing along the joint's axis."""
@@ -38,16 +38,16 @@ class ThrustFaces:
 
 
 def thrust_faces(assembly: CadAssembly, joint: PinInHole, triangles: dict[int, Array]) -> list[ThrustFaces]:
-    """Return the nearest end face and flange at each end of a joint, none where the pin is free to slide.
+    """Return the nearest end face and flange at each end of a joint; none where the pin is free to slide.
 
     Parameters
     ----------
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
     joint : PinInHole
-        Of it.
+        A joint of the assembly.
     triangles : dict
-        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     """
     found = []
     for way in (-1.0, 1.0):
@@ -66,7 +66,7 @@ def thrust_faces(assembly: CadAssembly, joint: PinInHole, triangles: dict[int, A
 
 
 def _across(assembly: CadAssembly, part: str, normal: Array) -> list[CadFace]:
-    """Return the plane faces of a part with a normal."""
+    """Return the plane faces of a part with a given normal."""
     return [f for f in assembly.faces_of(part) if f.kind == "plane" and f.axis @ normal > np.cos(_ACROSS)]
 
 
@@ -98,7 +98,7 @@ def _pair(
 
 
 def _radii(assembly: CadAssembly, joint: PinInHole, faces: tuple[CadFace, CadFace], hole: float) -> list[Radii]:
-    """Return radii to be tried, the largest first, each with that of the points that must lie in both faces."""
+    """Return radii to be tried, the largest first, each with the radius of the points that must lie in both faces."""
     numbers = {face.number for face in faces}
     edges = [e for e in assembly.edges if numbers & set(e.faces) and e.radius > hole]
     away = [edge.centre - joint.point for edge in edges]

@@ -1,1 +1,1 @@
-"""The process that reads a CAD file with OCCT: the only code that imports OCP. Nobody imports it, it is started."""
+"""The process that reads CAD files with OCCT. Only this code imports OCP; it is started, never imported."""

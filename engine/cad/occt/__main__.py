@@ -1,8 +1,8 @@
-"""Answer one question about a STEP file in a process of its own: a broken file can crash OCCT, or keep it busy.
+"""Answer one question about a STEP file in a separate process, because a broken file can crash or block OCCT.
 
-Arguments: a folder with ``input.step`` and ``question.json``, where ``answer`` or ``refusal.txt`` is written; bytes of
-memory; seconds of processor time. The question has one of two keys: ``assembly``, a table with the file's ``sha256``
-and the largest ``recognition`` gap [mm], or ``distances``, a list of pairs of shapes.
+Arguments: a folder with ``input.step`` and ``question.json``, in which ``answer`` or ``refusal.txt`` is written; the
+limits of memory [bytes] and processor time [s]. The question has one of two keys: ``assembly``, a table with the file's
+``sha256`` and the largest ``recognition`` gap [mm], or ``distances``, a list of pairs of shapes.
 """
 
 import ctypes
@@ -18,7 +18,7 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
 def main() -> None:
-    """Answer the question that lies in the folder."""
+    """Answer the question in the folder."""
     parent = os.getppid()
     folder, memory, seconds = sys.argv[1:]
     _limit(int(memory), int(seconds), parent)
@@ -33,7 +33,7 @@ def main() -> None:
 
 
 def _answer(folder: Path) -> str:
-    """Write the answer; return why there is none, else an empty text."""
+    """Write the answer; return the reason if there is none, otherwise an empty text."""
     from engine.cad.archive import packed
     from engine.cad.occt.shape_distances import measure_distances
     from engine.cad.occt.step_assembly import read_assembly
@@ -52,7 +52,7 @@ def _answer(folder: Path) -> str:
 
 
 def _limit(memory: int, seconds: int, parent: int) -> None:
-    """Limit what this process can take, and let it end with the one that started it."""
+    """Limit the resources of this process, and make it end with its parent process."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for kind, limit in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, seconds)):
         hard = resource.getrlimit(kind)[1]

@@ -1,4 +1,4 @@
-"""The edges of a shape that are circles or arcs, also where the file has them as splines."""
+"""The circular edges of a shape, including those stored as splines in the file."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from engine.cad.merged_arcs import ArcPiece
 from engine.cad.occt.occt_arrays import array3, one_way
 from engine.cad.occt.shape_maps import EDGE, ShapeMap
 
-_POINTS = 17  # along an arc: less than half a turn from each to the next, also of a circle
+_POINTS = 17  # along an arc: less than half a turn between neighbours, even for a full circle
 _SPLINES = GeomAbs_CurveType.GeomAbs_BSplineCurve, GeomAbs_CurveType.GeomAbs_BezierCurve
 
 
@@ -26,13 +26,13 @@ def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recogni
     Parameters
     ----------
     shape : TopoDS_Shape
-        Of a product.
+        The shape of a product.
     faces : sequence of TopoDS_Shape
         Its faces.
     numbers : sequence of int
         The number of each face; -1 for one that was left out.
     recognition : float
-        Largest distance [mm] between a spline and the circle it is taken for.
+        Largest distance [mm] between a spline and the circle that replaces it.
     """
     edges = ShapeMap(shape, EDGE)
     bounded: dict[int, set[int]] = defaultdict(set)
@@ -47,7 +47,7 @@ def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recogni
 
 
 def _arc(edge: Any, recognition: float) -> dict[str, Any] | None:
-    """Return the circle of an edge and points along it; None for any other curve."""
+    """Return the circle of an edge and points along the edge; None for any other curve."""
     curve, gap = BRepAdaptor_Curve(edge), 0.0
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
         circle = curve.Circle()

@@ -1,6 +1,6 @@
 """The unit of mass of the densities in a STEP file.
 
-OCCT turns the unit of length of a density into cm, but takes every unit of mass for a gram.
+OCCT converts the unit of length of a density to cm, but treats every unit of mass as a gram.
 """
 
 from typing import Any
@@ -22,7 +22,7 @@ _PREFIXES = {
 
 
 def grams_of_densities(model: Any) -> float | None:
-    """Return the unit of mass of a file's densities [g]; None if they have several, or one that is not known.
+    """Return the unit of mass of a file's densities [g]; None if there are several, or an unknown one.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def grams_of_densities(model: Any) -> float | None:
 
 
 def _grams(unit: Any) -> float | None:
-    """Return a unit of mass in g; None if it is not known."""
+    """Return a unit of mass in g; None if it is unknown."""
     if isinstance(unit, StepBasic_SiUnitAndMassUnit):
         return _PREFIXES.get(unit.Prefix()) if unit.HasPrefix() else 1.0
     if isinstance(unit, StepBasic_ConversionBasedUnitAndMassUnit):

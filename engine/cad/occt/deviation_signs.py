@@ -1,4 +1,4 @@
-"""The signs of deviations in a STEP file: OCCT hands on their sizes only."""
+"""The signs of deviations in a STEP file: OCCT passes on only their magnitudes."""
 
 from typing import Any
 
@@ -6,11 +6,11 @@ from OCP.StepBasic import StepBasic_MeasureWithUnit
 from OCP.StepRepr import StepRepr_ReprItemAndMeasureWithUnit
 from OCP.StepShape import StepShape_ToleranceValue
 
-_DECIMALS = 9  # of a mm, by which a deviation is found again
+_DECIMALS = 9  # of a mm, to which a deviation is matched
 
 
 class DeviationSigns:
-    """The deviations of all plus-minus tolerances in a file, by their sizes.
+    """The deviations of all plus-minus tolerances in a file, by their magnitudes.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ class DeviationSigns:
     millimetres : float
         The file's unit of length [mm].
     by_occt : bool
-        Whether OCCT has written the file: it writes the lower deviation without its sign.
+        Whether OCCT wrote the file: it writes the lower deviation without its sign.
     """
 
     def __init__(self, model: Any, millimetres: float, by_occt: bool) -> None:
@@ -34,13 +34,13 @@ class DeviationSigns:
                     self._found.setdefault(_sizes(lower, upper), set()).add((lower, upper))
 
     def signed(self, lower: float, upper: float) -> tuple[float, float] | None:
-        """Return the lower and the upper deviation [mm] of these sizes; None if their signs are not known."""
+        """Return the lower and upper deviation [mm] with these magnitudes; None if their signs are not known."""
         found = self._found.get(_sizes(lower, upper), set())
         signs = {(low > 0, high > 0) for low, high in found}
         return max(found) if len(signs) == 1 else None
 
     def both_below(self, lower: float) -> tuple[float, float] | None:
-        """Return two deviations below zero [mm] by the size of the lower one; None if the file has several such."""
+        """Return two negative deviations [mm] by the magnitude of the lower one; None if the file has several such."""
         every = set().union(*self._found.values())
         found = {pair for pair in every if pair[1] < 0 and _sizes(*pair)[0] == _sizes(lower, 0.0)[0]}
         return max(found) if len(found) == 1 else None

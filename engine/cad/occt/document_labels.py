@@ -1,4 +1,4 @@
-"""Names and materials of the labels of an XCAF document."""
+"""Names and materials of the labels in an XCAF document."""
 
 import re
 from typing import Any
@@ -15,14 +15,14 @@ _MADE_UP = re.compile(r"Open CASCADE STEP translator|(SOLID|COMPOUND|SHELL|=>\[)
 
 
 def listed(fill: Any, *arguments: Any) -> list[Any]:
-    """Return the labels that a method of OCCT writes into a sequence, its last argument."""
+    """Return the labels that an OCCT method writes into a sequence, its last argument."""
     found = Sequence_TDF_Label()
     fill(*arguments, found)
     return [found.Value(place) for place in range(1, found.Length() + 1)]
 
 
 def name_of(label: Any) -> str:
-    """Return the name of a label, without characters that a terminal acts on; empty if it has none."""
+    """Return the name of a label, without terminal control characters; empty if it has none."""
     if not label.IsAttribute(TDataStd_Name.GetID_s()):
         return ""
     name = TDataStd_Name()
@@ -31,7 +31,7 @@ def name_of(label: Any) -> str:
 
 
 def given_name(label: Any) -> str:
-    """Return the name of a product or an instance; empty if it has none, or one that OCCT made up in writing it."""
+    """Return the name of a product or an instance; empty if it has none, or one that OCCT made up when writing it."""
     name = name_of(label)
     return "" if _MADE_UP.match(name) else name
 
@@ -42,9 +42,9 @@ def material_of(label: Any, grams: float) -> CadMaterial | None:
     Parameters
     ----------
     label : TDF_Label
-        Of the shape.
+        Label of the shape.
     grams : float
-        What the unit of mass of the file's densities is in g; NaN if it is not known.
+        The unit of mass of the file's densities in g; NaN if it is not known.
     """
     node = TDataStd_TreeNode()
     reference = XCAFDoc.MaterialRefGUID_s()
@@ -57,5 +57,5 @@ def material_of(label: Any, grams: float) -> CadMaterial | None:
     material = XCAFDoc_Material()
     target.FindAttribute(XCAFDoc_Material.GetID_s(), material)
     name, density = material.GetName(), material.GetDensity() * grams / 1000.0  # from g/cm3
-    known = density > 0  # false of NaN too
+    known = density > 0  # false for NaN, too
     return CadMaterial(name=str(name.ToCString()).strip() if name else "", density=density if known else None)

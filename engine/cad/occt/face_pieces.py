@@ -1,4 +1,4 @@
-"""The faces of a shape: what surface each lies on; what a spline is taken for."""
+"""The faces of a shape: the surface of each, with splines replaced by simple surfaces where possible."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from engine.cad.occt.occt_arrays import array3, one_way
 from engine.cad.occt.spline_surfaces import splines_of
 from engine.cad.occt.triangulation import triangles_of
 
-_PRECISION = 1e-7  # mm that OCCT counts as nothing
+_PRECISION = 1e-7  # mm that OCCT neglects
 
 
 def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
@@ -26,11 +26,11 @@ def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
     Parameters
     ----------
     face : TopoDS_Shape
-        With triangles.
+        A face with triangles.
     solid : int
-        Place of its solid in the part, -1 if it has none.
+        Index of its solid in the part; -1 if it has none.
     recognition : float
-        Largest distance [mm] between a spline and the plane, cylinder, cone or sphere it is taken for.
+        Largest distance [mm] between a spline and the plane, cylinder, cone or sphere that replaces it.
     """
     face = TopoDS.Face(face)
     found = triangles_of(face)
@@ -69,7 +69,7 @@ def _inside(face: Any, surface: Any, vertices: Array, triangles: Integers, param
 
 
 def _analytic(surface: Any) -> dict[str, Any] | None:
-    """Return the surface of a face as the file names it; None for a spline, an extrusion, a revolution."""
+    """Return the surface of a face as given in the file; None for a spline, an extrusion or a revolution."""
     kind = surface.GetType()
     if kind == Type.GeomAbs_Plane:
         return _plane(surface.Plane())
@@ -92,7 +92,7 @@ def _analytic(surface: Any) -> dict[str, Any] | None:
 
 
 def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
-    """Return what a face can be taken for, the simplest first, with the gap that this leaves."""
+    """Return the simplest surface that can replace a face's own, with the gap between them."""
     if recognition <= 0:
         return None
     for taken_for, test, become in (
@@ -117,7 +117,7 @@ def _cylinder(found: Any) -> dict[str, Any]:
 
 
 def _cone(found: Any) -> dict[str, Any]:
-    """Return a cone with its axis to where it widens."""
+    """Return a cone with its axis in the direction in which it widens."""
     angle = found.SemiAngle()
     axis = array3(found.Axis().Direction()) * np.copysign(1.0, angle)
     return {

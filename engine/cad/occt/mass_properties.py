@@ -1,4 +1,4 @@
-"""Volume, centre and inertia of solids, area of faces."""
+"""Volume, centre and inertia of solids, and area of faces."""
 
 from typing import Any
 
@@ -12,14 +12,14 @@ from engine.cad.cad_model import CadMaterial, Solid
 from engine.cad.occt.occt_arrays import array3, matrix3
 
 _RELATIVE_ERROR = 1e-10  # of the volume below each face
-_AGREEMENT = 1e-10  # of the volumes by two integrations
-_LEAST_AGREEMENT = 1e-5  # of those of the solid cut into pieces: edges of a STEP file are not quite on their faces
-_PIECES = 3  # of a patch along each parameter: Gauss's points are then enough for rational patches, to rounding
-_NO_JUMP = 1e-30  # of derivatives at a knot: the surface is cut at every one
+_AGREEMENT = 1e-10  # of the volumes from two integrations
+_LEAST_AGREEMENT = 1e-5  # of the volumes of a solid cut into pieces: edges of a STEP file are not quite on their faces
+_PIECES = 3  # per patch and parameter: Gauss points are then sufficient for rational patches, up to rounding
+_NO_JUMP = 1e-30  # of derivatives at a knot, so that the surface is cut at every knot
 
 
 def solid_properties(shape: Any, name: str, material: CadMaterial | None) -> Solid:
-    """Return a solid in the frame of its product, for density 1."""
+    """Return a solid in the frame of its product, with density 1."""
     found, relative_error = _integrals(TopoDS.Solid(shape))
     return Solid(
         name=name,
@@ -34,10 +34,11 @@ def solid_properties(shape: Any, name: str, material: CadMaterial | None) -> Sol
 def _integrals(solid: Any) -> tuple[Any, float]:
     """Return volume, centre and inertia of a solid, and the relative error of its volume.
 
-    Gauss's integration takes a millisecond, and is exact to rounding on planes and quadrics. It does not see the knots
-    inside a B-spline face: the volume of an elliptic cam was off by 0.9 %, with a stated error of 4e-16. Kronrod's sees
-    them. Its volume is as quick, so it checks the other. Its inertia takes a minute for a sphere of splines, so where
-    the volumes differ the faces are cut at their knots and into pieces, which Gauss's integrates in 0.03 s.
+    Gauss integration takes a millisecond, and is exact up to rounding on planes and quadrics. It ignores the knots
+    inside a B-spline face: the volume of an elliptic cam was off by 0.9 %, with a stated error of 4e-16. Kronrod
+    integration takes them into account. Its volume is as fast, so it checks the other. Its inertia takes a minute for a
+    sphere of splines, so if the volumes differ, the faces are cut at their knots and into pieces, which Gauss
+    integrates in 0.03 s.
     """
     _, volume = _by_kronrod(solid, inertia=False)
     for cut, agreement in ((False, _AGREEMENT), (True, _LEAST_AGREEMENT)):
@@ -52,7 +53,7 @@ def _integrals(solid: Any) -> tuple[Any, float]:
 
 
 def _in_pieces(solid: Any) -> Any:
-    """Return a solid whose faces are cut at their knots and then into pieces of a patch; what cannot be cut stays."""
+    """Return a solid with its faces cut at their knots and into pieces of a patch; uncuttable faces are kept."""
     at_knots = ShapeUpgrade_ShapeDivideContinuity(solid)
     at_knots.SetBoundaryCriterion(GeomAbs_Shape.GeomAbs_CN)
     at_knots.SetPCurveCriterion(GeomAbs_Shape.GeomAbs_CN)
@@ -68,13 +69,13 @@ def _in_pieces(solid: Any) -> Any:
 
 
 def _by_kronrod(solid: Any, inertia: bool) -> tuple[float, Any]:
-    """Return the relative error of the volume, and the integrals: the volume alone, or centre and inertia too."""
+    """Return the relative error of the volume, and the integrals: only the volume, or also centre and inertia."""
     found = GProp_GProps()
     return BRepGProp.VolumePropertiesGK_s(solid, found, _RELATIVE_ERROR, False, True, inertia, inertia, False), found
 
 
 def area(face: Any) -> float:
-    """Return the area of a face [mm2], where B-splines have knots inside to some percent."""
+    """Return the area of a face [mm2], accurate to some percent if its B-spline has inner knots."""
     found = GProp_GProps()
     BRepGProp.SurfaceProperties_s(face, found, _RELATIVE_ERROR, False)
     return float(found.Mass())

@@ -18,5 +18,5 @@ def matrix3(value: Any) -> Array:
 
 
 def one_way(axis: Array) -> Array:
-    """Return an axis, its largest component positive: which way a file has it means nothing."""
+    """Return an axis with its largest component positive, because its sign in the file is arbitrary."""
     return axis if axis[np.argmax(np.abs(axis).round(9))] > 0 else -axis

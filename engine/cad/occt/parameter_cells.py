@@ -1,7 +1,7 @@
-"""A face as rectangles of its surface's parameters, where all its edges run along parameter lines.
+"""Represent a face by rectangles in its surface's parameters, if all its edges run along parameter lines.
 
-The lines on which edges lie cut the plane of the parameters into cells. No edge passes through a cell, so that each is
-a part of the face or outside it.
+The lines on which edges lie divide the parameter plane into cells. No edge passes through a cell, so each cell is
+either part of the face or outside it.
 """
 
 from dataclasses import dataclass
@@ -26,21 +26,21 @@ from engine.arrays import Array
 Cell = tuple[tuple[float, float], tuple[float, float]]
 """Where a rectangle begins and ends along u, and along v."""
 
-_SAMPLES = 33  # of an edge that is no straight line among the parameters
-_GRID = 5  # places along u, and along v, where derivatives are taken
+_SAMPLES = 33  # of an edge that is not a straight line in the parameter plane
+_GRID = 5  # positions along u and along v where derivatives are evaluated
 _MOST_CELLS = 400
 
 
 @dataclass(frozen=True, eq=False)
 class _Border:
-    """The edges of a face among the parameters of its surface.
+    """The edges of a face in the parameter plane of its surface.
 
     Attributes
     ----------
     edges : list of array
         Parameters of points along each edge, shape (n, 2).
     speeds : array
-        The largest length of the surface's derivative along u, and along v, shape (2,).
+        The largest length of the surface's derivative along u and along v, shape (2,).
     """
 
     edges: list[Array]
@@ -48,7 +48,7 @@ class _Border:
 
 
 def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
-    """Return the surface of a face, and the rectangles of its parameters that make up the face.
+    """Return the surface of a face, and the parameter rectangles that make up the face.
 
     Parameters
     ----------
@@ -59,16 +59,16 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     Returns
     -------
     surface : Geom_Surface
-        That of the face; a plane is turned in itself until its lines run along an edge.
+        Surface of the face; a plane is rotated within itself so that its parameter lines run along an edge.
     cells : list
-        None if an edge runs across parameter lines, or if there are too many of them.
+        Empty if an edge runs across parameter lines, or if there are too many of them.
     """
     surface, border = BRep_Tool.Surface_s(face), _border(face)
     turn = _turn(surface, border)
     if turn:
         way = turn if surface.Position().Direct() else -turn
         surface = surface.Rotated(gp_Ax1(surface.Axis().Location(), surface.Axis().Direction()), way)
-    there = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])  # to the turned parameters
+    there = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])  # to the rotated parameters
     lines = _lines([edge @ there.T for edge in border.edges], border.speeds, tolerance)
     if lines is None or (len(lines[0]) - 1) * (len(lines[1]) - 1) > _MOST_CELLS:
         return surface, []
@@ -78,10 +78,10 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
 
 
 def _border(face: Any) -> _Border:
-    """Return the edges of a face; without any, those of the rectangle of its parameters."""
+    """Return the edges of a face; if it has none, those of its parameter rectangle."""
     surface, edges = BRep_Tool.Surface_s(face), []
     explorer = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_EDGE)
-    while explorer.More():  # a seam comes twice, with its two places
+    while explorer.More():  # a seam is visited twice, in both of its positions
         curve = BRepAdaptor_Curve2d(TopoDS.Edge(explorer.Current()), face)
         count = 2 if curve.GetType() == GeomAbs_CurveType.GeomAbs_Line else _SAMPLES
         places = [curve.Value(float(t)) for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), count)]
@@ -95,7 +95,7 @@ def _border(face: Any) -> _Border:
 
 
 def _speeds(surface: Any, places: Array) -> Array:
-    """Return the largest lengths of a surface's derivatives, shape (2,), on a grid over the rectangle of parameters."""
+    """Return the largest lengths of a surface's derivatives, shape (2,), on a grid over the parameter rectangle."""
     slopes = []
     for u in np.linspace(places[:, 0].min(), places[:, 0].max(), _GRID):
         for v in np.linspace(places[:, 1].min(), places[:, 1].max(), _GRID):
@@ -106,7 +106,7 @@ def _speeds(surface: Any, places: Array) -> Array:
 
 
 def _turn(surface: Any, border: _Border) -> float:
-    """Return the angle by which a plane's axes are turned to run along its longest straight edge; 0 for no plane."""
+    """Return the angle that rotates a plane's axes to its longest straight edge; 0 for any other surface."""
     straight = [edge[-1] - edge[0] for edge in border.edges if len(edge) == 2]
     if not isinstance(surface, Geom_Plane) or not straight:
         return 0.0
@@ -115,7 +115,7 @@ def _turn(surface: Any, border: _Border) -> float:
 
 
 def _lines(edges: list[Array], speeds: Array, tolerance: float) -> list[Array] | None:
-    """Return the parameters u, and v, of the lines on which edges lie; None if an edge lies on none."""
+    """Return the parameters u and v of the lines on which edges lie; None if an edge lies on no such line."""
     found: list[list[float]] = [[], []]
     for edge in edges:
         middle = (edge.min(axis=0) + edge.max(axis=0)) / 2
@@ -130,13 +130,13 @@ def _lines(edges: list[Array], speeds: Array, tolerance: float) -> list[Array] |
 
 
 def _distinct(values: Array, near: float) -> Array:
-    """Return increasing values of which near ones are one, their mean."""
+    """Return increasing values, with close ones replaced by their mean."""
     groups = np.split(values, np.flatnonzero(np.diff(values) > near) + 1)
     return np.array([group.mean() for group in groups])
 
 
 def _bounds(surface: Any) -> list[tuple[float, float]]:
-    """Return the least and the largest parameter of each direction; of a periodic one there are none."""
+    """Return the smallest and largest parameter of each direction; a periodic direction is unbounded."""
     u0, u1, v0, v1 = surface.Bounds()
     u = (-np.inf, np.inf) if surface.IsUPeriodic() else (u0, u1)
     v = (-np.inf, np.inf) if surface.IsVPeriodic() else (v0, v1)
@@ -144,12 +144,12 @@ def _bounds(surface: Any) -> list[tuple[float, float]]:
 
 
 def _within(cuts: Array, bounds: tuple[float, float]) -> list[float]:
-    """Return parameters that reach over the edge of a surface at that edge."""
+    """Return parameters, with those beyond the edge of a surface moved to that edge."""
     clipped: list[float] = np.unique(np.clip(cuts, *bounds)).tolist()
     return clipped
 
 
 def _is_inside(face: Any, parameters: Array) -> bool:
-    """Return whether a point of a face's surface is on the face."""
+    """Return whether a point of a face's surface lies on the face."""
     found = BRepClass_FaceClassifier(face, gp_Pnt2d(*map(float, parameters)), 1e-9)
     return bool(found.State() == TopAbs_State.TopAbs_IN)

@@ -1,4 +1,4 @@
-"""A product's shape becomes numbers, once for all its instances."""
+"""Convert a product's shape to numbers, once for all its instances."""
 
 from collections import defaultdict
 from dataclasses import replace
@@ -21,16 +21,16 @@ from engine.cad.placed_product import ProductGeometry
 def product_geometry(
     shape: Any, solids: list[tuple[str, CadMaterial | None]], recognition: float
 ) -> tuple[ProductGeometry, Integers]:
-    """Return what a product consists of, and the number of each face of its shape, -1 for one without area.
+    """Return the components of a product, and the number of each face of its shape, -1 for one without area.
 
     Parameters
     ----------
     shape : TopoDS_Shape
-        In the frame of the product.
+        The shape in the frame of the product.
     solids : list of tuple
         Name and material of each of its solids.
     recognition : float
-        Largest distance [mm] between a spline and what it is taken for.
+        Largest distance [mm] between a spline and the simple surface or circle that replaces it.
     """
     deflection = triangulate(shape)
     bodies = ShapeMap(shape, SOLID).shapes()

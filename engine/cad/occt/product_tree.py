@@ -1,4 +1,4 @@
-"""The instances of products in an assembly, each with its path and its place."""
+"""The instances of products in an assembly, each with its path and its placement."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from engine.cad.occt.occt_arrays import array3, matrix3
 from engine.cad.occt.step_document import UnreadableStep
 
 MOST_INSTANCES = 20_000
-_DEEPEST = 100  # assemblies inside each other
+_DEEPEST = 100  # nested assemblies
 
 
 @dataclass(frozen=True)
 class Instance:
-    """A product where it stands in the assembly."""
+    """One occurrence of a product in the assembly."""
 
     label: Any
     """Of the product."""
@@ -30,19 +30,19 @@ class Instance:
 
     @property
     def entry(self) -> str:
-        """What OCCT calls the product's label."""
+        """OCCT's entry string of the product's label."""
         text = TCollection_AsciiString()
         TDF_Tool.Entry_s(self.label, text)
         return str(text.ToCString())
 
 
 def instances(shapes: Any) -> list[Instance]:
-    """Return all instances of products that are no assemblies, in the order of the file.
+    """Return all instances of products that are not assemblies, in the order of the file.
 
     Raises
     ------
     UnreadableStep
-        If there are too many, or none, or one is scaled.
+        If there are too many or none, or one is scaled.
     """
     found: list[Instance] = []
     for root in listed(shapes.GetFreeShapes):
@@ -70,7 +70,7 @@ def _below(label: Any, path: tuple[str, ...], move: gp_Trsf) -> Iterator[Instanc
 
 
 def _placement(move: gp_Trsf, path: tuple[str, ...]) -> Placement:
-    """Return a transformation as a rotation, a translation and perhaps a mirror."""
+    """Return a transformation as a rotation, a translation and possibly a mirror."""
     if abs(abs(move.ScaleFactor()) - 1) > 1e-9:
         raise UnreadableStep(f"scales the part {'/'.join(path)} by {move.ScaleFactor():g}: a part has one size")
     linear = matrix3(move.VectorialPart())

@@ -1,4 +1,4 @@
-"""Distances between faces, edges and points of an assembly, as it is drawn."""
+"""Distances between faces, edges and points of an assembly as drawn."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -19,19 +19,19 @@ from engine.cad.occt.step_document import UnreadableStep, open_step
 
 
 def measure_distances(path: Path, pairs: Sequence[Sequence[Mapping[str, Any]]]) -> list[float]:
-    """Return the distance of each pair of shapes [mm]; 0 where they touch or overlap.
+    """Return the distance of each pair of shapes [mm]; 0 if they touch or overlap.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The STEP file.
     pairs : sequence
-        Of two shapes each, with the keys of `engine.cad.drawn_distances.MeasuredShape`.
+        Pairs of shapes, each with the keys of `engine.cad.drawn_distances.MeasuredShape`.
 
     Raises
     ------
     UnreadableStep
-        If the file holds no STEP, or no shapes, or a distance cannot be measured.
+        If the file is not a STEP file or contains no shapes, or a distance cannot be measured.
     """
     document = open_step(path)
     parts = [_PlacedPart(instance) for instance in instances(document.shapes)]
@@ -39,7 +39,7 @@ def measure_distances(path: Path, pairs: Sequence[Sequence[Mapping[str, Any]]]) 
 
 
 class _PlacedPart:
-    """A part where it stands in the assembly; its faces and edges by their places in the product."""
+    """A part as placed in the assembly; its faces and edges by their indices in the product."""
 
     def __init__(self, instance: Instance) -> None:
         self._product = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
@@ -56,13 +56,13 @@ class _PlacedPart:
         return ShapeMap(self._product, EDGE).shapes()
 
     def pieces(self, faces: Sequence[int], edges: Sequence[int]) -> list[Any]:
-        """Return some of its faces and edges, placed."""
+        """Return some of its faces and edges as placed in the assembly."""
         own = [*(self._faces[place] for place in faces), *(self._edges[place] for place in edges)]
         return [BRepBuilderAPI_Transform(piece, self._move, True).Shape() for piece in own]
 
 
 def _shape(wanted: Mapping[str, Any], parts: Sequence[_PlacedPart]) -> Any:
-    """Return one end of a distance as one shape."""
+    """Return one end of a distance as a single shape."""
     if wanted["point"]:
         return BRepBuilderAPI_MakeVertex(gp_Pnt(*wanted["point"])).Vertex()
     whole, builder = TopoDS_Compound(), BRep_Builder()
@@ -73,7 +73,7 @@ def _shape(wanted: Mapping[str, Any], parts: Sequence[_PlacedPart]) -> Any:
 
 
 def _distance(a: Any, b: Any) -> float:
-    """Return the least distance of two shapes."""
+    """Return the minimum distance of two shapes."""
     measured = BRepExtrema_DistShapeShape(a, b)
     if not measured.IsDone():
         raise UnreadableStep("has faces whose distance OCCT cannot measure; export it again, as AP242 or AP214")

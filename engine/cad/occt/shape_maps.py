@@ -1,4 +1,4 @@
-"""The faces, edges and solids of a shape, each once, in an order that is the same for each instance of a product."""
+"""The faces, edges and solids of a shape without repetitions, in the same order for each instance of a product."""
 
 from typing import Any
 
@@ -20,9 +20,9 @@ class ShapeMap:
         return int(self._map.Extent())
 
     def shapes(self) -> list[Any]:
-        """Return the sub-shapes in their order."""
+        """Return the sub-shapes in order."""
         return [self._map.FindKey(place) for place in range(1, len(self) + 1)]
 
     def place(self, shape: Any) -> int:
-        """Return the place of a sub-shape from 0, -1 if it is none."""
+        """Return the index of a sub-shape from 0, or -1 if it is not in the map."""
         return int(self._map.FindIndex(shape)) - 1

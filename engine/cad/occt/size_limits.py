@@ -11,7 +11,7 @@ from engine.cad.cad_model import SizeLimits
 from engine.cad.occt.deviation_signs import DeviationSigns
 from engine.cad.occt.document_labels import listed
 
-_DECIMALS = 12  # of a mm, so that 6.1 + 0.02 is 6.12
+_DECIMALS = 12  # of a mm, so that 6.1 + 0.02 gives 6.12
 _KINDS = {
     Type.XCAFDimTolObjects_DimensionType_Size_Diameter: "diameter",
     Type.XCAFDimTolObjects_DimensionType_Size_SphericalDiameter: "spherical diameter",
@@ -27,16 +27,16 @@ _KINDS = {
 def size_limits(
     tool: Any, signs: DeviationSigns, faces_of: Callable[[Any], list[tuple[int, ...]]]
 ) -> tuple[list[SizeLimits], int]:
-    """Return the dimensions of a file that have limits, and the number of those that cannot be told.
+    """Return the dimensions of a file that have limits, and the number of those that are unclear.
 
     Parameters
     ----------
     tool : XCAFDoc_DimTolTool
-        Of the document.
+        Tool of the document.
     signs : DeviationSigns
-        Of the file.
+        Signs of the file's deviations.
     faces_of : callable
-        Returns the numbers of the faces on a label, one tuple for each instance of its product.
+        Returns the numbers of the faces on a label, one tuple per instance of its product.
     """
     found, unclear = [], 0
     for label in listed(tool.GetDimensionLabels):
@@ -56,7 +56,7 @@ def size_limits(
 
 
 def _referred(label: Any) -> list[Any]:
-    """Return the labels of the shapes that a dimension belongs to, of both its sides."""
+    """Return the labels of the shapes on both sides of a dimension."""
     first, second = Sequence_TDF_Label(), Sequence_TDF_Label()
     XCAFDoc_DimTolTool.GetRefShapeLabel_s(label, first, second)
     return [side.Value(place) for side in (first, second) for place in range(1, side.Length() + 1)]
@@ -67,7 +67,7 @@ def _limits(dimension: Any, signs: DeviationSigns) -> tuple[float, float, float]
     nominal, *others = dimension.GetValues()
     if dimension.IsDimWithRange() and others[0] >= nominal:
         return (nominal + others[0]) / 2, nominal, others[0]
-    # OCCT leaves an upper deviation below zero out, so that the size and the lower one look like a range
+    # OCCT omits a negative upper deviation, so that the size and the lower deviation look like a range
     deviations = signs.signed(*others) if len(others) == 2 else signs.both_below(*others)
     if deviations is None:
         return None

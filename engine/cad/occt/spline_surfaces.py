@@ -1,4 +1,4 @@
-"""The surface of a face as B-splines that cover the face and nothing else."""
+"""The surface of a face as B-splines that cover exactly the face."""
 
 from typing import Any
 
@@ -22,8 +22,8 @@ _INEXACT_CURVES = (GeomAbs_CurveType.GeomAbs_OffsetCurve, GeomAbs_CurveType.Geom
 def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface, ...]:
     """Return B-splines that cover a face.
 
-    There are none if its edges do not run along parameter lines of its surface, or that is no B-spline, as the offset
-    of one.
+    There are none if its edges do not run along parameter lines of its surface, or if the surface is not a B-spline,
+    for instance an offset of one.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface
     adaptor : BRepAdaptor_Surface
         Its surface.
     tolerance : float
-        Largest distance [mm] between an edge and the parameter line it is taken for.
+        Largest distance [mm] between an edge and the parameter line that replaces it.
     """
     if not _is_a_spline(adaptor):
         return ()
@@ -42,14 +42,14 @@ def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface
 
 
 def _is_a_spline(adaptor: Any) -> bool:
-    """Return whether a surface can be written as a B-spline, or a rational one, without an error."""
+    """Return whether a surface can be written exactly as a B-spline, rational or not."""
     if adaptor.GetType() in _SWEPT:
         return adaptor.BasisCurve().GetType() not in _INEXACT_CURVES
     return adaptor.GetType() not in _INEXACT
 
 
 def _spline(surface: Any, cell: Cell) -> SplineSurface:
-    """Return a rectangle of parameters of a surface as a B-spline."""
+    """Return a parameter rectangle of a surface as a B-spline."""
     piece = Geom_RectangularTrimmedSurface(surface, *cell[0], *cell[1])
     spline = GeomConvert.SurfaceToBSplineSurface_s(piece)
     spline.SetUNotPeriodic()
@@ -67,5 +67,5 @@ def _spline(surface: Any, cell: Cell) -> SplineSurface:
 
 
 def _knots(count: int, knot: Any, multiplicity: Any) -> Array:
-    """Return the knots of a direction, each as often as its multiplicity."""
+    """Return the knots of a direction, each repeated by its multiplicity."""
     return np.concatenate([[knot(i)] * multiplicity(i) for i in range(1, count + 1)])

@@ -1,4 +1,4 @@
-"""A STEP file becomes an assembly of plain numbers."""
+"""Convert a STEP file to an assembly of plain numbers."""
 
 from dataclasses import replace
 from itertools import chain
@@ -20,22 +20,22 @@ from engine.cad.placed_product import ProductGeometry, placed_product
 from engine.cad.unique_names import unique_names
 
 _RADII = {"diameter": 2, "spherical diameter": 2, "radius": 1, "spherical radius": 1}
-_FAR_OFF = 0.1  # of the size that is drawn
+_FAR_OFF = 0.1  # share of the drawn size
 
 
 class _Product:
-    """A product of the file: its shape in its own frame, and what it consists of."""
+    """A product of the file: its shape in its own frame, and its components."""
 
     def __init__(self, instance: Instance, document: StepDocument, recognition: float) -> None:
         self.name = given_name(instance.label)
         self.shape = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
         self.material = material_of(instance.label, document.grams or np.nan)
         self.geometry, self._numbers = product_geometry(self.shape, self._solids(instance, document), recognition)
-        self.first_faces: list[int] = []  # of each instance
+        self.first_faces: list[int] = []  # one per instance
         self._faces = ShapeMap(self.shape, FACE)
 
     def _solids(self, instance: Instance, document: StepDocument) -> list[Any]:
-        """Return name and material of each solid, where they have their own."""
+        """Return name and material of each solid; an empty name and None where it has none of its own."""
         solids = ShapeMap(self.shape, SOLID)
         found: list[Any] = [("", None)] * len(solids)
         for label in listed(ShapeTool.GetSubShapes_s, instance.label):
@@ -45,7 +45,7 @@ class _Product:
         return found
 
     def faces_of(self, shape: Any) -> tuple[int, ...]:
-        """Return the numbers, in the product, of the faces of a sub-shape."""
+        """Return the numbers within the product of the faces of a sub-shape."""
         places = [self._faces.place(face) for face in ShapeMap(shape, FACE).shapes()]
         return tuple(sorted({int(self._numbers[place]) for place in places if place >= 0} - {-1}))
 
@@ -58,14 +58,14 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
     path : Path
         The file.
     sha256 : str
-        Of its content.
+        Hash of its content.
     recognition : float
-        Largest distance [mm] between a spline and what it is taken for; 0 takes none.
+        Largest distance [mm] between a spline and the simple surface or circle that replaces it; 0 replaces none.
 
     Raises
     ------
     UnreadableStep
-        If it holds no STEP, or no shapes.
+        If the file is not a STEP file or contains no shapes.
     """
     document = open_step(path)
     found = instances(document.shapes)
@@ -103,7 +103,7 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
 
 
 def _part(instance: Instance, name: str, product: _Product, here: ProductGeometry) -> CadPart:
-    """Return a part from what it consists of."""
+    """Return a part from its components."""
     points = here.mesh.vertices if len(here.mesh.vertices) else np.zeros((1, 3))
     return CadPart(
         name=name,
@@ -117,7 +117,7 @@ def _part(instance: Instance, name: str, product: _Product, here: ProductGeometr
 
 
 class _FacesOfLabels:
-    """Finds the faces on a label of a sub-shape, in all instances of its product."""
+    """Finds the faces on the label of a sub-shape, in all instances of its product."""
 
     def __init__(self, products: dict[str, _Product]) -> None:
         self._products = products
@@ -131,7 +131,7 @@ class _FacesOfLabels:
 
 
 def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) -> SizeLimits:
-    """Return a dimension in mm that may be too large by a factor: it is where only then it is that of its faces."""
+    """Return a dimension in mm that may be too large by a factor; it is if only the reduced one matches its faces."""
     sizes = (limit.nominal / too_large, limit.lower / too_large, limit.upper / too_large)
     nominal, lower, upper = (round(size, 12) for size in sizes)
     smaller = replace(limit, nominal=nominal, lower=lower, upper=upper)
@@ -139,7 +139,7 @@ def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) 
 
 
 def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
-    """Return what is said of a dimension that is not that of the faces it stands on."""
+    """Return a caution about a dimension that differs from the faces it is attached to."""
     said = []
     for face in (faces[number] for number in limit.faces):
         size = _RADII.get(limit.kind, 0) * face.radius
@@ -153,7 +153,7 @@ def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
 
 
 def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
-    """Return what was left out."""
+    """Return cautions about what was left out."""
     said = []
     if document.unreadable:
         said.append(

@@ -1,4 +1,4 @@
-"""A STEP file as a document of OCCT, and what its header says."""
+"""A STEP file as an OCCT document, and the content of its header."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,12 +28,12 @@ _SCHEMAS = {"AP242": "AP242", "AUTOMOTIVE_DESIGN": "AP214", "CONFIG_CONTROL_DESI
 
 
 class UnreadableStep(Exception):
-    """OCCT finds no STEP in a file, or no shapes."""
+    """OCCT finds no STEP data in a file, or no shapes."""
 
 
 @dataclass(frozen=True)
 class StepDocument:
-    """What OCCT has made of a file; lengths in mm."""
+    """OCCT's representation of a file; lengths in mm."""
 
     shapes: Any
     dimensions: Any
@@ -59,7 +59,7 @@ def open_step(path: Path) -> StepDocument:
     Raises
     ------
     UnreadableStep
-        If it holds no STEP, or no shapes.
+        If the file is not a STEP file or contains no shapes.
     """
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
@@ -91,7 +91,7 @@ def open_step(path: Path) -> StepDocument:
 
 
 def _unit(reader: Any) -> tuple[str, float]:
-    """Return the unit of length of a file, and what it is in mm."""
+    """Return the unit of length of a file, and its size in mm."""
     lengths, angles, solid_angles = (Sequence_TCollection_AsciiString() for _ in range(3))
     reader.ChangeReader().FileUnits(lengths, angles, solid_angles)
     name = str(lengths.Value(1).ToCString()).lower() if lengths.Length() else "millimetre"
@@ -99,7 +99,7 @@ def _unit(reader: Any) -> tuple[str, float]:
 
 
 def _schema(header: Any) -> str:
-    """Return the application protocol of a file, or what its header says in its place."""
+    """Return the application protocol of a file, or the text of its header instead."""
     text = _text(header.SchemaIdentifiersValue(1)) if header.NbSchemaIdentifiers() else ""
     return next((name for start, name in _SCHEMAS.items() if text.upper().startswith(start)), text[:80])
 

@@ -13,13 +13,13 @@ from OCP.TopLoc import TopLoc_Location
 
 from engine.arrays import Array, Integers
 
-_SAG = 2e-3  # of the size of the shape, between a triangle and its face
+_SAG = 2e-3  # distance between a triangle and its face, as a share of the size of the shape
 _SAG_LIMITS = 1e-3, 0.05  # mm
 _TURN = 0.3  # rad between neighbouring triangles
 
 
 def triangulate(shape: Any) -> float:
-    """Give all faces of a shape triangles; return the deflection asked for [mm]."""
+    """Triangulate all faces of a shape; return the requested deflection [mm]."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     size = 1.0 if box.IsVoid() else float(box.CornerMin().Distance(box.CornerMax()))
@@ -29,9 +29,9 @@ def triangulate(shape: Any) -> float:
 
 
 def triangles_of(face: Any) -> tuple[Array, Integers, Array] | None:
-    """Return the triangles of a face that has some: vertices (n, 3), rows of them (m, 3), parameters (n, 2).
+    """Return the triangles of a face, if any: vertices (n, 3), rows of them (m, 3), parameters (n, 2).
 
-    The triangles turn counter-clockwise seen from outside.
+    The triangles are oriented counter-clockwise as seen from outside.
     """
     where = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, where)
