@@ -26,7 +26,7 @@ from engine.kernels.velocity import (
 )
 
 GROWTH_ROUNDS = 20
-ALONE = 1  # round up to which the active set grows only by contacts that close; afterwards by all near ones
+ALONE = 1  # round from which the active set grows by all near contacts; before it, only by those that close
 
 
 @inner
