@@ -59,7 +59,7 @@ def convergence(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the band, two-sided.
+        Confidence of the band, two-sided.
     lots : array, shape (n,), optional
         Production lot of each value: the band begins where there are lots enough for an interval.
     """

@@ -169,7 +169,7 @@ def welch(a: Array, b: Array, confidence: float) -> tuple[float, Interval, float
     a, b : array, shape (n,) and (m,)
         At least two values each.
     confidence : float
-        Of the interval.
+        Confidence of the interval.
     """
     squares = [float(np.var(x, ddof=1)) / x.size for x in (a, b)]
     difference, error = float(a.mean() - b.mean()), math.sqrt(sum(squares))

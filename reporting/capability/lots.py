@@ -171,7 +171,7 @@ def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], describe
     described : Lots
         Of the response.
     confidence : float
-        Of the two-sided interval in which the effect is used.
+        Confidence of the two-sided interval in which the effect is used.
     """
     n, count = is_out.size, int(np.count_nonzero(is_out))
     if not described.enough or n < 2:  # a lot tells as much as one value

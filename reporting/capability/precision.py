@@ -70,7 +70,7 @@ def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precisi
     kurtosis : float
         Their excess kurtosis G2.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = x.size
     mean, deviation = _centred(x)
@@ -97,7 +97,7 @@ def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) ->
     lots : array, shape (n,)
         Lot of each value; at least two lots, of which one has two values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = x.size
     mean, deviation = _centred(x)
@@ -166,7 +166,7 @@ def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: floa
     group : array of int, shape (n,)
         Number of each value's lot, from 0.
     confidence : float
-        Of the two-sided intervals that they are for.
+        Confidence of the two-sided intervals that they are for.
 
     Returns
     -------

@@ -90,7 +90,7 @@ def nonconforming(
     lsl, usl : float or None
         Limits; a value on a limit conforms.
     confidence : float
-        Of the two-sided intervals and of the one-sided bounds.
+        Confidence of the two-sided intervals and of the one-sided bounds.
     failed : int
         Number of runs without a value.
     lots : array, shape (n,), optional

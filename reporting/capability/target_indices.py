@@ -70,7 +70,7 @@ def target_indices(
     lsl, usl, target : float or None
         Limits and target; one limit is enough.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     lots : array, shape (n,), optional
         Production lot of each value; by default all values are independent.
     """

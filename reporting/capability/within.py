@@ -73,7 +73,7 @@ def within(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = int(x.size)
     if n < 2:

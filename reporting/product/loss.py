@@ -64,7 +64,7 @@ def response_losses(
     failed : dict of str to array of bool, each of shape (n,)
         Whether each sample breaks a limit of the response; n above 0.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     effects : mapping of str to float
         How many samples tell as much of a response's rejects as an independent one; 1 where it is not named.
     effect : float

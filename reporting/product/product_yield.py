@@ -87,7 +87,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
     spec : ReportSpec
         Limits.
     confidence : float
-        Of the two-sided intervals and of the one-sided bounds.
+        Confidence of the two-sided intervals and of the one-sided bounds.
     """
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size

@@ -47,7 +47,7 @@ class Draws:
         Of each component without shift, the distributions themselves among them: the share of all runs that it draws
         where no other component aims, and its scale.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
 
     weights: Array

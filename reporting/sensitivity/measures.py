@@ -66,7 +66,7 @@ def measure(
     columns, values : dict of str to array, each of shape (n,)
         Variables and responses, finite.
     confidence : float
-        Of the intervals of rank correlations.
+        Confidence of the intervals of rank correlations.
     correlations : sequence of (str, str, float), optional
         The requested correlations of the variables; without it the samples decide.
     lots : array, shape (n,), optional

@@ -98,7 +98,7 @@ def reject_attribution(
     rejected : array_like of bool, shape (n,)
         Whether each sample is a reject, of one response or of the whole product.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     lots : array_like, shape (n,), optional
         Production lot of each sample; samples of a lot are then not taken for independent.
 

@@ -109,7 +109,7 @@ def reject_causes(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     """
     margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
     if not margins:

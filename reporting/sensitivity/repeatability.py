@@ -83,7 +83,7 @@ def repeatability(
     std_interval : (float, float) or None
         Its interval.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     """
     both = np.isfinite(first) & np.isfinite(second)
     pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
@@ -151,7 +151,7 @@ def repeatabilities(
     spec : ReportSpec
         The responses.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     """
     if repeats is None or not repeats.sample.size:
         return {}

@@ -63,7 +63,7 @@ def sensitivity(
     sample : array of int64, shape (n,), optional
         Numbers of the samples; the row numbers by default.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     known : mapping of str to Known, optional
         What is known by response beyond these columns: total-order indices of a design, scatter between repeats.
     correlations : sequence of (str, str, float), optional

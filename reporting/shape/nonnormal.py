@@ -171,7 +171,7 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
     lsl, usl : float or None
         Limits, in the unit of the values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
 
     Raises
     ------

@@ -108,7 +108,7 @@ def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None
     x : array_like, shape (n,)
         Values; those that are not finite are left out.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     worth : float, optional
         Number of independent values that the values of production lots are worth. The p-value of A^2 supposes
         independent values and is None then.
@@ -165,7 +165,7 @@ def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) ->
     most : int
         A third of them are the extremes at each end.
     confidence : float
-        Of the pointwise band.
+        Confidence of the pointwise band.
     """
     ordered = _ordered(x)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -52,7 +52,7 @@ def supported_indices(
     lsl, usl : float or None
         Limits, in the unit of the values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
 
     Returns
     -------

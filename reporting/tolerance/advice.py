@@ -114,7 +114,7 @@ def advise(
         Change of the density at these rows when the standard deviation of the variable is multiplied by the factor.
         Where the variable's bounds allow no such factor, `Change.spread` is the largest that they do.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
         Production lot of each sample.
 

@@ -62,7 +62,7 @@ class Question:
     columns : mapping of str to array, each of shape (n,)
         The variables that vary.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
     """
 

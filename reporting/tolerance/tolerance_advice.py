@@ -120,7 +120,7 @@ def tolerance_advice(
     rescale : callable (factors by variable, rows) -> Change
         What the standard deviations of some variables, each times a factor, make of these rows.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     """
     known = {name: cpk for name, cpk in cpks.items() if cpk is not None}
     if not known:

@@ -140,7 +140,7 @@ def what_if(
     lsl, usl : float or None
         Limits, in the response's unit.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
         Production lot of each sample; None for independent samples.
 
