@@ -80,7 +80,7 @@ class Samples:
 
     @property
     def lots(self) -> NDArray[np.int64] | None:
-        """Return the group of each sample; groups share no shift with each other. None without production batches."""
+        """Group of each sample; groups share no shift with each other. None without production batches."""
         return self.production_batch if self.lot is None else self.lot
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
