@@ -1,7 +1,7 @@
 """Tolerance intervals of one response: limits that contain 95 %, 99 % and 99.73 % of production with a confidence.
 
 A confidence interval says where a mean or an index lies; a tolerance interval says where the parts lie. Normal
-intervals are narrower, but valid for normal values only; intervals from ordered values are valid for every distribution,
+intervals are narrower, but valid for normal values only; intervals from ordered values are valid for any distribution,
 but need more runs. If the values do not look normal, or are too few to decide, the normal intervals are withheld.
 """
 
