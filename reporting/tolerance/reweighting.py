@@ -6,7 +6,7 @@ Gabry, JMLR 25(72), 2024). Its shape k measures how heavy the tail of weights is
 
 A refusal must not depend on whether the samples happen to contain the heavy tail: samples that miss it would pass, and
 their answers would be wrong. The fitted shape has a standard deviation of 0.18 with 500 samples; the mean logarithmic
-excess over the largest fifth of the weights (Hill 1975) has one of 0.03, but is too large for a tail that is not a
+excess of the largest fifth of the weights (Hill 1975) has one of 0.03, but is too large for a tail that is not a
 Pareto tail. Weights are therefore refused above ``HILL_BAR`` if the fitted shape exceeds ``CLEAR_TAIL`` too, and in any
 case if the fitted shape exceeds ``min(0.6, 1 - 1 / log10 n)``.
 """
@@ -47,8 +47,7 @@ class Change:
     outside : float
         Probability of new values outside the range of the old distribution.
     spread : float or None
-        Ratio of the new to the old standard deviation of the changed variable; this field and the following ones are
-        used by `reporting.tolerance.advice` only.
+        Ratio of the new to the old standard deviation of the changed variable; used for advice on tolerances.
     moved : array, shape (n,), or mapping of str to such an array, or None
         Values of the changed variable at the same ranks under the new distribution, if it has a density; by name for
         several changed variables.
