@@ -1,10 +1,10 @@
-"""Measurements of speed: `python -m benchmarks`, bounded to about six minutes on two cores.
+"""Measurements of speed: `python -m benchmarks` takes about six minutes on two cores.
 
 Times depend on the machine, so each table also gives them as multiples of a reference measured in the same run: the
-solution of a dense 42 x 42 system by LAPACK (as many unknowns as the C-60 has degrees of freedom).
+solution of a dense 42 x 42 system by LAPACK (the C-60 has 42 degrees of freedom).
 """
 
 import os
 
-for _library in ("OMP", "OPENBLAS", "MKL"):  # before NumPy is imported: one thread each, as the workers have
+for _library in ("OMP", "OPENBLAS", "MKL"):  # before NumPy is imported: one thread each, as in the workers
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")

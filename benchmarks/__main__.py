@@ -37,7 +37,7 @@ PARTS = (
 
 
 def main() -> None:
-    """Measure the parts asked for."""
+    """Measure the requested parts."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("parts", nargs="*", help=f"any of {', '.join(PARTS)}; default: all")
     parser.add_argument("--out", type=Path, default=Path("build/benchmarks.json"), help="default: %(default)s")
@@ -47,7 +47,7 @@ def main() -> None:
         parser.error(f"no such part: {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
     parts = asked.parts or PARTS
     console = Console(width=130)
-    warm_up()  # compiling is not what is measured
+    warm_up()  # compilation is not to be measured
     numbers: dict[str, Any] = {"machine": machine.description()}
     unit = numbers["machine"]["solve_42_us"]
     _show(console, "machine", [numbers["machine"]])
@@ -112,7 +112,7 @@ def main() -> None:
 
 
 def _show(console: Console, title: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Print rows as a table: many rows across, a single one down."""
+    """Print rows as a table: several as lines, a single row as a column."""
     table = Table(title=title, title_justify="left", min_width=40)
     if len(rows) == 1:
         table.show_header = False

@@ -1,8 +1,8 @@
-"""The friction solver against two of Siconos: the same problems, the same tolerance, from nothing, in one run.
+"""The friction solver compared with two solvers of Siconos: same problems, same tolerance, cold start, in one run.
 
-Siconos is looked for in the Python that the environment variable CLEARCAP_SICONOS_PYTHON names; Debian's package
-`python3-siconos` puts it into /usr/bin/python3. Each solver stops by its own measure of the tolerance, relative to
-velocities; whether a problem is solved is judged for all of them by clearcap's residual (`engine.friction.cone`).
+Siconos is searched in the Python given by the environment variable CLEARCAP_SICONOS_PYTHON; Debian's package
+`python3-siconos` installs it for /usr/bin/python3. Each solver stops by its own error measure, relative to velocities;
+whether a problem is solved is decided for all solvers by clearcap's residual (`engine.friction.cone`).
 """
 
 import os
@@ -32,7 +32,7 @@ TOLERANCE, SOLVED, REPEATS = 1e-8, 1e-6, 3
 
 
 def measure() -> list[dict[str, Any]]:
-    """Return a row for each kind of problem and number of contacts; one row that says how where Siconos is missing."""
+    """Return a row for each kind of problem and number of contacts; if Siconos is missing, one row on how to get it."""
     if subprocess.run([PYTHON, "-c", "import siconos.numerics"], capture_output=True).returncode:
         return [{"siconos": HOW.format(python=PYTHON)}]
     return [_row(kind, contacts) for kind in KINDS for contacts in CONTACTS]
@@ -68,6 +68,6 @@ def solve_with_siconos(problems: list[FrictionProblem]) -> dict[str, np.ndarray]
 
 
 def _count(residuals: Any) -> str:
-    """Say how many of the residuals are those of a solution."""
+    """Return how many of the residuals belong to a solution, as text."""
     judged = [bool(residual <= SOLVED) for residual in residuals]
     return f"{sum(judged)} of {len(judged)}"

@@ -1,4 +1,4 @@
-"""The least that an answer over HTTP takes: one line of text by Starlette under uvicorn, as the reference of a load."""
+"""A minimal HTTP answer, one line of text by Starlette under uvicorn: the reference for load measurements."""
 
 import sys
 

@@ -1,8 +1,8 @@
-"""The same samples of the C-60 by this build and by an earlier one, in turns, in processes of their own.
+"""The same samples of the C-60 with this build and with an earlier one, alternately, in separate processes.
 
-`python -m benchmarks builds` checks out the earlier commit, compiles both, and lets each simulate twenty samples after
-the other, so that what else the machine does slows both alike. This build also simulates them with the settling that
-was the earlier one's, free fall: what differs then is the solver's doing alone.
+`python -m benchmarks builds` checks out the earlier commit, compiles both builds, and lets them simulate twenty samples
+alternately, so that other load on the machine affects both equally. This build also simulates the samples with the
+settling of the earlier build, free fall: differences are then due to the solver alone.
 """
 
 import json
@@ -19,7 +19,7 @@ BEFORE = "798d972"  # the build before the solver of 6 x 6 blocks and the settli
 BLOCK, BLOCKS = 20, 5
 SECONDS = 1800
 RESPONSES = ("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6")
-# what a process of either build runs: samples of a campaign from a number on, a line of JSON for each
+# the program of a process of either build: it runs samples of a campaign from a number on, one JSON line per sample
 RUNS = f"""
 import json, sys, time
 from campaign.plan import make_plan
@@ -39,7 +39,7 @@ for sample in range(first, first + {BLOCK}):
 
 
 def measure() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return what a run costs with both builds, and what their responses are."""
+    """Return the cost of a run with both builds, and their responses."""
     with tempfile.TemporaryDirectory(prefix="clearcap-before-") as folder:
         before = Path(folder) / "before"
         _git("worktree", "add", "--detach", str(before), BEFORE)
@@ -62,7 +62,7 @@ def _git(*words: str) -> None:
 
 
 def _runs(build: Path, campaign: str, first: int) -> list[dict[str, Any]]:
-    """Return a build's runs of a campaign's samples from ``first`` on."""
+    """Return the runs of a build for the samples of a campaign from ``first`` on."""
     environment = {**os.environ, "PYTHONPATH": str(build)}
     done = subprocess.run(
         [sys.executable, "-c", RUNS, campaign, str(first)],
@@ -77,7 +77,7 @@ def _runs(build: Path, campaign: str, first: int) -> list[dict[str, Any]]:
 
 
 def _cost(name: str, rows: list[dict[str, Any]], before: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what the runs of a build cost, medians, and how many times as quick they are as those before."""
+    """Return the median costs of the runs of a build, and their speed relative to the earlier build."""
     return {
         "build": name,
         "ok": f"{sum(row['ok'] for row in rows)} of {len(rows)}",
@@ -93,7 +93,7 @@ def _cost(name: str, rows: list[dict[str, Any]], before: list[dict[str, Any]]) -
 
 
 def _moved(response: str, old: list[dict[str, Any]], new: list[dict[str, Any]], settling: str) -> dict[str, Any]:
-    """Return means and sigmas of a response with both builds, and how far single samples moved."""
+    """Return means and sigmas of a response with both builds, and the changes of single samples."""
     pairs = [
         (a["responses"][response], b["responses"][response])
         for a, b in zip(old, new, strict=True)

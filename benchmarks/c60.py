@@ -1,4 +1,4 @@
-"""One settled run of the C-60 after the other, in this process: the time loop, and what a run costs besides it."""
+"""Consecutive settled runs of the C-60 in this process: the time loop, and the other costs of a run."""
 
 from collections.abc import Callable
 from statistics import median
@@ -17,12 +17,12 @@ from engine.loop import Cancel, control_of, drive
 from engine.mechanism import Mechanism, set_values
 
 SAMPLES = 12
-MANY = 100  # whose parts are measured
+MANY = 100  # samples whose parts are measured
 Result = TypeVar("Result")
 
 
 def measure(unit_us: float) -> dict[str, Any]:
-    """Return medians over the first samples of the shipped campaign; ``unit_us``: the reference."""
+    """Return medians over the first samples of the shipped campaign; ``unit_us`` is the reference [us]."""
     mechanism, plan = load_mechanism("c60"), make_plan(load_campaign("c60"))
     runs = [_quicker(mechanism, sample_values(plan, sample)) for sample in range(SAMPLES)]
     settled = [certificate for certificate in runs if certificate.settled]
@@ -48,12 +48,12 @@ def measure_parts(unit_us: float) -> list[dict[str, Any]]:
 
 
 def _quicker(mechanism: Any, values: dict[str, float]) -> Certificate:
-    """Return the certificate of the quicker of two runs."""
+    """Return the certificate of the faster of two runs."""
     return min((simulate(mechanism, values).certificate for _ in range(2)), key=lambda c: c.wall_s)
 
 
 def _parts(plan: Plan, sample: int) -> dict[str, float]:
-    """Return what each part of a run takes [us], in a run of its own, and what its row takes in another one."""
+    """Return the time of each part of a run [us], measured in one run, and the time of its row, in another run."""
     values, took = sample_values(plan, sample), {}
 
     def timed(part: str, call: Callable[..., Result], *given: Any) -> Result:

@@ -1,10 +1,10 @@
-"""What dask, the store and the command cost: `clearcap run` against bare processes that compute the same samples.
+"""The cost of dask, store and command: `clearcap run` against bare processes that compute the same samples.
 
-Both are measured for two numbers of samples. The difference is free of what both spend on starting: importing, loading
-the compiled engine, and for the command the cluster. Bare processes take the next sample as soon as they are free, so
-none waits for another: no scheduler can be quicker. Both take turns, and the least time of each counts. Other work that
-comes or goes on the machine meanwhile spoils the ratio of times; that of processor times it changes less, but idle
-workers are not in it.
+Both are measured for two numbers of samples. The difference excludes the start of both: imports, loading of the
+compiled engine, and for the command the cluster. Bare processes take the next sample as soon as they are free, so none
+waits for another and no scheduler can be faster. Both are run alternately, and the shortest time of each is used.
+Varying other load on the machine distorts the ratio of times; the ratio of processor times is less affected, but does
+not include idle workers.
 """
 
 import math
@@ -28,10 +28,10 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure() -> dict[str, Any]:
-    """Return times of both [s], and their ratios (1: the campaign costs nothing)."""
+    """Return times of both [s], and their ratios (1 if the campaign adds no cost)."""
     taken: dict[str, dict[int, float]] = {"bare": {}, "command": {}}
     processor: dict[str, dict[int, float]] = {"bare": {}, "command": {}}
-    for samples in (FEW, MANY) * ROUNDS:  # in turn: what else the machine does hits both
+    for samples in (FEW, MANY) * ROUNDS:  # alternately, so that other load affects both
         for name, compute in (("bare", _bare), ("command", _command)):
             before = processor_s()
             wall = compute(samples)
@@ -54,12 +54,12 @@ def measure() -> dict[str, Any]:
 
 
 def _slope(taken: dict[int, float]) -> float:
-    """Return what one more sample takes [s]."""
+    """Return the time of one additional sample [s]."""
     return (taken[MANY] - taken[FEW]) / (MANY - FEW)
 
 
 def _bare(samples: int) -> float:
-    """Compute the samples in one process a core and nothing else; return how long it took [s]."""
+    """Compute the samples in one process per core without anything else; return the time [s]."""
     spawn, start = get_context("spawn"), perf_counter()
     taken = spawn.Value("q", 0)
     processes = [spawn.Process(target=_compute, args=(taken, samples)) for _ in range(cores())]
@@ -91,7 +91,7 @@ def _next(taken: "Synchronized[int]") -> int:
 
 
 def _command(samples: int) -> float:
-    """Return how long `clearcap run` takes for the samples, without the report [s]."""
+    """Return the time of `clearcap run` for the samples, without the report [s]."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as store:
         words = ["run", "c60", "--samples", str(samples), "--store", store, "--no-report", "--json"]
         start = perf_counter()

@@ -1,4 +1,4 @@
-"""Chains of any length: a mechanism for which the time of a step should grow with the number of links."""
+"""Chains of any length: a mechanism for which the time of a step should be proportional to the number of links."""
 
 from math import cos, sin
 from typing import Any
@@ -12,10 +12,10 @@ def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: flo
 
     Parameters
     ----------
-    links : how many bars, each hanging on a pin of the one above; the first on the ground
+    links : number of bars, each hanging on a pin of the one above; the first on the ground
     clearance : radial clearance of every joint [m]; 0 makes the joints ideal
     friction : coefficient in every joint
-    angle : of the whole chain from the vertical, at the start [rad]
+    angle : initial angle of the whole chain from the vertical [rad]
     """
     joint = (
         {"type": "clearance_revolute", "rings": [-HALF_WIDTH, HALF_WIDTH], "radial_clearance": clearance}
@@ -44,7 +44,7 @@ def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: flo
 
 
 def _link(k: int, angle: float) -> dict[str, Any]:
-    """Describe the k-th link; its frame is in its upper eye, and it hangs along -z."""
+    """Describe the k-th link; its frame is in its upper eye, and the link extends along -z."""
     across = MASS * LENGTH**2 / 12
     return {
         "mass": MASS,
@@ -57,7 +57,7 @@ def _link(k: int, angle: float) -> dict[str, Any]:
 
 
 def _pin(k: int) -> dict[str, Any]:
-    """Describe the sides of the k-th joint: the eye of link k on a pin of the link above, or of the ground."""
+    """Describe the sides of the k-th joint: the eye of link k, and a pin of the link above or of the ground."""
     above, point = ("ground", [0.0, 0.0, 0.0]) if k == 1 else (f"L{k - 1}", [0.0, 0.0, -LENGTH])
     return {
         "bearing": {"body": f"L{k}", "point": [0.0, 0.0, 0.0], "axis": ACROSS},

@@ -1,6 +1,6 @@
-"""A chain of n links let go off the vertical (`benchmarks.chain`): what a step costs a link should not grow with n.
+"""A chain of n links released off the vertical (`benchmarks.chain`): the step cost per link should not grow with n.
 
-Ideal joints are bilateral rows alone; a joint with clearance has two rings and friction 0.1.
+Ideal joints have bilateral rows only; a joint with clearance has two rings and friction 0.1.
 """
 
 from time import process_time
@@ -18,7 +18,7 @@ TIME, WALL_LIMIT = 0.05, 300.0  # s
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return a row for each kind of joint and number of links; ``unit_us``: the reference."""
+    """Return a row for each kind of joint and number of links; ``unit_us`` is the reference [us]."""
     rows = []
     for kind in CLEARANCES:
         least = 0.0
@@ -32,7 +32,7 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
 def _row(kind: str, links: int) -> dict[str, Any]:
     mechanism = mechanism_from(chain(links, CLEARANCES[kind]), "chain")
     assembly, control = assemble(mechanism), control_of(mechanism, True)._replace(horizon=TIME)
-    start = process_time()  # of this process: what else the machine does is not in it
+    start = process_time()  # time of this process only, without other load
     course = drive(assembly, control, WALL_LIMIT)
     steps = int(course.counts[STEPS])
     return {

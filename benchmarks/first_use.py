@@ -1,7 +1,7 @@
-"""What a newcomer waits for: importing the engine, compiling it once, starting a run or a campaign with all compiled.
+"""Waiting times at first use: import of the engine, compilation, start of a compiled run and of a campaign.
 
-Every number is of a process of its own; the folder of compiled code is empty at the first compilation. A campaign's
-time ends with its first part; its processor time is that of all its processes, to their end.
+Every number is measured in a separate process; the folder of compiled code is empty at the first compilation. The time
+of a campaign ends with its first part; its processor time is that of all its processes until they end.
 """
 
 import os
@@ -24,7 +24,7 @@ LOOK_EVERY = 0.02  # s
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return real and processor time of each start, and that as a multiple of starting Python alone.
+    """Return wall and processor time of each start, and the latter as a multiple of a bare start of Python.
 
     ``unit_us`` [us], the reference of the other tables, scales the last column.
     """
@@ -52,7 +52,7 @@ def _quickest(*words: str, cache: str) -> tuple[float, float]:
 
 
 def _time(*words: str, cache: str) -> tuple[float, float]:
-    """Return wall and processor time of a process of Python [s]."""
+    """Return wall and processor time of a Python process [s]."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), perf_counter()
     subprocess.run([sys.executable, *words], env=_environment(cache), check=True, capture_output=True)
     wall, after = perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -60,7 +60,7 @@ def _time(*words: str, cache: str) -> tuple[float, float]:
 
 
 def _time_to_first_part(cache: str) -> tuple[float, float]:
-    """Return wall time of a campaign until its first part is there, and the processor time of all its processes [s]."""
+    """Return the wall time of a campaign until its first part, and the processor time of all its processes [s]."""
     with tempfile.TemporaryDirectory(prefix="clearcap-store-") as store:
         before, start = processor_s(), perf_counter()
         command = [sys.executable, *RUN, "--store", store]

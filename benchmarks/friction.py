@@ -1,4 +1,4 @@
-"""The friction solver on generated problems: from nothing, and from the solution of a neighbouring problem."""
+"""The friction solver on generated problems: cold start, and start from the solution of a neighbouring problem."""
 
 from collections.abc import Callable
 from statistics import median
@@ -16,12 +16,12 @@ from tests.engine.friction.problems import random_problem
 CONTACTS = (6, 12, 24, 48, 70)
 KINDS = ("static", "moving")
 SEEDS = range(8)
-CHANGE = 0.01  # of the velocities, from one problem to its neighbour
+CHANGE = 0.01  # relative change of the velocities from one problem to its neighbour
 TOLERANCE = 1e-8
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return a row for each kind of problem and number of contacts; ``unit_us``: the reference."""
+    """Return a row for each kind of problem and number of contacts; ``unit_us`` is the reference [us]."""
     return [_row(kind, contacts, unit_us) for kind in KINDS for contacts in CONTACTS]
 
 
@@ -43,7 +43,7 @@ def _row(kind: str, contacts: int, unit_us: float) -> dict[str, Any]:
 
 
 def _neighbour(problem: FrictionProblem) -> FrictionProblem:
-    """Return the problem a little later: the bodies' free velocities have changed by a hundredth."""
+    """Return a neighbouring problem: the free velocities of the bodies are changed by a hundredth."""
     change = problem.H @ np.random.default_rng(0).standard_normal(problem.M.shape[0])
     change *= CHANGE * np.linalg.norm(problem.q) / np.linalg.norm(change)
     return FrictionProblem(problem.M, problem.H, problem.q + change, problem.mu)
@@ -52,7 +52,7 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
 def time_solver(
     problem: FrictionProblem, start: np.ndarray, clock: Callable[[], float] = perf_counter
 ) -> tuple[float, int, float, np.ndarray]:
-    """Return time [us], iterations and residual of the compiled solver alone, and the impulses."""
+    """Return time [us], iterations and residual of the bare compiled solver, and the impulses."""
     nc = problem.mu.size
     arrays, _ = solver_arrays(problem)
     arrays.q[:], arrays.mu[:] = problem.q.reshape(nc, 3), problem.mu

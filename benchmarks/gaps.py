@@ -1,4 +1,4 @@
-"""A query of the gap, the point and the frame of a contact, for every pair of primitives, at random poses."""
+"""Queries of gap, point and frame of a contact, for every pair of primitives, at random poses."""
 
 from functools import partial
 from statistics import median
@@ -12,14 +12,14 @@ from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.mechanism.contacts import PAIRS, Contact
 from tests.engine.kernels.shapes import compiled, drawn, scattered
 
-CONTACTS = 10  # drawn of each pair
-POSES = 500  # of each of them
-TEETH = 50  # of a ratchet wheel, two lines each
-FAR, NEAR = 20.0, 0.7  # how far the bodies are scattered; solids and arcs have a size of about 1
+CONTACTS = 10  # drawn for each pair
+POSES = 500  # for each contact
+TEETH = 50  # of a ratchet wheel, with two lines each
+FAR, NEAR = 20.0, 0.7  # spread of the bodies; solids and arcs have a size of about 1
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return a row for each pair of primitives; ``unit_us``: the reference."""
+    """Return a row for each pair of primitives; ``unit_us`` is the reference [us]."""
     rng = np.random.default_rng(1)
     rows = [_row(pair, [drawn(pair, rng) for _ in range(CONTACTS)], unit_us, rng) for pair in PAIRS]
     for first in ("point", "arc"):
@@ -41,7 +41,7 @@ def _row(name: str, contacts: list[Contact], unit_us: float, rng: np.random.Gene
 
 
 def _query_us(contact: Contact, spread: float, rng: np.random.Generator) -> float:
-    """Return the mean processor time of a query at poses that are scattered so far."""
+    """Return the mean processor time of a query [us] at poses with this spread."""
     poses, arrays = scattered(POSES, rng, spread), compiled(contact, POSES)
     x, R = np.concatenate(poses.x), np.concatenate(poses.R)
     gap, point, frame = np.zeros(POSES), np.zeros((POSES, 3)), np.zeros((POSES, 3, 3))
@@ -50,7 +50,7 @@ def _query_us(contact: Contact, spread: float, rng: np.random.Generator) -> floa
 
 
 def _on_ratchet(a: Any) -> Contact:
-    """Return a contact of a side a with a ratchet wheel of radius 1."""
+    """Return a contact of side a with a ratchet wheel of radius 1."""
     angles = np.arange(2 * TEETH) * np.pi / TEETH
     radii = np.where(np.arange(2 * TEETH) % 2, 1.0, 0.95)
     start, *others = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1).tolist()

@@ -1,4 +1,4 @@
-"""The friction solver on problems made to be hard: how many it solves, and what the hardest of them cost."""
+"""The friction solver on deliberately hard problems: how many it solves, and the cost of the hardest ones."""
 
 from time import process_time
 from typing import Any
@@ -8,14 +8,14 @@ import numpy as np
 from benchmarks.friction import CHANGE, TOLERANCE, time_solver
 from tests.engine.friction.problems import HARD_KINDS, hard_problem
 
-SEEDS = range(10_000, 12_000)  # not those that the order of the solver's attempts was chosen on
+SEEDS = range(10_000, 12_000)  # not the seeds used to choose the order of the solver's attempts
 SIZES = ((6, 30), (31, 60), (61, 90), (91, 120))  # contacts
 
 
 def measure() -> list[dict[str, Any]]:
-    """Return a row for each kind of problem, for each range of their numbers of contacts, and for all.
+    """Return a row for each kind of problem, for each range of the number of contacts, and for all problems.
 
-    The times are those of the processor: other work on the machine slows a problem of some ms down.
+    Processor times are used, because other load on the machine would distort the time of a problem of a few ms.
     """
     kinds, sizes, cold, warm = [], [], [], []
     for seed in SEEDS:
@@ -34,7 +34,7 @@ def measure() -> list[dict[str, Any]]:
 
 
 def _row(name: str, cold: np.ndarray, warm: np.ndarray) -> dict[str, Any]:
-    """Describe the (ms, steps, solved) of some problems."""
+    """Summarise the (ms, steps, solved) of some problems."""
     return {
         "problems": name,
         "number": len(cold),

@@ -1,8 +1,8 @@
-"""The friction problem of one step of a heap of boxes or balls: what it costs, as the heap grows.
+"""The friction problem of one step of a heap of boxes or balls: its cost as the heap grows.
 
-A pyramid of square layers stands on the ground; every body rests on up to four below it. Boxes lean on each other with
-four contacts a pair, balls with one, and balls of a layer touch. The problem is that of a step under weight, from
-nothing and from the impulses of a step whose free velocities differ by a hundredth.
+A pyramid of square layers stands on the ground; every body rests on up to four bodies below it. Boxes have four
+contacts per pair, balls one, and balls of a layer touch. The problem is that of a step under weight, solved with a cold
+start and from the impulses of a step whose free velocities differ by a hundredth.
 """
 
 import subprocess
@@ -23,16 +23,16 @@ BODIES = (10, 30, 100, 300, 1000)
 SHAPES = ("boxes", "balls")
 FRICTION = 0.5
 TOLERANCE = 1e-8
-CHANGE = 0.01  # of the free velocities, from one step to the next
+CHANGE = 0.01  # relative change of the free velocities from one step to the next
 MOST_SECONDS = 20.0  # a heap that takes longer is the last of its kind
 MOST_DENSE = 1000  # contacts for which Siconos gets the Delassus matrix as a dense one
 
 
 class Heap(NamedTuple):
-    """Contacts between bodies; -1: the ground."""
+    """Contacts between bodies; body -1 is the ground."""
 
     mass: np.ndarray  # (bodies,)
-    inertia: np.ndarray  # (bodies,) of rotation about any axis
+    inertia: np.ndarray  # (bodies,) moment of inertia about any axis
     pair: np.ndarray  # (nc, 2) upper and lower body
     frame: np.ndarray  # (nc, 3, 3) rows N (towards the upper body), T1, T2
     arm: np.ndarray  # (nc, 2, 3) contact point from each body's centre
@@ -50,7 +50,7 @@ def measure() -> list[dict[str, Any]]:
 
 
 def build_heap(shape: str, bodies: int, seed: int = 0) -> Heap:
-    """Pile up bodies of edge or diameter 1, layer by layer."""
+    """Build a heap of bodies of edge or diameter 1, layer by layer."""
     rng = np.random.default_rng(seed)
     boxes = shape == "boxes"
     spacing, rise = (1.1, 1.0) if boxes else (1.0, np.sqrt(0.5))
@@ -94,7 +94,7 @@ def _frame(normal: np.ndarray) -> np.ndarray:
 
 
 def heap_arrays(heap: Heap) -> tuple[FrictionArrays, np.ndarray]:
-    """Return the solver's arrays without a load, and each body's place in the order of elimination."""
+    """Return the solver's arrays without a load, and the position of each body in the order of elimination."""
     bodies, nc = heap.mass.size, len(heap.pair)
     neighbours = np.zeros((bodies, bodies), bool)
     a, b = heap.pair[heap.pair[:, 1] >= 0].T
@@ -114,7 +114,7 @@ def heap_arrays(heap: Heap) -> tuple[FrictionArrays, np.ndarray]:
 
 
 def _rows(heap: Heap, i: int, s: int, body: int) -> np.ndarray:
-    """Return contact i's rows for one of its bodies, in the metric of the mass matrix."""
+    """Return the rows of contact i for one of its bodies, in the metric of the mass matrix."""
     turning = np.cross(heap.arm[i, s], heap.frame[i])
     return np.hstack([heap.frame[i] / np.sqrt(heap.mass[body]), turning / np.sqrt(heap.inertia[body])])
 
@@ -162,7 +162,7 @@ def _row(shape: str, bodies: int) -> dict[str, Any]:
 
 
 def _time(nc: int, arrays: FrictionArrays, start: np.ndarray) -> tuple[float, int, float]:
-    """Return the time of a solution [s], its steps and its residual: the quickest of three if it is short."""
+    """Return the time of a solution [s], its steps and its residual; the fastest of three if it is short."""
     best, steps, residual = np.inf, 0, np.inf
     for _ in range(3):
         arrays.r[:] = start
@@ -175,7 +175,7 @@ def _time(nc: int, arrays: FrictionArrays, start: np.ndarray) -> tuple[float, in
 
 
 def _siconos(heap: Heap, nc: int) -> dict[str, Any]:
-    """Return the time of each of Siconos's solvers [ms], or why there is none."""
+    """Return the time of each of Siconos' solvers [ms], or why there is none."""
     if subprocess.run([against_siconos.PYTHON, "-c", "import siconos.numerics"], capture_output=True).returncode:
         return {}
     if nc > MOST_DENSE:

@@ -1,4 +1,4 @@
-"""The reference: what this machine takes for one dense solve, and what it is."""
+"""The reference, the time of one dense solve on this machine; and a description of the machine."""
 
 import os
 import platform
@@ -19,7 +19,7 @@ def quickest_us(
     repeats: int = 20,
     clock: Callable[[], float] = perf_counter,
 ) -> float:
-    """Return the least of several times of ``call`` [us], with ``before`` called and not timed before each."""
+    """Return the shortest of several times of ``call`` [us]; ``before`` is called before each and not timed."""
     best = np.inf
     for _ in range(repeats):
         before()
@@ -37,14 +37,14 @@ def solve_us() -> float:
 
 
 def processor_s() -> float:
-    """Return the processor time of this process and of those it started that are over [s]."""
+    """Return the processor time of this process and of its finished child processes [s]."""
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def most_memory_mib() -> float:
-    """Return the most memory this process had at once [MiB]; NaN where the system does not tell.
+    """Return the peak memory of this process [MiB]; NaN if the system does not report it.
 
-    `resource.getrusage` would also count what the process that started this one had at that moment.
+    `resource.getrusage` would include the memory that the parent process had when it started this one.
     """
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.exists() else []
@@ -52,7 +52,7 @@ def most_memory_mib() -> float:
 
 
 def description() -> dict[str, Any]:
-    """Return what the numbers were measured on."""
+    """Return a description of the machine used for the measurement."""
     from campaign.cluster.local import cores
     from engine import build_id
 

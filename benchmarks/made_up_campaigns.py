@@ -1,4 +1,4 @@
-"""Campaigns with made-up rows: the samples are drawn, and their responses are sums of the variables with some noise."""
+"""Campaigns with synthetic rows: the samples are drawn, and their responses are sums of the variables with noise."""
 
 from dataclasses import replace
 from typing import Any
@@ -15,22 +15,22 @@ from campaign.store.layout import PLAN
 
 
 def made_up_campaign(store: Store, loaded: Campaign, samples: int, batch: int, name: str = "") -> Plan:
-    """Write a campaign with all its rows, and the manifest of them; return its plan.
+    """Write a campaign with all its rows and their manifest; return its plan.
 
     Parameters
     ----------
     store : Store
-        Where to write it.
+        Store to write to.
     loaded : Campaign
-        What it follows.
+        Campaign to imitate.
     samples, batch : int
-        Number of rows, and how many of them a file holds.
+        Number of rows, and number of rows per file.
     name : str
-        Its name; by default it names the number of rows.
+        Name of the campaign; by default derived from the number of rows.
     """
     named = {"samples": samples, "name": name or f"{loaded.spec.name}-{samples}", "stop": None}
     plan = make_plan(replace(loaded, spec=loaded.spec.model_copy(update=named)), batch)
-    with patch("os.fsync"):  # they need not outlive a loss of power, and most of the time would be spent on it
+    with patch("os.fsync"):  # durability is not needed, and fsync would take most of the time
         store.files.write(f"{plan.campaign_id}/{PLAN}", plan.to_json().encode())  # `create_plan` would also check it
         parts = [
             store.write_part(plan, number, _rows(plan, first, count))
@@ -41,7 +41,7 @@ def made_up_campaign(store: Store, loaded: Campaign, samples: int, batch: int, n
 
 
 def _rows(plan: Plan, first: int, count: int) -> pa.Table:
-    """Return made-up rows."""
+    """Return synthetic rows."""
     variables = draw(plan.spec, first, count)
     scaled = [(x - x.mean()) / (x.std() or 1.0) for x in variables.values()]
     rng = np.random.default_rng(first)

@@ -1,4 +1,4 @@
-"""Three whole motions against Siconos' time stepping, live: a bouncing ball, a sliding mass, a pendulum with a stop."""
+"""Three motions compared with Siconos' time stepping: a bouncing ball, a sliding mass, a pendulum with a stop."""
 
 import subprocess
 import tempfile
@@ -26,7 +26,7 @@ def slider() -> dict[str, Any]:
 
 
 def pendulum() -> dict[str, Any]:
-    """Describe a pendulum that swings from 1 rad against a stop where it hangs, and bounces."""
+    """Describe a pendulum that swings from 1 rad against a stop at its lowest point, and bounces."""
     body = {"mass": 1.0, "inertia": [0.01] * 3, "center_of_mass": [0.0, 0.0, -1.0], "axis": [0, -1, 0], "angle": 1.0}
     sides = {"bearing": "mass", "journal": "ground"}
     pivot = {side: {"body": name, "point": [0, 0, 0], "axis": [0, 1, 0]} for side, name in sides.items()}
@@ -52,7 +52,7 @@ MOTIONS = {"bouncing_ball": lambda: shipped("bouncing_ball"), "slider": slider, 
 
 
 def measure() -> list[dict[str, Any]]:
-    """Return a row for each motion and length of step; one row that says how where Siconos is missing."""
+    """Return a row for each motion and step size; if Siconos is missing, one row on how to get it."""
     if subprocess.run([PYTHON, "-c", "import siconos.kernel"], capture_output=True).returncode:
         return [{"siconos": HOW.format(python=PYTHON)}]
     return [row for step in STEPS for row in _rows(step)]

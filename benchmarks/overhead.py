@@ -1,7 +1,7 @@
-"""What a campaign costs besides its runs: of a run that takes no time, and of asking how far it is.
+"""The overhead of a campaign: the cost per run besides the run itself, and the cost of asking for its progress.
 
-The runs are those of the tests' stand-in for the engine, so everything else is measured: drawing, making rows, writing
-parts, dask, counting. Two numbers of samples; the difference is free of what starting takes.
+The runs use the tests' stand-in for the engine, so everything else is measured: drawing, making rows, writing parts,
+dask, counting. Two numbers of samples are used; their difference excludes the start.
 """
 
 import os
@@ -25,10 +25,10 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure() -> dict[str, Any]:
-    """Return the overhead of a run at a batch size of 50, and what `clearcap status` takes on the rows [s].
+    """Return the overhead of a run at a batch size of 50, and the time of `clearcap status` on the rows [s].
 
-    The overhead [us] is the time a run adds, and the processor time it adds over the number of cores, which other work
-    on the machine changes less.
+    The overhead [us] is the time that a run adds; and the processor time that it adds divided by the number of cores,
+    which depends less on other load on the machine.
     """
     from tests.campaign.fake_engine import simulate
 
@@ -54,7 +54,7 @@ def measure() -> dict[str, Any]:
 
 
 def _status(store: str) -> float:
-    """Return how long `clearcap status` takes, from the start of its process on [s]."""
+    """Return the time of `clearcap status`, including the start of its process [s]."""
     start = perf_counter()
     subprocess.run(
         [sys.executable, "-m", "campaign", "status", "--store", store, "--json"],

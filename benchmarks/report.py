@@ -1,7 +1,7 @@
-"""What a report costs: of the paper's campaign, and of a million samples that do not fit at once.
+"""The cost of a report: of the paper's campaign, and of a million samples that do not fit into memory at once.
 
-Each is written by a process of its own, so that time and memory are whole: imports, the samples (made up here, in
-place of the store's), the page, the workbook, the JSON.
+Each report is written by a separate process, so that time and memory include everything: imports, the samples
+(synthetic instead of from a store), the page, the workbook, the JSON.
 """
 
 import json
@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-PIECE = 50_000  # rows at a time, as a store gives them
+PIECE = 50_000  # rows at a time, as from a store
 SIZES = (30_850, 1_000_000)
 RESPONSES = 6
 ROOT = Path(__file__).parents[1]
@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[1]
 def measure() -> list[dict[str, Any]]:
     """Return time [s], processor time [s], memory [MiB] and the size of the page [MB] of reports of 6 responses.
 
-    ``making_s`` is what of the time it took to make up the samples.
+    ``making_s`` is the part of the time spent on making the samples.
     """
     return [report_of(samples) for samples in SIZES]
 
 
 def report_of(samples: int) -> dict[str, Any]:
-    """Return what one report took; see `measure`."""
+    """Return the cost of one report; see `measure`."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         command = [sys.executable, "-m", "benchmarks.report", str(samples), folder]
         done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
@@ -35,7 +35,7 @@ def report_of(samples: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write a report of as many samples as the first word says into the folder of the second; print what it took."""
+    """Write a report and print its cost; the arguments are the number of samples and the folder."""
     from collections.abc import Iterator
     from dataclasses import replace
     from time import perf_counter, process_time

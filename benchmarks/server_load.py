@@ -1,4 +1,4 @@
-"""A server in a process of its own that is asked, what its process takes meanwhile, and what it answers."""
+"""A server under load in a separate process: requests to it, its use of processor and memory, and its answers."""
 
 import asyncio
 import socket
@@ -15,7 +15,7 @@ from typing import Any
 import httpx
 import psutil
 
-PATIENCE = 300.0  # s, for whatever must happen
+PATIENCE = 300.0  # s, limit of every wait
 ROOT = Path(__file__).parents[1]
 
 
@@ -26,17 +26,17 @@ class ServerLoad:
     Attributes
     ----------
     client : httpx.AsyncClient
-        Asks it.
+        Client that sends the requests.
     process : psutil.Process
-        The process that answers; those that it starts are not measured.
+        The serving process; its child processes are not measured.
     idle : float
-        Share of a core that the process takes when nobody asks; 0 until it is measured.
+        Share of a core that the process uses without requests; 0 until it is measured.
     statuses : Counter of int
-        Answers by status.
+        Number of answers by status.
     waits : list of float
-        Time until each answer was there [s].
+        Time until each answer [s].
     events : int
-        Events of all streams.
+        Number of events of all streams.
     """
 
     client: httpx.AsyncClient
@@ -47,7 +47,7 @@ class ServerLoad:
     events: int = 0
 
     async def ask(self, path: str, method: str = "GET", **options: Any) -> httpx.Response:
-        """Return an answer; it is counted."""
+        """Send a request and return the answer, which is counted."""
         start = time.perf_counter()
         answer = await self.client.request(method, path, **options)
         self.waits.append(time.perf_counter() - start)
@@ -61,24 +61,24 @@ class ServerLoad:
 
     @property
     def taken(self) -> float:
-        """Processor time that the process has taken [s]."""
+        """Processor time used by the process [s]."""
         times = self.process.cpu_times()
         return float(times.user + times.system)
 
     @property
     def memory_mib(self) -> float:
-        """Memory that the process has [MiB]."""
+        """Memory of the process [MiB]."""
         return float(self.process.memory_info().rss / 2**20)
 
     async def share(self, seconds: float) -> float:
-        """Return the share of a core that the process takes during so many seconds."""
+        """Return the share of a core that the process uses during `seconds` seconds."""
         before, start = self.taken, time.monotonic()
         await asyncio.sleep(seconds)
         return (self.taken - before) / (time.monotonic() - start)
 
     async def mean(self, count: int, act: Callable[[int], Awaitable[object]]) -> float:
-        """Return the processor time of an act, the mean of several [s], without what the idle process takes."""
-        await act(-1)  # the first one may load what the others find
+        """Return the mean processor time of `act` over `count` calls [s], without that of the idle process."""
+        await act(-1)  # the first call may load what the others find
         before, start = self.taken, time.monotonic()
         for number in range(count):
             await act(number)
@@ -86,7 +86,7 @@ class ServerLoad:
 
     @asynccontextmanager
     async def followers(self, path: str, count: int) -> AsyncIterator[None]:
-        """Keep event streams open in the block, each with its first event; count the events of all."""
+        """Keep event streams open in the block, after the first event of each; count the events of all."""
         first = asyncio.Semaphore(0)
 
         async def follow() -> None:
@@ -141,7 +141,7 @@ async def _answers(load: ServerLoad) -> bool:
 
 @asynccontextmanager
 async def asking(url: str, process: int, headers: dict[str, str] | None = None) -> AsyncIterator[ServerLoad]:
-    """Ask a server in the block, over connections that stay open."""
+    """Provide a client of a server in the block; its connections stay open."""
     limits = httpx.Limits(max_connections=None, max_keepalive_connections=None)
     async with httpx.AsyncClient(base_url=url, headers=headers, limits=limits, timeout=PATIENCE) as client:
         yield ServerLoad(client, psutil.Process(process))

@@ -1,8 +1,8 @@
-"""Siconos on whole motions: `python3 siconos_motions.py OUT.npz STEP`.
+"""Siconos on complete motions: `python3 siconos_motions.py OUT.npz STEP`.
 
-Run by `benchmarks.against_siconos` with the Python that has Siconos, and therefore of NumPy and Siconos alone. Its
-time stepping is the scheme of Moreau and Jean with theta = 1/2, its coordinates are minimal. `benchmarks.motions`
-describes the same three motions to clearcap.
+`benchmarks.against_siconos` runs this file with the Python that has Siconos, so it imports only NumPy and Siconos. The
+time stepping is the scheme of Moreau and Jean with theta = 1/2, the coordinates are minimal. `benchmarks.motions`
+describes the same three motions for clearcap.
 """
 
 import sys
@@ -22,7 +22,7 @@ def bouncing_ball():
 
 
 def slider():
-    """Return those of a mass at 2 m/s on a floor with friction 0.2; its coordinates are way and height."""
+    """Return body, contact and solver of a mass at 2 m/s on a floor with friction 0.2; coordinates: path and height."""
     body = sk.LagrangianLinearTIDS([0.0, 0.0], [2.0, 0.0], np.eye(2))
     body.setFExtPtr([0.0, -GRAVITY])
     relation = sk.LagrangianLinearTIR([[0.0, 1.0], [1.0, 0.0]])
@@ -31,7 +31,7 @@ def slider():
 
 
 class Pendulum(sk.LagrangianDS):
-    """A mass of 1 kg at 1 m from its pivot, with 0.01 kg m2; its coordinate is the angle."""
+    """A mass of 1 kg at 1 m from its pivot, with an inertia of 0.01 kg m2; its coordinate is the angle."""
 
     def computeFExt(self, time, *state):
         """Set the torque of gravity at the present angle."""
@@ -39,14 +39,14 @@ class Pendulum(sk.LagrangianDS):
 
 
 def pendulum():
-    """Return those of a pendulum that swings from 1 rad against a stop where it hangs."""
+    """Return body, contact and solver of a pendulum that swings from 1 rad against a stop at its lowest point."""
     body = Pendulum([1.0], [0.0], [[1.01]])
     body.computeFExt(0.0)
     return body, sk.Interaction(sk.NewtonImpactNSL(0.7), sk.LagrangianLinearTIR([[1.0]])), sk.LCP(), 3.0
 
 
 def main(target: str, step: float) -> None:
-    """Simulate each motion; write its first coordinate after every step, and the processor time of a step [us]."""
+    """Simulate each motion; write its first coordinate after every step, and the processor time per step [us]."""
     found = {}
     for describe in (bouncing_ball, slider, pendulum):
         body, contact, solver, duration = describe()

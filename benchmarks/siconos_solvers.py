@@ -1,6 +1,6 @@
 """Siconos on friction problems: `python3 siconos_solvers.py IN.npz OUT.npz TOLERANCE REPEATS`.
 
-Run by `benchmarks.against_siconos` with the Python that has Siconos, and therefore of NumPy and Siconos alone.
+`benchmarks.against_siconos` runs this file with the Python that has Siconos, so it imports only NumPy and Siconos.
 """
 
 import sys
@@ -14,7 +14,7 @@ ITERATIONS = {"NSGS": 100_000, "NSN_AC": 1000}
 
 
 def main(source: str, target: str, tolerance: float, repeats: int) -> None:
-    """Solve every problem with every solver from nothing; write impulses, quickest times [us] and iterations."""
+    """Solve every problem with every solver from a cold start; write impulses, fastest times [us] and iterations."""
     problems, found = np.load(source), {}
     for number in range(int(problems["count"])):
         W, q, mu = (problems[f"{name}{number}"] for name in ("W", "q", "mu"))

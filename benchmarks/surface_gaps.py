@@ -1,4 +1,4 @@
-"""Gaps of spheres and arcs on surfaces of patches, beside closed forms: processor time of one."""
+"""Processor time of gaps of spheres and arcs on surfaces of patches, compared with closed forms."""
 
 from time import thread_time
 from typing import Any
@@ -12,7 +12,7 @@ from tests.engine.kernels.shapes import compiled
 from tests.engine.kernels.surface_shapes import wavy
 
 POSES = 5000
-SHEETS = {24: (9, 7), 210: (18, 17), 2021: (50, 46)}  # control points along u and v, by the number of patches
+SHEETS = {24: (9, 7), 210: (18, 17), 2021: (50, 46)}  # control points along u and v, by number of patches
 SPHERE = {"sphere": {"centre": [0, 0, 0], "radius": 0.1}}
 CIRCLE = {"arc": {"centre": [0, 0, 0], "normal": [0.2, 0.1, 1], "radius": 0.3}}
 CLOSED = {
@@ -23,7 +23,7 @@ CLOSED = {
 
 
 def measure() -> list[dict[str, Any]]:
-    """Return a row for each side b: microseconds of a sphere along a path and at random, and of a circle."""
+    """Return a row for each side b: times [us] of a sphere along a path and at random places, and of a circle."""
     sides = {kind: {kind: shape} for kind, shape in CLOSED.items()}
     sides |= {f"surface, {count} patches": {"surface": wavy(*size)} for count, size in SHEETS.items()}
     return [_row(name, side) for name, side in sides.items()]
@@ -42,7 +42,7 @@ def _row(name: str, side: dict[str, Any]) -> dict[str, Any]:
 
 
 def _us(first: dict[str, Any], second: dict[str, Any], q: np.ndarray) -> float:
-    """Return the time of one contact, body a at each place in turn [us]."""
+    """Return the time of one contact [us], with body a at each place in turn."""
     n = len(q)
     contact = Contact.model_validate({"a": {"body": "a", **first}, "b": {"body": "b", **second}, "friction": 0.1})
     x, R = np.concatenate([q, np.zeros((n, 3))]), np.broadcast_to(np.eye(3), (2 * n, 3, 3)).copy()

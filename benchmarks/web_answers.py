@@ -1,7 +1,7 @@
-"""What the service's answers cost: what-if of the paper's campaign and of a million samples, made up here.
+"""The cost of the service's answers: what-if of the paper's campaign and of a million synthetic samples.
 
-The samples follow the C-60's campaign with its seven variables; its ten responses are sums of them with some noise.
-Each figure is processor time, beside the bar that it must keep and the share of the bar that it takes.
+The samples follow the C-60's campaign with its seven variables; the ten responses are sums of them with noise.
+Each figure is processor time, with its bound and the used share of the bound.
 """
 
 import asyncio
@@ -38,9 +38,9 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return what each answer takes [ms of processor time], its bar, and that relative to a reference [us].
+    """Return the processor time of each answer [ms], its bound, and its ratio to a reference [us].
 
-    They are given by a process with the environment of those that compute for the service.
+    The answers are computed by a process with the environment of the service's computing processes.
     """
     command = [sys.executable, "-m", "benchmarks.web_answers"]
     environment = {**job_environment(), "PYTHONSAFEPATH": ""}
@@ -49,7 +49,7 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print what each answer takes, as JSON."""
+    """Print the cost of each answer as JSON."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         root = Path(folder)
         store, folder_of_columns = open_store(str(root / "runs")), private_folder(root / "cache", "columns")
@@ -71,12 +71,12 @@ def main() -> None:
 
 
 def _asked(store: Store, plan: Plan, folder: Path) -> AskedRows:
-    """Return what names the rows of a campaign."""
+    """Return the reference to the rows of a campaign."""
     return AskedRows(store.url, plan.campaign_id, rows_version(store, plan.campaign_id), str(folder), 1 << 32)
 
 
 def _settings(number: int) -> tuple[str, ...]:
-    """Return settings that were not asked for before."""
+    """Return settings that have not been requested before."""
     return (*SETTINGS, f"J3.std={0.0160 + 0.0001 * number:.4f}")
 
 
@@ -88,14 +88,14 @@ def _figure(what: str, seconds: float, bar_ms: float | None) -> dict[str, Any]:
 
 
 def _first(what: str, rows: AskedRows, bar_ms: float | None) -> dict[str, Any]:
-    """Return what the first question to a campaign takes: reading its rows, writing its columns, the answer."""
+    """Return the cost of the first question to a campaign: reading its rows, writing its columns, the answer."""
     start = process_time()
     what_if_answer(rows, SETTINGS, False)
     return _figure(what, process_time() - start, bar_ms)
 
 
 def _next(what: str, ask: Callable[[int], object], bar_ms: float | None, repeats: int = REPEATS) -> dict[str, Any]:
-    """Return what a question takes when the campaign was asked before: the median of some."""
+    """Return the median cost of a further question to a campaign."""
     taken = []
     for number in range(repeats):
         start = process_time()
@@ -105,13 +105,13 @@ def _next(what: str, ask: Callable[[int], object], bar_ms: float | None, repeats
 
 
 def _exported(store: Store, plan: Plan) -> None:
-    """Read an export to its end."""
+    """Read an export completely."""
     for _ in export_rows(store, plan, "csv", RowSelection(("sample", "FC-1"))):
         pass
 
 
 async def _served(store: Store, plan: Plan, folder: Path) -> list[dict[str, Any]]:
-    """Return what the process that serves takes, and the time of a run in a warm process."""
+    """Return the cost in the serving process, and the time of a run in a warm process."""
     async with JobPool(1, warm_up=warm_up) as pool:
         answers = Answers(pool, store, folder)
         await answers.what_if("bench", plan.campaign_id, SETTINGS)

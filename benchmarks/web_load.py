@@ -1,7 +1,7 @@
-"""What the service takes under load: lists, states and event streams, while a campaign computes beside it.
+"""The cost of the service under load: lists, states and event streams, while a campaign is computed.
 
-A real server, in a process of its own, over a store of 1,000 campaigns that are made up here. Each figure is processor
-time of that process alone, beside the bar that it must keep, and as a multiple of a bare answer (`bare_answer`).
+A real server in a separate process has a store of 1,000 synthetic campaigns. Each figure is the processor time of that
+process alone, with its bound, and as a multiple of a bare answer (`bare_answer`).
 """
 
 import asyncio
@@ -26,11 +26,11 @@ from campaign.store.layout import SUBMISSION
 from campaign.web.watch.entry import REPORT_DOCUMENT
 
 CAMPAIGNS, SAMPLES = 1000, 20
-FILES, ROWS_OF_A_FILE = 309, 100  # of one larger campaign, the paper's
+FILES, ROWS_OF_A_FILE = 309, 100  # of one larger campaign, that of the paper
 FOLLOWERS = 200
-LISTINGS, CHANGES, STATUSES, BARE = 40, 20, 200, 2000  # requests that a figure is the mean of
+LISTINGS, CHANGES, STATUSES, BARE = 40, 20, 200, 2000  # numbers of requests over which a figure is averaged
 IDLE, FOLLOWED, FIRST_MIXED, MIXED = 10.0, 30.0, 20.0, 60.0  # s
-CALLERS, PAUSE = 4, 0.1  # s, between two questions of a caller
+CALLERS, PAUSE = 4, 0.1  # number of callers, and pause between two questions of a caller [s]
 LIST = f"/api/v1/campaigns?limit={CAMPAIGNS}"
 BESIDE = """format = 1
 name = "beside"
@@ -45,7 +45,7 @@ upper = 0.13
 
 
 def measure() -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return what each kind of question takes [ms of processor time], and figures of the whole run."""
+    """Return the processor time of each kind of question [ms], and figures of the whole run."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         return asyncio.run(_measured(Path(folder)))
 
@@ -75,7 +75,7 @@ async def _measured(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]
 
 
 class _Table:
-    """Figures, each beside its bar and relative to a bare answer [s of processor time]."""
+    """Figures, each with its bound and relative to a bare answer [s of processor time]."""
 
     def __init__(self, bare_answer: float) -> None:
         self._unit, self.rows = bare_answer, list[dict[str, Any]]()
@@ -139,7 +139,7 @@ async def _campaign_beside(load: ServerLoad) -> str:
 
 
 async def _measure_questions(load: ServerLoad, table: _Table, changed: str, campaigns: dict[str, str]) -> None:
-    """Measure the list, warm and after a change of a campaign, and the status of some campaigns by their names."""
+    """Measure the list, warm and after a change of a campaign, and the status of some campaigns by name."""
 
     async def change(number: int) -> None:
         await load.ask(f"/api/v1/campaigns/{changed}/labels", "PATCH", json={"note": f"number {number}"})
@@ -153,19 +153,19 @@ async def _measure_questions(load: ServerLoad, table: _Table, changed: str, camp
 
 
 async def _mixed(load: ServerLoad, paths: list[str], bare_wait: float) -> dict[str, float]:
-    """Ask all paths again and again with some callers at once; return memory of the process and waiting times.
+    """Request all paths repeatedly with several concurrent callers; return memory of the process and waiting times.
 
     Parameters
     ----------
     load : ServerLoad
         The server.
     paths : list of str
-        What is asked.
+        Paths to request.
     bare_wait : float
         Waiting time for a bare answer [s].
     """
     at_first = load.memory_mib
-    await _ask_all(load, paths, FIRST_MIXED)  # until each of its threads has the memory that it works with
+    await _ask_all(load, paths, FIRST_MIXED)  # until each thread of the server has allocated its working memory
     load.waits.clear()
     before = load.taken
     at, mib = np.array(await _ask_all(load, paths, MIXED)).T
@@ -184,7 +184,7 @@ async def _mixed(load: ServerLoad, paths: list[str], bare_wait: float) -> dict[s
 
 
 async def _ask_all(load: ServerLoad, paths: list[str], seconds: float) -> list[tuple[float, float]]:
-    """Ask all paths in turns, with some callers at once; return times [s] and memory [MiB], one pair a second."""
+    """Request all paths in turn with several concurrent callers; return (time [s], memory [MiB]) once per second."""
     end, memory = time.monotonic() + seconds, list[tuple[float, float]]()
 
     async def call(number: int) -> None:

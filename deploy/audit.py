@@ -1,7 +1,7 @@
-"""Ask whether faults are known of the locked packages: ``make audit``.
+"""Check the locked packages for known vulnerabilities: ``make audit``.
 
-It fails if one is known that a newer version fixes. What could not be asked is said loudly, and fails nothing: the
-service may be out of reach.
+The check fails if a known vulnerability is fixed in a newer version. Packages that could not be checked are reported
+clearly but do not fail, because the service may be out of reach.
 """
 
 import json
@@ -17,7 +17,7 @@ WITHIN = 90  # seconds
 
 
 def main() -> int:
-    """Print what is known of the locked packages; return the exit status."""
+    """Print the known vulnerabilities of the locked packages; return the exit status."""
     passed_over = tomllib.loads((DEPLOY / "audit.toml").read_text("utf-8")).get("passed_over", [])
     try:
         packages = ask(DEPLOY / "requirements.lock")
@@ -30,12 +30,12 @@ def main() -> int:
 
 
 def ask(lock: Path) -> list[dict[str, Any]]:
-    """Return what pip-audit reports of each package of a lock file.
+    """Return the report of pip-audit on each package of a lock file.
 
     Raises
     ------
     ValueError
-        If it reports nothing, for example because its service is out of reach.
+        If pip-audit reports nothing, for example because its service is out of reach.
     """
     words = ["--disable-pip", "--require-hashes", "--format", "json", "--progress-spinner", "off", "--timeout", "15"]
     command = [sys.executable, "-m", "pip_audit", "--requirement", str(lock), *words]
@@ -47,16 +47,16 @@ def ask(lock: Path) -> list[dict[str, Any]]:
 
 
 def judge(packages: list[dict[str, Any]], passed_over: list[dict[str, Any]], today: date) -> tuple[list[str], int]:
-    """Return a line for each known fault and for all that could not be asked, and the exit status.
+    """Return a line for each known vulnerability and one for all unchecked packages, and the exit status.
 
     Parameters
     ----------
     packages : list of dict
-        What pip-audit reports of each.
+        Report of pip-audit on each package.
     passed_over : list of dict
-        Tables with ``id``, ``reason`` and ``until``.
+        Accepted vulnerabilities: tables with ``id``, ``reason`` and ``until``.
     today : date
-        The day.
+        Date that is compared with ``until``.
     """
     lines, status = [], 0
     for package in packages:

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Copy the compiled engine from the image to a folder of this container's user alone: Numba reads compiled code only
-# where it can write, and clearcap only where nobody else can.
+# Copy the compiled engine from the image to a private folder of this container's user: Numba reads compiled code only
+# from folders that it can write, and clearcap only from folders that nobody else can write.
 set -eu
 umask 077
 mkdir -p "$NUMBA_CACHE_DIR"

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from reporting.samples import Rows
 
 CONFIDENCE = 0.95
-_WORSE = ("marginal", "not capable")  # than what Cpk at the target says
+_WORSE = ("marginal", "not capable")  # verdicts below the one of a Cpk at the target
 
 Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
 
@@ -54,9 +54,9 @@ class Analysis:
     headline : str
         The outcome in a sentence or two: failures first where they decide, then what is bad.
     design : Design
-        What the samples are.
+        How the samples were drawn, and what follows for the report.
     finished, ok, failed : int
-        Number of samples done, and of those that ended ok and that failed.
+        Number of finished samples, of ok samples and of failed samples.
     used : int
         Number of ok samples in the statistics: all, or those of A and B in Saltelli's design.
     run_seconds : float or None
@@ -66,7 +66,7 @@ class Analysis:
         The trust card.
     responses : tuple of ResponseAnalysis
     rare : RareRejects or None
-        Shares of some ppm by the weighted runs of importance sampling; None for other samplers.
+        Shares of a few ppm, estimated from the weighted runs of importance sampling; None for other samplers.
     product : ProductYield or None
         Share of samples that keep all limits together; None without limits, or if samples are not production.
     variables : tuple of VariableAnalysis
@@ -75,19 +75,19 @@ class Analysis:
     never_critical : tuple of str
         Variables that are not critical for any response.
     advice : tuple of Advice
-        How far each variable's spread may grow while the responses `kept` keep Cpk 1.33; may be empty.
+        How much each variable's spread may grow while the responses `kept` keep Cpk 1.33; may be empty.
     kept : tuple of str
         Responses that have Cpk 1.33 now.
     shortfalls : tuple of Shortfall
         Responses with a lower Cpk, the worst first, and what must shrink for each.
     advice_note : str
-        Why there is no advice; else empty.
+        Why there is no advice; empty if there is.
     failures : tuple of FailedSample
         The first failed samples.
     comparison : Comparison or None
-        With another campaign.
+        Comparison with another campaign.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     """
 
     spec: ReportSpec
@@ -214,16 +214,16 @@ def analyse(
 def compare_rows(
     rows: "Rows", spec: ReportSpec, other_rows: "Rows", other_spec: ReportSpec, confidence: float = CONFIDENCE
 ) -> Comparison:
-    """Return what `analyse` says of another campaign, and nothing else.
+    """Return only the comparison that `analyse` makes with another campaign.
 
     Parameters
     ----------
     rows, spec
-        Of the campaign; see `reporting.samples.read_samples`.
+        Rows and spec of the campaign; see `reporting.samples.read_samples`.
     other_rows, other_spec
-        Of the other one.
+        Rows and spec of the other campaign.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
 
     Raises
     ------
@@ -237,13 +237,13 @@ def compare_rows(
 
 
 def _drawn(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
-    """Return the samples of a campaign that its distributions drew, and its spec."""
+    """Return the samples that a campaign drew from its distributions, and its spec."""
     samples, _ = leveled_samples(read_samples(rows, spec), spec)
     return independent_draws(samples, spec), spec
 
 
 def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known]) -> Sensitivity | None:
-    """Return which variables move the responses; None without variables, responses or ok samples."""
+    """Return how the variables influence the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
     limits = {r.name: (r.lsl, r.usl) for r in spec.responses}
@@ -262,7 +262,7 @@ def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known])
 def _advice(
     samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], rescale: Rescale | None
 ) -> ToleranceAdvice:
-    """Return what must shrink for the responses below Cpk 1.33, and what may grow with the others."""
+    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others."""
     if not spec.design.production:
         return ToleranceAdvice(note="The samples do not represent production, so they give no advice on tolerances.")
     if rescale is None:

@@ -1,4 +1,4 @@
-"""What a campaign holds fixed: friction, springs, masses, settings, as a report lists them."""
+"""Quantities that a campaign holds fixed (friction, springs, masses, settings), as listed in a report."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ class Assumption:
     Attributes
     ----------
     group : str
-        What it belongs to, such as "Friction and impact".
+        Heading under which it is listed, such as "Friction and impact".
     name : str
-        In words, such as "stiffness of spring A3".
+        Name in words, such as "stiffness of spring A3".
     value : float, tuple of float, or str
-        A number, the components of a vector, or words.
+        A number, the components of a vector, or a text.
     unit : str
-        Unit of the value, "1" for a pure number, empty for words.
+        Unit of the value, "1" for a pure number, empty for a text.
     key : str
-        Its key in the mechanism file; empty if it has none.
+        Key in the mechanism file; empty if it has none.
     """
 
     group: str

@@ -1,11 +1,12 @@
-"""Two campaigns side by side: what differs, by how much, and whether chance explains it.
+"""Comparison of two campaigns: which responses differ, by how much, and whether chance explains the difference.
 
 Means are compared by Welch's t. Standard deviations are compared by their ratio and by Levene's test around the medians
-(Brown, Forsythe 1974), which holds for any distribution, beside the F test, which needs normal ones; distributions by
-the test of Mann and Whitney. With 30,000 samples every difference is significant, so each is given with its size.
-The intervals of sigmas and Cpk follow from those of each campaign (Zou and Donner 2008), and so hold for any
-distribution and for production lots. The tests take values for independent: with lots they are left out, and the
-difference of the means has its interval in the same way.
+(Brown, Forsythe 1974), which holds for any distribution; the F test, which needs normal distributions, is added.
+Distributions are compared by the test of Mann and Whitney. With 30,000 samples nearly every difference is significant,
+so each test comes with the size of the difference.
+The intervals of sigmas and Cpk follow from the intervals of each campaign (Zou and Donner 2008), so they hold for any
+distribution and for production lots. The tests assume independent values: with lots they are left out, and the
+interval of the difference of the means is computed in the same way as the others.
 """
 
 import math
@@ -25,7 +26,7 @@ from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
 
-# Cohen's (1988) words for d; below the first the difference has no practical importance.
+# Cohen's (1988) words for d; below the first threshold the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
 _OF_LOTS = "Values of a production lot are not independent. The intervals allow for this, the tests do not."
 
@@ -40,9 +41,9 @@ class ResponseComparison:
     n, n_other : int
         Number of values.
     capability, capability_other : Capability
-        Each with the limits of its own campaign.
+        Each campaign's capability with its own limits.
     mean_difference, mean_interval : float, (float, float)
-        This campaign less the other, in the unit of the response (Welch).
+        This campaign minus the other, in the unit of the response (Welch).
     t_p : float
         p-value of Welch's test of equal means.
     effect : float
@@ -50,16 +51,16 @@ class ResponseComparison:
     effect_word : str
         "negligible", "small", "medium", "large".
     std_ratio, std_ratio_interval : float, (float, float)
-        This campaign over the other; the interval holds for any distribution with a fourth moment.
+        This campaign divided by the other; the interval holds for any distribution with a fourth moment.
     f_p, levene_p : float
         p-values of the F test and of the test of Brown and Forsythe.
     superiority : float
-        Probability that a value of this campaign is above one of the other; 0.5 without a difference.
+        Probability that a value of this campaign exceeds one of the other; 0.5 without a difference.
     mann_whitney_p : float
     cpk_difference, cpk_interval : float, (float, float)
-        This campaign less the other (delta method).
+        This campaign minus the other (delta method).
     histogram, histogram_other : Histogram or None
-        With the same edges.
+        Histograms with the same edges.
     notes : tuple of str
         Why numbers are None, and cautions.
     """
@@ -90,20 +91,20 @@ class ResponseComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A campaign against another.
+    """Comparison of a campaign with another one.
 
     Attributes
     ----------
     campaign, title : str
-        Of the other campaign.
+        Id and title of the other campaign.
     samples, failed : int
-        Number of its finished samples, and of its failed ones.
+        Number of finished and of failed samples of the other campaign.
     responses : tuple of ResponseComparison
         Responses of both campaigns, in the order of this one.
     only_here, only_there : tuple of str
         Responses of only one campaign.
     no_verdict : tuple of str
-        Why there is no verdict on one of the campaigns, in sentences: too many of its samples failed.
+        Sentences that say why a campaign has no verdict: too many of its samples failed.
     """
 
     campaign: str
@@ -192,7 +193,7 @@ def _values(samples: Samples, name: str) -> tuple[Array, NDArray[np.int64] | Non
 
 
 def _of_difference(values: tuple[float, float], intervals: tuple[Interval | None, Interval | None]) -> Interval | None:
-    """Return the interval of a difference from the intervals of both numbers; None where one is missing."""
+    """Return the interval of a difference from the intervals of both numbers; None if one is missing."""
     (value, other), (interval, interval_other) = values, intervals
     if interval is None or interval_other is None:
         return None
@@ -202,7 +203,7 @@ def _of_difference(values: tuple[float, float], intervals: tuple[Interval | None
 
 
 def _varies(x: Array) -> bool:
-    """Return whether the values are more than a constant with rounding errors."""
+    """Return whether the values vary by more than rounding errors."""
     return float(np.std(x)) > ROUNDING * float(np.max(np.abs(x)))
 
 
@@ -223,7 +224,7 @@ def _means(a: Array, b: Array, confidence: float) -> dict[str, object]:
 
 def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
     """Return the ratio of the standard deviations with its interval and tests."""
-    from scipy.stats import levene  # takes 1 s to import, which only a comparison needs
+    from scipy.stats import levene  # imported here because it takes 1 s and only a comparison needs it
 
     stds = float(np.std(a, ddof=1)), float(np.std(b, ddof=1))
     ratio, nu, nu_other = stds[0] / stds[1], a.size - 1, b.size - 1

@@ -1,18 +1,18 @@
-"""What the samples of a campaign are, and how far the intervals of a report hold for them."""
+"""How the samples of a campaign were drawn, and to what extent the intervals of a report hold for them."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Design:
-    """What samples drawn in one way are.
+    """Description of samples drawn by one sampler.
 
     Attributes
     ----------
     production : bool
-        Whether the samples stand for what would be produced: only then sigma and capability mean something.
+        Whether the samples represent production: only then are sigma and capability meaningful.
     text : str
-        What follows for the reader of the report.
+        Consequences for the reader of the report.
     """
 
     production: bool

@@ -1,4 +1,4 @@
-"""A drawing of the mechanism that the caller gives to a report, as plain data."""
+"""A drawing of the mechanism as plain data, which the caller passes to a report."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,7 +15,7 @@ class DrawnLine(NamedTuple):
 
 
 class DrawnWords(NamedTuple):
-    """Words with their middle at (x, y), one line below the other; ``bold`` for the name of a response."""
+    """Lines of text centred at (x, y), one below the other; ``bold`` for the name of a response."""
 
     x: float
     y: float
@@ -25,7 +25,7 @@ class DrawnWords(NamedTuple):
 
 
 class LegendEntry(NamedTuple):
-    """A response: its name, its title, where or what it is, and its colour; empty if it has no place."""
+    """A response: its name, its title, what it measures or where, and its colour; empty if it has no place."""
 
     name: str
     title: str
@@ -35,19 +35,19 @@ class LegendEntry(NamedTuple):
 
 @dataclass(frozen=True)
 class MechanismDrawing:
-    """The mechanism with what its responses measure; positions are those of a canvas, from its upper left corner.
+    """The mechanism and what its responses measure, on a canvas with the origin at its upper left corner.
 
     Attributes
     ----------
     width, height, text : float
-        Size of the canvas and of its text.
+        Size of the canvas, and font size of its text.
     areas : tuple of (points, colour)
-        Bodies that move.
+        Outlines of moving bodies.
     strokes : tuple of DrawnLine
     dots : tuple of (x, y, colour)
     words : tuple of DrawnWords
     legend : tuple of LegendEntry
-        Of every response. Colours are written as "#rrggbb".
+        One entry per response. Colours are written as "#rrggbb".
     """
 
     width: float

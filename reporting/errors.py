@@ -1,4 +1,4 @@
-"""The exception of the report."""
+"""The exception that reporting raises."""
 
 
 class ReportError(Exception):

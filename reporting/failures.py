@@ -1,4 +1,4 @@
-"""How samples ended, and the samples that failed."""
+"""Numbers of samples by status, and the samples that failed."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class FailedSample:
 
 
 def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
-    """Count the samples of every known status, also without samples, and of every other status in the rows."""
+    """Count the samples of every known status, even if there are none, and of every other status in the rows."""
     counts = []
     for status in [*STATUSES, *sorted(set(samples.statuses) - set(STATUSES))]:
         rows = samples.rows_of(status)
@@ -63,7 +63,7 @@ def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
 
 
 def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...]:
-    """List the first failed samples, each with the command that repeats it with exactly the same inputs."""
+    """List the first failed samples, each with the command that repeats it with the same inputs."""
     return tuple(
         FailedSample(
             sample=int(samples.sample[row]),

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 NONE = "–"
 _MOST_DECIMALS = 17
-# Beyond this an index says no more than that the limits are far away: no sample tells 400 from 40,000.
+# A larger index only says that the limits are far away: no sample can distinguish 400 from 40,000.
 MOST_INDEX = 100.0
 
 
@@ -21,7 +21,7 @@ def plain(value: float | None) -> str:
 
 
 def decimals_for(scale: float | None, significant: int = 3) -> int:
-    """Return the number of decimals that shows `significant` digits of a number of size `scale`."""
+    """Return the number of decimals that shows `significant` digits of a number of magnitude `scale`."""
     if not scale or not math.isfinite(scale):
         return significant
     return min(max(significant - 1 - math.floor(math.log10(abs(scale))), 0), 12)
@@ -42,7 +42,7 @@ def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None]
 def index(value: float | None, most: float = math.inf) -> str:
     """Return a capability index with three decimals, more if it would otherwise reach or cross 1.00 or 1.33.
 
-    Beyond `most`, and beyond `MOST_INDEX`, it is only said to be larger.
+    An index above `most` or `MOST_INDEX` is only reported as larger than that.
     """
     most = min(most, MOST_INDEX)
     if value is not None and abs(value) > most:
@@ -51,7 +51,7 @@ def index(value: float | None, most: float = math.inf) -> str:
 
 
 def index_interval(ends: tuple[float | None, float | None], most: float = math.inf) -> str:
-    """Return the interval of a capability index; an end that is None has no bound, and beyond `most` is only larger."""
+    """Return the interval of a capability index; an end of None is unbounded, one above `most` is only "larger"."""
     low, high = ends
     if low is None:
         return "no bounds" if high is None else f"{index(high, most)} or less"
@@ -61,14 +61,14 @@ def index_interval(ends: tuple[float | None, float | None], most: float = math.i
 
 
 def z_score(value: float | None, most: float = math.inf) -> str:
-    """Return a distance in sigmas with three decimals; beyond `most` only that it is larger."""
+    """Return a distance in sigmas with three decimals; above `most` only that it is larger."""
     return fixed(value, 3) if value is None or value <= most else f"> {most:.2f}"
 
 
 def ppm(value: float | None, least: float = 0.0) -> str:
-    """Return parts per million: whole above 100, three digits below, never 0 unless it is 0.
+    """Return parts per million: a whole number above 100, three digits below, never 0 unless the value is 0.
 
-    Below `least` it is only said to be less.
+    A value below `least` is only reported as less than that.
     """
     if value is None:
         return NONE
@@ -81,17 +81,17 @@ def ppm(value: float | None, least: float = 0.0) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Return a share as percent with two decimals, never 0 or 100 unless it is."""
+    """Return a share as percent with two decimals, never 0 or 100 unless it is exactly that."""
     return NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
 
 
 def short_percent(share: float) -> str:
-    """Return a share as percent, without decimals if it is a whole number of percent, never 0 or 100 unless it is."""
+    """Return a share as percent, without decimals if it is whole, never 0 or 100 unless it is exactly that."""
     return percent(share).replace(".00\u00a0", "\u00a0")
 
 
 def part(share: float | None) -> str:
-    """Return an estimate of a share as percent with one decimal; below 0.05 % it is 0."""
+    """Return an estimated share as percent with one decimal; below 0.05 % it is 0."""
     if share is None:
         return NONE
     return "0\u00a0%" if share < 0.0005 else f"{100 * share:.{0 if share >= 0.9995 else 1}f}\u00a0%"
@@ -131,5 +131,5 @@ def duration(seconds: float | None) -> str:
 
 
 def _side(value: float, limit: float) -> int:
-    """Return -1, 0 or 1: below, on or above the limit."""
+    """Return -1, 0 or 1 for a value below, on or above the limit."""
     return int(value > limit) - int(value < limit)

@@ -1,4 +1,4 @@
-"""The outcome of a campaign in a sentence or two: failures first where they decide, then what is bad."""
+"""The outcome of a campaign in a sentence or two: failures first where they decide, then the worst responses."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ def headline(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["R
     Parameters
     ----------
     spec : ReportSpec
-        What was asked for.
+        Request of the report.
     counts : mapping of str to int
         Number of finished samples by status.
     responses : sequence of ResponseAnalysis
@@ -47,7 +47,7 @@ def headline(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["R
 
 
 def _without_verdict(spec: ReportSpec, limited: Sequence["ResponseAnalysis"]) -> str:
-    """Return the outcome where nothing is judged: that of the corners, if the samples are corners."""
+    """Return the outcome without verdicts: the worst case, if the samples are corners."""
     if not limited:
         return "No response has limits, so there is nothing to judge."
     corners = [r.worst for r in limited if r.worst is not None]
@@ -58,7 +58,7 @@ def _without_verdict(spec: ReportSpec, limited: Sequence["ResponseAnalysis"]) ->
 
 
 def _by_verdict(limited: Sequence["ResponseAnalysis"]) -> str:
-    """Return the responses by their verdict, the worst first; an uncertain one counts as nothing but uncertain."""
+    """Return the responses by verdict, the worst first; those with an uncertain verdict form a group of their own."""
     groups: dict[str, list[str]] = {}
     for r in limited:
         word, certain = r.verdict.word, r.verdict.certain

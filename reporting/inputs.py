@@ -1,4 +1,4 @@
-"""The drawn variables against the requested distributions: moments, bounds, distance, correlations."""
+"""Comparison of the drawn variables with the requested distributions: moments, bounds, distance, correlations."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from reporting.shape.order_statistics import centred_ranks
 from reporting.spec import ReportSpec, VariableSpec
 
 _FEWEST = 30
-_ROWS = 200_000  # determine a rank correlation to 0.002
+_ROWS = 200_000  # enough to determine a rank correlation to 0.002
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class VariableAnalysis:
     n : int
         Number of finite values.
     mean, std, min, max : float or None
-        In the variable's unit.
+        Statistics in the variable's unit.
     outside : int
         Number of values beyond the bounds, or missing.
     histogram : Histogram or None
     mean_errors, std_errors : float or None
-        Distance of mean and sigma from the requested ones in standard errors; with production batches these are the
+        Deviations of mean and sigma from the requested ones in standard errors; with production batches these are the
         standard errors of whole batches. None below 30 values (batches), or for a constant.
     distance : float or None
-        Kolmogorov's distance: the largest difference between drawn and requested share of values below a value.
+        Kolmogorov's distance: the largest difference between the drawn and the requested cumulative distribution.
     p_value : float or None
         Probability of a distance at least as large by chance, for independent values; None with production batches.
     """
@@ -111,7 +111,7 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
 
 
 def analyse_correlations(spec: ReportSpec, samples: Samples) -> tuple[CorrelationAnalysis, ...]:
-    """Return the requested rank correlations, and the largest of the others; none below 30 samples."""
+    """Return the requested rank correlations and the largest of the others; empty below 30 samples."""
     names = [v.name for v in spec.variables if v.std > 0]
     rows = slice(0, _ROWS)
     if len(names) < 2:
@@ -134,7 +134,7 @@ def analyse_correlations(spec: ReportSpec, samples: Samples) -> tuple[Correlatio
 
 
 def _errors(spec: VariableSpec, x: Array, sample: NDArray[np.int64]) -> tuple[float | None, float | None]:
-    """Return the distances of mean and sigma from the requested ones in standard errors (of batches, if any)."""
+    """Return the deviations of mean and sigma from the requested ones in standard errors (of batches, if any)."""
     if spec.std <= 0 or x.size < _FEWEST:
         return None, None
     deviation, square = x - spec.mean, (x - spec.mean) ** 2 - spec.std**2

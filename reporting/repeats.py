@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Repeats:
-    """The repeats of a campaign, one entry a repeat.
+    """The repeats of a campaign, one entry per repeat.
 
     Attributes
     ----------
     sample : array of int64, shape (m,)
         The sample that is repeated.
     ok : array of bool, shape (m,)
-        The repeat succeeded.
+        Whether the repeat succeeded.
     values : dict of str to array of float64, shape (m,)
-        Responses by name, NaN where there is none.
+        Responses by name, NaN where there is no value.
     planned : int
-        Number of samples that are to be repeated.
+        Number of samples to be repeated.
     remedy : str
-        How to get more repeats, a sentence; may be empty.
+        Sentence that says how to get more repeats; may be empty.
     """
 
     sample: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -50,7 +50,7 @@ def read_repeats(table: "pyarrow.Table | None", responses: Sequence[str], planne
     responses : sequence of str
         Names of the responses.
     planned : int
-        Number of samples that are to be repeated.
+        Number of samples to be repeated.
     remedy : str
         How to get more repeats.
 

@@ -45,11 +45,11 @@ class ResponseAnalysis:
     ----------
     spec : ResponseSpec
     assumed : bool
-        The source of the limits calls them an assumption.
+        Whether the source of the limits calls them an assumption.
     verdict : CapabilityVerdict
-        The word, whether it is certain, and why.
+        The verdict, whether it is certain, and why.
     capability : Capability
-        Over the ok samples.
+        Capability of the ok samples.
     target_indices : TargetIndices or None
         Cpm* and Cpmk; None without a target between the limits.
     subgroups : tuple of SubgroupSigma
@@ -59,37 +59,37 @@ class ResponseAnalysis:
     yield_ : Yield or None
         None without limits or without a finished sample.
     histogram : Histogram or None
-        None without values, and where all are equal.
+        None without values, or if all are equal.
     worst : WorstCase or None
-        Over the corners of this campaign or of the campaign that it is compared with; else None.
+        Worst case of the corners of this campaign or of the one it is compared with; None without corners.
     stack : LinearStack or None
-        Worst case and root sum of squares by slopes; None if the samples are not production or too few.
+        Worst case and root sum of squares from slopes; None if the samples are not production or too few.
     nonconforming : Nonconforming or None
         Counted shares; None without limits or values.
     expected : ExpectedShare or None
-        Expected share out of limits, by the normal distribution or, where values are not normal, without it.
+        Expected share out of limits: by the normal distribution, or without it if the values are not normal.
     claim_runs : int or None
-        Number of runs in which as many rejects as here would prove at most 64 ppm, the share of Cpk 1.33.
+        Number of runs that would prove at most 64 ppm, the share of Cpk 1.33, with as many rejects as here.
     tails : tuple of TailShare
-        Share beyond each limit from a Pareto tail.
+        Share beyond each limit, from a fitted Pareto tail.
     normality : Normality
     plot : ProbabilityPlot or None
     fits : Fits
         Fitted distributions.
     methods : tuple of NonnormalIndices
-        Indices by percentiles and Z-scores of the best fit, and by the percentiles of the values.
+        Indices from percentiles and Z-scores of the best fit, and from percentiles of the values.
     tolerance_intervals : ToleranceIntervals or None
         Limits that contain a share of the production; None if the samples are not production.
     running : Convergence or None
         How the index converges.
     sensitivity : ResponseSensitivity or None
-        Which variables move it.
+        Influence of the variables on the response.
     rounding : float or None
-        Largest difference between values that are equal but for rounding, and count as one value; else None.
+        Largest difference between values that differ by rounding only and are treated as one value; else None.
     scatters : tuple of Scatter
-        Its values against its strongest inputs.
+        Scatter plots of the response against its strongest inputs.
     repeatability : Repeatability or None
-        How far it scatters between runs of the same sample with different steps; None without repeats.
+        Scatter between runs of the same sample with different steps; None without repeats.
     """
 
     spec: ResponseSpec
@@ -131,8 +131,8 @@ def analyse_response(
 ) -> ResponseAnalysis:
     """Analyse one response over the ok samples, and its worst case over the corners if there are any.
 
-    The verdict also goes by `further` estimates, which do not come from these samples alone; there is none if it is
-    `withheld` for a reason.
+    The verdict also uses `further` estimates, which do not come from these samples alone. There is no verdict if
+    `withheld` gives a reason.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def analyse_response(
 
 
 def _tested(request: ReportSpec) -> int:
-    """Return how many responses are tested for normality: among so many, chance alone gives small p-values."""
+    """Return how many responses are tested for normality, because chance gives small p-values in many tests."""
     return sum(spec.lsl is not None or spec.usl is not None for spec in request.responses)
 
 
@@ -204,7 +204,7 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
 
 
 def _stack(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> LinearStack | None:
-    """Return worst case and root sum of squares by slopes; None if the samples are not production or too few."""
+    """Return worst case and root sum of squares from slopes; None if the samples are not production or too few."""
     if not request.design.production:
         return None
     return linear_stack(
@@ -231,5 +231,5 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
 
 
 def _runs_to_claim(total: Share, confidence: float) -> int:
-    """Return the number of runs that prove the usual share; with production lots a run proves less."""
+    """Return the number of runs that would prove the share of Cpk 1.33; with production lots a run proves less."""
     return math.ceil(runs_to_claim(CLAIM_PPM, confidence, total.count) * total.n / total.worth)

@@ -1,7 +1,7 @@
-"""Values that are equal but for rounding: no sigma, index or histogram is made of the last bits of a constant.
+"""Values that differ by rounding only: no sigma, index or histogram is computed from the last bits of a constant.
 
-Two computations of one number differ in their last bits, and two runs of a simulation by what its solver leaves open:
-a length by the penetration that it tolerates. Values that differ by no more are one value.
+Two computations of the same number differ in their last bits, and two runs of a simulation differ within the
+tolerances of its solver: a length by the tolerated penetration. Values that differ by no more are treated as one value.
 """
 
 import math
@@ -16,18 +16,18 @@ from reporting.spec import ReportSpec
 
 
 def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[str, float]]:
-    """Return the samples with each response that is constant but for rounding made so.
+    """Return the samples; a response that is constant except for rounding is replaced by its common value.
 
     Parameters
     ----------
     samples : Samples
     spec : ReportSpec
-        What the solver resolves of each response.
+        Request with the resolution of each response.
 
     Returns
     -------
     (Samples, dict of str to float)
-        The samples, and the largest difference that was removed, by response.
+        The samples, and the largest removed difference by response.
     """
     values, removed = dict(samples.values), dict[str, float]()
     for response in spec.responses:
@@ -43,21 +43,21 @@ def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[s
 
 
 def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
-    """Return values, or if they differ by rounding only, the same number of their common value.
+    """Return the values, or an array of their common value if they differ by rounding only.
 
     Parameters
     ----------
     x : array, shape (n,)
         Finite values.
     resolution : float
-        Largest difference that means nothing, in the unit of `x`.
+        Largest meaningless difference, in the unit of `x`.
     relative : float
-        The same as a share of the largest value; at least `ROUNDING` is taken.
+        Largest meaningless difference as a share of the largest value; at least `ROUNDING` is used.
 
     Returns
     -------
     array, shape (n,)
-        `x` itself where values differ by more, or not at all.
+        `x` itself if the values differ by more, or not at all.
     """
     if x.size < 2:
         return x
@@ -65,6 +65,6 @@ def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
     least = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)))
     if not 0.0 < high - low <= least:
         return x
-    # As many decimals as mean anything: 1.0000000000000002 and its like are 1, and 3e-15 beside a limit of 1e-3 is 0.
+    # Keep only meaningful decimals: 1.0000000000000002 becomes 1, and 3e-15 beside a limit of 1e-3 becomes 0.
     decimals = min(-math.floor(math.log10(least)), 300)
     return np.full(x.size, round(float(np.median(x)), decimals) + 0.0)

@@ -1,7 +1,7 @@
 """The rows of a campaign as checked arrays; no other module knows their columns.
 
-Rows come as one table or as a stream of tables. Of the messages only the first of each status are stored, so that the
-texts of a million rows are never in memory together.
+Rows come as one table or as a stream of tables. Only the first messages of each status are stored, so that the texts of
+a million rows are never in memory together.
 """
 
 import math
@@ -41,11 +41,11 @@ class Samples:
     status : array of int16, shape (n,)
         Index into `statuses`.
     statuses : tuple of str
-        Statuses that occur.
+        Statuses that occur in the rows.
     messages : dict of int to str
         Messages by sample number: the first 20 of each status except "ok".
     ok : array of bool, shape (n,)
-        The status is "ok".
+        Whether the status is "ok".
     values : dict of str to array of float64, shape (n,)
         Variables and responses by name, NaN where the table has none; a response is valid only where `ok`.
     max_residual, max_penetration : array of float64, shape (n,)
@@ -55,8 +55,8 @@ class Samples:
     production_batch : array of int64, shape (n,), or None
         Number of each sample's production batch; None without production batches.
     lot : array of int64, shape (n,), or None
-        Groups of production batches, such that samples of different groups share no shift, where variables have batches
-        of different sizes; None where each production batch is such a group.
+        Group of production batches of each sample, where variables have batches of different sizes: samples of
+        different groups share no shift. None where each production batch is such a group.
     run_seconds : float or None
         Total time of the runs [s]; None if the rows do not state it.
     importance : dict of str to array of float64, shape (n,)
@@ -80,17 +80,17 @@ class Samples:
 
     @property
     def lots(self) -> NDArray[np.int64] | None:
-        """The group of each sample that shares no shift with other groups; None without production batches."""
+        """Group of each sample; groups share no shift with each other. None without production batches."""
         return self.production_batch if self.lot is None else self.lot
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
-        """Return the numbers of the rows with a status."""
+        """Return the indices of the rows with a status."""
         if status not in self.statuses:
             return np.zeros(0, np.intp)
         return np.flatnonzero(self.status == self.statuses.index(status))
 
     def where(self, rows: NDArray[np.bool_]) -> "Samples":
-        """Return the samples that `rows`, shape (n,), marks."""
+        """Return the samples for which the mask `rows`, shape (n,), is True."""
         columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
         return replace(
             self,
@@ -157,17 +157,17 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
 
 
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
-    """Return the lot of each sample, such that samples of different lots share no shift; None without lots.
+    """Return the lot of each sample; samples of different lots share no shift. None without lots.
 
-    Where variables change their lot after different numbers of samples, a lot ends where all of them do: at the
-    multiples of the least common multiple of their sizes.
+    If the lot sizes of the variables differ, a lot ends where a lot of every variable ends: at the multiples of the
+    least common multiple of the sizes.
 
     Parameters
     ----------
     sample : array of int64, shape (n,)
         Sample numbers from 0.
     sizes : iterable of int
-        Samples in one lot of each variable; 0 for a variable without lots.
+        Number of samples in one lot, for each variable; 0 for a variable without lots.
     """
     given = [size for size in sizes if size > 0]
     if not given:
@@ -246,7 +246,7 @@ def _numbers(table: "pyarrow.Table", name: str) -> Array:
 
     column = table.column(name)
     kind = column.type
-    if pyarrow.types.is_null(kind):  # a column of a table in which every run failed
+    if pyarrow.types.is_null(kind):  # every run of the table failed
         return np.full(len(column), np.nan)
     if not (pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_boolean(kind)):
         raise ReportError(f"column {name!r} holds {kind}; it must hold numbers")

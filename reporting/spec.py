@@ -1,4 +1,4 @@
-"""What a report needs to know of a campaign besides its rows, as plain frozen data.
+"""Data about a campaign that a report needs besides its rows, as plain frozen classes.
 
 The rows hold the results; these classes hold the request: limits, distributions, header, provenance. The caller fills
 them in; reporting never reads a campaign or mechanism file.
@@ -34,8 +34,8 @@ class ResponseSpec:
     source : str
         Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
     resolution, relative_resolution : float
-        Largest difference between two values that means nothing, because the solver leaves it open: in the unit of
-        the column, and as a share of the largest value.
+        Largest meaningless difference between two values, because it is within the solver's tolerances: in the unit
+        of the column, and as a share of the largest value.
     """
 
     name: str
@@ -68,11 +68,11 @@ class VariableSpec:
     density : tuple of (float, float)
         Points (value, density [1/unit]) of the requested density curve; empty for a constant.
     key : str
-        Key of the variable in `clearcap simulate --set`; if empty, its name.
+        Key of the variable in `clearcap simulate --set`; if empty, the name is the key.
     cdf : tuple of (float, float)
-        Points (value, requested probability of values up to it), rising; may be empty.
+        Points (value, requested probability of values up to it), increasing; may be empty.
     batch : int
-        Number of consecutive samples in one production batch, which share a shift; 0 without batches.
+        Number of consecutive samples that form one production batch and share a shift; 0 without batches.
     """
 
     name: str
@@ -90,7 +90,7 @@ class VariableSpec:
 
 @dataclass(frozen=True)
 class ProposalPart:
-    """A component of importance sampling: where it draws, in standard scores of the variables.
+    """A component of importance sampling: the region where it draws, in standard scores of the variables.
 
     Attributes
     ----------
@@ -99,9 +99,9 @@ class ProposalPart:
     scale : float
         Standard deviation of all scores.
     shift : tuple of (str, float)
-        Centre of the score of each variable, if it is not 0.
+        Centre of the score of each variable whose centre is not 0.
     source : str
-        What it aims at, in words.
+        Target of the component, in words.
     """
 
     share: float
@@ -112,7 +112,7 @@ class ProposalPart:
 
 @dataclass(frozen=True)
 class ReportSpec:
-    """Everything a report needs beside the table.
+    """Everything that a report needs besides the table.
 
     Attributes
     ----------
@@ -125,19 +125,19 @@ class ReportSpec:
     responses : tuple of ResponseSpec
     variables : tuple of VariableSpec
     provenance : dict of str to str
-        What is needed to repeat the campaign (versions, hashes, seed, host, command), in this order.
+        Data needed to repeat the campaign (versions, hashes, seed, host, command), in this order.
     requested : int
         Number of samples requested.
     simulate : str
-        The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
-        provenance's "mechanism", or with the campaign's id where there is none.
+        The command that repeats a sample, without its `--set` options. If empty: `clearcap simulate` with the
+        provenance's "mechanism", or with the campaign's id if there is no such entry.
     sampler : str
-        Name of the way in which the samples were drawn.
+        Name of the sampler that drew the samples.
     design : Design
-        What the samples are, and how far the intervals of this report hold for them; samples of sampler "random" are
-        independent, samples of another one need a design of their own.
+        How the samples were drawn, and to what extent the intervals of this report hold for them. Samples of sampler
+        "random" are independent; any other sampler needs a design of its own.
     corners : bool
-        Whether the samples are the corners of the variables' ranges, over which the worst case is taken.
+        Whether the samples are the corners of the variables' ranges, from which the worst case is taken.
     replay : str
         The command that repeats a sample of the campaign, without the sample number; may be empty.
     correlations : tuple of (str, str, float)
@@ -147,24 +147,24 @@ class ReportSpec:
     stop : str
         Result of the campaign's stopping rule, in words; empty without a rule.
     designed : tuple of str, or None
-        The k variables of Saltelli's design, in its order; None if the samples are not such a design. Sample s belongs
+        The k variables of Saltelli's design, in order; None if the samples are not such a design. Sample s belongs
         to row s // (k + 2). s % (k + 2) is the run within the row: 0 of A, 1 of B, 2 + j of A with variable j of B.
     min_ok : float
-        Least share of ok samples, of the finished ones, for a verdict; 0 to 1.
+        Smallest share of ok samples among the finished ones for which there are verdicts; 0 to 1.
     proposal : tuple of ProposalPart
         Components of importance sampling; empty if samples have no weights. The rows then have the columns
         "component" (number of a part, from 1; 0 for the distributions themselves), "log_weight" and "aimed" (beyond
         three quarters of the way to a part's centre).
     author : str
-        Who answers for the campaign; may be empty.
+        Person responsible for the campaign; may be empty.
     ended : str
-        When the last sample was computed, in words; empty if it is not known.
+        Time at which the last sample was computed, as text; empty if unknown.
     written : str
-        When the report is written, in words. It is the only part of a report that depends on when it is written.
+        Time at which the report is written, as text: the only part of a report that depends on it.
     assumptions : tuple of Assumption
-        What is the same in every run.
+        Quantities that are the same in every run.
     drawing : MechanismDrawing or None
-        The mechanism with what its responses measure.
+        The mechanism and what its responses measure.
     drawing_note : str
         Why there is no drawing; may be empty.
     """
@@ -195,13 +195,13 @@ class ReportSpec:
     min_ok: float = 0.99
 
     def __post_init__(self) -> None:
-        """Raise ReportError if samples that are not independent would pass for such."""
+        """Raise ReportError if samples that are not independent would be treated as independent."""
         independent = self.sampler == ReportSpec.sampler and not self.corners and self.designed is None
         if not independent and self.design == INDEPENDENT:
             raise ReportError(f"sampler {self.sampler}: the samples are not described; describe them in design")
 
     def command(self, values: Mapping[str, float]) -> str:
-        """Return the command that simulates one sample with these values of the variables, in full precision."""
+        """Return the command that simulates one sample with the given values of the variables, in full precision."""
         start = self.simulate or f"clearcap simulate {shlex.quote(self.provenance.get('mechanism', self.campaign))}"
         keys = (f"{v.key or v.name}={plain(values[v.name])}" for v in self.variables)
         return " ".join([start, *(f"--set {shlex.quote(key)}" for key in keys)])

@@ -1,4 +1,4 @@
-"""Write the files of a report, each whole or not at all."""
+"""Write the files of a report; each file is written completely or not at all."""
 
 import os
 import tempfile
@@ -32,7 +32,7 @@ NAMES = {
     "parquet": "capability.parquet",
 }
 USUAL = ("html", "json", "parquet", "xlsx")
-# Package that a file needs beyond those clearcap always needs, and the extra that installs it.
+# Optional package that a file needs, and the extra of clearcap that installs it.
 EXTRAS = {"pdf": ("weasyprint", "pdf"), "summary_pdf": ("weasyprint", "pdf"), "xlsx": ("xlsxwriter", "excel")}
 
 
@@ -59,8 +59,8 @@ def write_report(
     folder : Path
         Folder of the files; created if it does not exist.
     kinds : collection of str
-        Keys of `NAMES`; "html" and "json" are always written. A file whose package is not installed is omitted, and
-        the page says how to get it.
+        Keys of `NAMES`; "html" and "json" are always written. A file whose package is missing is omitted, and
+        the page says how to install it.
     rescale, against, repeats
         See `reporting.analysis.analyse`.
 
@@ -116,12 +116,12 @@ def _missing(kinds: set[str]) -> str:
 
 
 def _replace(path: Path, content: bytes) -> Path:
-    """Write `content` to a temporary file and rename it, so that a reader sees the old file or the new one."""
+    """Write `content` to a temporary file and rename it, so that a reader sees either the old or the new file."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-        os.chmod(name, 0o644)  # by default only the writer may read files of mkstemp
+        os.chmod(name, 0o644)  # files of mkstemp are readable by their owner only
         os.replace(name, path)
     except BaseException:
         os.unlink(name)

@@ -1,1 +1,1 @@
-"""Studies whose tables stand in the documentation; each is run by `python -m studies.NAME`."""
+"""Studies whose tables are in the documentation; each is run by `python -m studies.NAME`."""

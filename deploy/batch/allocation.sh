@@ -8,12 +8,12 @@
 #   CLEARCAP_INTERFACE  network interface between the nodes, such as ib0; default the one of the host name
 # When the walltime ends, submit the same job again: it computes the missing rows.
 set -euo pipefail
-export PYTHONSAFEPATH=1  # no module comes from the folder in which a job stands
+export PYTHONSAFEPATH=1  # no module is imported from the working folder of a job
 
 system=$1
 : "${CAMPAIGN:?say which campaign to compute}" "${STORE:?say where the results go}"
 tls=${CLEARCAP_TLS:-$HOME/.clearcap/tls}
-# a folder of this job alone, which all nodes see
+# a private folder of this job, visible on all nodes
 scratch=$(mktemp -d "$HOME/.clearcap-job.XXXXXX")
 file=$scratch/scheduler.json
 

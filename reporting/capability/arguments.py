@@ -1,4 +1,4 @@
-"""What a caller may give as limits, confidence and production batches; anything else is a `ReportError`."""
+"""Checks of limits, confidence and production batches given by a caller; other values raise `ReportError`."""
 
 import math
 from numbers import Real
@@ -10,7 +10,7 @@ from reporting.errors import ReportError
 
 
 def real_number(name: str, value: object) -> float:
-    """Return a number as a float; raise ReportError if it is something else."""
+    """Return a number as a float; raise ReportError if the value is not a real number."""
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             return float(value)

@@ -1,4 +1,4 @@
-"""How an index converges as samples come in, and whether the two halves of a campaign agree."""
+"""Convergence of an index with the number of samples, and agreement of the two halves of a campaign."""
 
 import math
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from reporting.capability.moments import ROUNDING, location_and_shape
 from reporting.capability.robust_intervals import robust_intervals
 
 _POINTS, _FIRST = 60, 10
-# Halves of a campaign that differ by more standard errors do not come from one distribution.
+# Halves of a campaign that differ by more standard errors than this do not come from one distribution.
 DRIFT_BAR = 4.0
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """An index over the first n samples, for rising n.
+    """An index over the first n samples, for increasing n.
 
     Attributes
     ----------
@@ -31,10 +31,10 @@ class Convergence:
     n : tuple of int
         Numbers of samples.
     value, low, high : tuple of float
-        The index over the first n samples and its interval, by the method that holds for these samples; a mean is in
-        the response's unit.
+        The index over the first n samples and its interval, by the method that is valid for these samples; a mean is
+        in the response's unit.
     drift : float or None
-        Index of the second half of the samples less that of the first, in standard errors (delta method, any
+        Index of the second half of the samples minus that of the first, in standard errors (delta method, any
         distribution; with few lots, the normal quantile of the same probability); None below 40 samples, or where a
         half has fewer than two lots.
     """
@@ -59,9 +59,9 @@ def convergence(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the band, two-sided.
+        Two-sided confidence of the band.
     lots : array, shape (n,), optional
-        Production lot of each value: the band begins where there are lots enough for an interval.
+        Production lot of each value; the band begins where there are enough lots for an interval.
     """
     n = x.size
     if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
@@ -80,7 +80,7 @@ def convergence(
 
 
 def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) -> tuple[float, float, float] | None:
-    """Return an index of values and its interval; None without a spread or with too few lots."""
+    """Return an index of the values and its interval; None without spread or with too few lots."""
     numbers = location_and_shape(x)
     if numbers["std"] == 0:
         return None
@@ -100,7 +100,7 @@ def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) 
 
 
 def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None) -> float | None:
-    """Return the difference of the index between the halves, in standard errors, as `Convergence` has it."""
+    """Return the difference of the index between the halves in standard errors; see `Convergence.drift`."""
     half = x.size // 2
     if lots is not None:  # a lot in both halves would hide a difference between them
         half = _between_lots(lots, half)
@@ -123,7 +123,7 @@ def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.gener
 
 
 def _between_lots(lots: NDArray[np.generic], at: int) -> int:
-    """Return the place nearest to `at` where one lot ends and the next begins; 0 if there is none."""
+    """Return the position nearest to `at` where one lot ends and the next begins; 0 if there is none."""
     begins = np.flatnonzero(lots[1:] != lots[:-1]) + 1
     return int(begins[np.argmin(np.abs(begins - at))]) if begins.size else 0
 

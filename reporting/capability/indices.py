@@ -1,7 +1,7 @@
 """Capability indices of a mean and a standard deviation, their intervals, and their names elsewhere.
 
-Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018) and ISO 22514-2.
-The same functions serve the overall sigma and the sigma within production batches: only the names differ.
+Formulas are from appendix A of the C-60 paper (eqs. 28-30, Akhadkar, Acary, Brogliato 2018) and from ISO 22514-2.
+The same functions are used for the overall sigma and the sigma within production batches: only the names differ.
 """
 
 import math
@@ -21,7 +21,7 @@ from reporting.capability.intervals import (
     one_sided_interval,
 )
 
-# Six Sigma tables add 1.5 to a long-term Z: 4.5 sigma, 3.4 ppm, are called "6 sigma".
+# Six Sigma tables add 1.5 to a long-term Z: 4.5 sigma (3.4 ppm) is called "6 sigma".
 SIX_SIGMA_SHIFT = 1.5
 
 WHICH_SIGMA = (
@@ -32,14 +32,14 @@ WHICH_SIGMA = (
 
 @dataclass(frozen=True)
 class IndexName:
-    """Names of one index, and its formula.
+    """Names and formula of one index.
 
     Attributes
     ----------
     paper : str
-        In the paper and in this report.
+        Name in the paper and in this report.
     overall, within : str
-        In AIAG and ISO 22514-2, with the overall sigma and with the sigma within production batches.
+        Names in AIAG and ISO 22514-2 with the overall sigma and with the sigma within production batches.
     formula : str
     """
 
@@ -64,7 +64,7 @@ NAMES = {
 
 
 def distance_to_limit(mean: float, lsl: float | None, usl: float | None) -> float:
-    """Return the distance from a mean to the nearer limit, negative beyond it; infinite without limits."""
+    """Return the distance from a mean to the nearer limit; negative beyond the limit, infinite without limits."""
     return min(math.inf if lsl is None else mean - lsl, math.inf if usl is None else usl - mean)
 
 
@@ -74,7 +74,7 @@ def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
     Parameters
     ----------
     mean, std : float
-        In the unit of the limits; `std` above 0.
+        Mean and standard deviation in the unit of the limits; `std` is above 0.
     lsl, usl : float or None
         Limits.
     """
@@ -84,7 +84,7 @@ def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
 def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
     """Return the influence of each value on Cpk, for any distribution of the values.
 
-    The root of its mean square over n is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, section 1.3).
+    The square root of its mean square over n is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, 1.3).
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
     index : float
         Their Cpk.
     lower : bool
-        The lower limit is the nearer one.
+        Whether the lower limit is the nearer one.
     """
     deviation, std = x - x.mean(), float(np.std(x))
     influence: Array = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
@@ -106,7 +106,7 @@ def point_indices(mean: float, std: float, lsl: float | None, usl: float | None)
     Parameters
     ----------
     mean, std : float
-        In the unit of the limits; `std` above 0.
+        Mean and standard deviation in the unit of the limits; `std` is above 0.
     lsl, usl : float or None
         Limits.
     """
@@ -125,14 +125,14 @@ def point_indices(mean: float, std: float, lsl: float | None, usl: float | None)
 
 
 def centring(mean: float | None, lsl: float | None, usl: float | None) -> float | None:
-    """Return Cc (eq. 30), signed: positive above the middle; None without a mean or a limit."""
+    """Return Cc (eq. 30), positive for a mean above the middle; None without a mean or a limit."""
     if mean is None or lsl is None or usl is None:
         return None
     return (mean - (usl + lsl) / 2) / ((usl - lsl) / 2)
 
 
 def basic_intervals(index: dict[str, float | None], n: int, nu: float, confidence: float) -> dict[str, Interval | None]:
-    """Return the intervals of Cp, Cpk, Cpl and Cpu from `n` values and a sigma of `nu` degrees of freedom."""
+    """Return the intervals of Cp, Cpk, Cpl and Cpu from `n` values and a sigma with `nu` degrees of freedom."""
     cp, cpk, cpl, cpu = (index[name] for name in ("cp", "cpk", "cpl", "cpu"))
     return {
         "cp_interval": None if cp is None else cp_interval(cp, nu, confidence),

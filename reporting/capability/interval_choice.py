@@ -1,15 +1,16 @@
-"""Which intervals of the indices hold for the values at hand, and why.
+"""Choice of the intervals of the indices that are valid for the given values.
 
-Three methods, in the order in which they are asked:
+There are three methods, tried in this order:
 
-- "production lots": values of a lot share a shift, so the intervals rest on the differences between lots.
-- "own moments": skewness or kurtosis of the values is not that of a normal distribution, or the tails are heavier than
-  its tails, be it by chance; so the intervals rest on the values' own third and fourth moments.
-- "normal theory": the exact intervals of normal values.
+- "production lots": values of a lot share a shift, so the intervals are based on the differences between lots.
+- "own moments": skewness or kurtosis differs from that of a normal distribution, or the tails are heavier, even if
+  only by chance; so the intervals are based on the third and fourth moments of the values.
+- "normal theory": the exact intervals for normal values.
 
-The bar of the second is low on purpose: where normal theory would be too narrow it must not be taken by mistake, and
-where it would be right the other intervals hold as well. Measured coverage of the choice at n = 50, R = 4,000: 92 to
-97 % on normal, lognormal(0.5), gamma(16), t5, uniform and bimodal values; normal theory alone: 70 to 100 %.
+The threshold for the second method is low on purpose: normal theory must not be chosen by mistake where its intervals
+are too narrow, and where it is correct the other intervals are valid as well. Measured coverage of the choice at n = 50
+with 4,000 repetitions: 92 to 97 % for normal, lognormal(0.5), gamma(16), t5, uniform and bimodal values; normal theory
+alone: 70 to 100 %.
 """
 
 import math
@@ -27,25 +28,25 @@ from reporting.capability.precision import Precision, freedom_of_spread, precisi
 from reporting.capability.robust_intervals import joint_interval, robust_intervals
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
-# A smaller p-value proves that the values are not normal.
+# A p-value below this proves that the values are not normal.
 PROVEN = 0.05
-# Own moments of fewer values cover less where a response is skewed: 87 to 91 %.
+# With fewer values, intervals from own moments cover only 87 to 91 % for skewed responses.
 _FEW_VALUES = 50
-# Below that, some values weigh much in sigma. On Student's t with 3 degrees of freedom, lognormal(1) values or rare
-# outliers 95 % intervals of Cpk hold in 79 to 90 %, and nine of ten such samples are below it.
+# Below this, a few values dominate sigma. For Student's t with 3 degrees of freedom, lognormal(1) values or rare
+# outliers, 95 % intervals of Cpk cover 79 to 90 %, and nine of ten such samples are below this value.
 _FEW_FREEDOM = 25.0
 
 
 @dataclass(frozen=True)
 class Method:
-    """Which intervals hold.
+    """The method of the intervals.
 
     Attributes
     ----------
     name, reason : str
-        One of the three methods, or empty where intervals are withheld; and why, as a sentence.
+        One of the three methods, empty where intervals are withheld; and the reason, as a sentence.
     normal : bool
-        Skewness and kurtosis do not refute a normal distribution.
+        Whether skewness and kurtosis are compatible with a normal distribution.
     """
 
     name: str
@@ -64,12 +65,12 @@ class Fence:
 
 
 def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method:
-    """Return which intervals hold for the values.
+    """Return the method whose intervals are valid for the values.
 
     Parameters
     ----------
     x : array, shape (n,)
-        Finite values that differ, at least two.
+        At least two finite values, not all equal.
     kurtosis : float or None
         Their excess kurtosis G2; None below four values.
     lots : Lots or None
@@ -103,9 +104,9 @@ def index_intervals(
     Parameters
     ----------
     method : Method
-        Of `choose_method`.
+        Result of `choose_method`.
     x, kurtosis
-        As there.
+        As in `choose_method`.
     fence : Fence
     lots : array, shape (n,), or None
         Lot of each value; None for independent values.
@@ -123,13 +124,13 @@ def index_intervals(
 
 
 def _centred(x: Array) -> Array:
-    """Return values less their mean; a large offset is taken off first, lest its digits be lost."""
+    """Return values minus their mean; a large offset is subtracted first, so that no digits are lost."""
     offset = x - x[0]
     return np.asarray(offset - offset.mean())
 
 
 def _normal_theory(x: Array, centred: Array, fence: Fence) -> dict[str, Interval | None]:
-    """Return the intervals of normal values."""
+    """Return the intervals by normal theory."""
     n, confidence = x.size, fence.confidence
     mean, std = float(np.mean(x)), float(np.std(centred, ddof=1))
     index = point_indices(mean, std, fence.lsl, fence.usl)
@@ -156,7 +157,7 @@ def _too_few(lots: Lots) -> str:
 
 
 def _of_lots(lots: Lots) -> str:
-    """Return why the intervals are those of lots."""
+    """Return why the intervals are based on lots."""
     text = (
         f"Values of a production lot share a shift: the intervals rest on the differences between {lots.count} lots, "
         f"whose values are worth {lots.effective:.0f} independent ones."
@@ -166,7 +167,7 @@ def _of_lots(lots: Lots) -> str:
 
 
 def _of_moments(n: int, p: float, freedom: float) -> str:
-    """Return why the intervals rest on the values' own moments, and what they may miss."""
+    """Return why the intervals are based on the values' own moments, and their limitation."""
     why = (
         f"skewness and kurtosis are not those of a normal distribution (p = {p:.2g})"
         if p < LIKELY
@@ -181,7 +182,7 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
 
 
 def _of_normal(n: int, p: float) -> str:
-    """Return why the intervals are those of normal values."""
+    """Return why the intervals are based on normal theory."""
     if n < FEWEST_FOR_SHAPE:
         return f"Normal theory: {n} values are too few to show another shape."
     few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""

@@ -1,15 +1,15 @@
 """Confidence limits of capability indices and of shares.
 
-The intervals of indices here are the normal-theory ones; `reporting.capability.robust_intervals` has those of any
-distribution. Functions for indices take the two-sided confidence, functions for bounds of shares the one-sided one.
-`nu` is the number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, values less batches for the sigma
-within.
+The intervals of indices in this module use normal theory; `reporting.capability.robust_intervals` has the intervals for
+any distribution. Functions for indices take a two-sided confidence, functions for bounds of shares a one-sided one.
+`nu` is the number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, the number of values minus the
+number of batches for the sigma within.
 
 - Cp: chi-square distribution of the variance (Chou, Owen, Borrego 1990).
 - Cpk: normal approximation of Bissell (1990), the report's default. Minitab, JMP and qcc print it, and its coverage is
-  right wherever one limit is much nearer than the other. The joint interval beside it is exact in the least
-  favourable case (a question of Kushler and Hurley 1992): it covers at least as often as it states, at every n and
-  centring. Their shortcut ``Cpk (1 -+ z / sqrt(2n - 2))`` leaves out the error of the mean and is not used.
+  correct if one limit is much nearer than the other. The joint interval is given as well; it is exact in the least
+  favourable case (a question of Kushler and Hurley 1992), so its coverage is at least the stated one for every n and
+  centring. Their shortcut ``Cpk (1 -+ z / sqrt(2n - 2))`` neglects the error of the mean and is not used.
 - Cpl, Cpu: exact. ``3 sqrt(n) Cpu_hat`` has a noncentral t distribution with nu degrees of freedom and
   noncentrality ``3 sqrt(n) Cpu``; the limits are the noncentralities that make the observed value a quantile.
 - Cpm: Boyles (1991), chi-square with degrees of freedom from the offset to the target.
@@ -29,14 +29,14 @@ Interval = tuple[float, float]
 OpenInterval = tuple[float | None, float | None]
 """An end is None where the values set no bound on that side."""
 
-# Beyond this t the error of the mean is negligible beside that of sigma: the chi-square limits are exact to rounding.
+# Above this t the error of the mean is negligible compared with that of sigma: chi-square limits are exact to rounding.
 _LARGE_T = 1e8
-# Beyond this z the ratio of density and tail is z to 0.1 %, and the ratio of two densities loses its digits.
+# Above this z the ratio of density and tail is z to 0.1 %, and the ratio of two densities loses its digits.
 _LARGE_Z = 30.0
 
 
 def with_ends(interval: OpenInterval) -> Interval:
-    """Return an interval with infinity at an end that has no bound."""
+    """Return an interval in which an end without a bound is infinite."""
     low, high = interval
     return -math.inf if low is None else low, math.inf if high is None else high
 
@@ -61,7 +61,7 @@ def cpk_interval(cpk: float, n: int, confidence: float, nu: float | None = None)
 
 
 def cpk_joint_interval(cpk: float, n: int, confidence: float) -> Interval:
-    """Return an interval of Cpk with two limits that covers at least as often as stated, whatever Cp is.
+    """Return an interval of Cpk with two limits whose coverage is at least the stated one for every Cp.
 
     Each end is exact in its least favourable case: the lower end where one limit is much nearer (Cp far above Cpk:
     noncentral t), the upper end where both are equally near (a centred process: joint distribution of both sides).
@@ -75,7 +75,7 @@ def cpk_joint_interval(cpk: float, n: int, confidence: float) -> Interval:
 def one_sided_interval(index: float, n: int, confidence: float, nu: float | None = None) -> Interval:
     """Return the exact two-sided interval of Cpl or Cpu from `n` values.
 
-    Its lower end is the one-sided lower bound at the confidence ``(1 + confidence) / 2``.
+    Its lower end is the one-sided lower bound with the confidence ``(1 + confidence) / 2``.
     """
     if index < 0:  # T(-delta) has the distribution of -T(delta)
         low, high = one_sided_interval(-index, n, confidence, nu)
@@ -91,7 +91,7 @@ def one_sided_interval(index: float, n: int, confidence: float, nu: float | None
 def cpm_interval(cpm: float, offset: float, n: int, confidence: float) -> Interval:
     """Return Boyles' two-sided interval of Cpm from `n` values.
 
-    ``(Cpm / Cpm_hat)^2`` is close to chi-square over its ``n (1 + a^2)^2 / (1 + 2 a^2)`` degrees of freedom, where
+    ``(Cpm / Cpm_hat)^2`` is approximately chi-square over its ``n (1 + a^2)^2 / (1 + 2 a^2)`` degrees of freedom, where
     a = `offset` is the distance from target to mean in standard deviations (divisor n).
     """
     a2 = offset * offset
@@ -99,14 +99,15 @@ def cpm_interval(cpm: float, offset: float, n: int, confidence: float) -> Interv
 
 
 def cc_interval(cc: float, cp: float, n: int, confidence: float) -> Interval:
-    """Return the two-sided interval of Cc: the mean's (Student) in half tolerances, where sigma is ``1 / (3 Cp)``."""
+    """Return the two-sided interval of Cc: Student's, of the mean in half tolerances; sigma is ``1 / (3 Cp)``."""
     return mean_interval(cc, 1.0 / (3.0 * cp), n, confidence)
 
 
 def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
     """Return Z.bench, the upper normal quantile of the total share out of limits; None without a limit.
 
-    The logarithm of the smaller of the shares inside and outside keeps it finite where the share rounds to 0 or 1.
+    It is computed from the logarithm of the smaller of the shares inside and outside, so it stays finite where a share
+    rounds to 0 or 1.
     """
     if z_lsl is None or z_usl is None:
         return z_lsl if z_usl is None else z_usl
@@ -118,7 +119,7 @@ def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
 
 
 def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence: float) -> Interval | None:
-    """Return the two-sided interval of Z.bench: exact for one limit, by the delta method for two.
+    """Return the two-sided interval of Z.bench: exact for one limit, from the delta method for two.
 
     The variance of Z.lsl and of Z.usl is ``1/n + z^2 / (2 (n - 1))``, their covariance
     ``-1/n + z_lsl z_usl / (2 (n - 1))``.
@@ -167,9 +168,9 @@ def welch(a: Array, b: Array, confidence: float) -> tuple[float, Interval, float
     Parameters
     ----------
     a, b : array, shape (n,) and (m,)
-        At least two values each.
+        At least two values in each group.
     confidence : float
-        Of the interval.
+        Confidence of the interval.
     """
     squares = [float(np.var(x, ddof=1)) / x.size for x in (a, b)]
     difference, error = float(a.mean() - b.mean()), math.sqrt(sum(squares))

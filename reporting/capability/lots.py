@@ -1,7 +1,7 @@
-"""Production lots: values of one lot share a shift, so they are worth fewer independent values than they are.
+"""Production lots: values of one lot share a shift, so n values carry less information than n independent values.
 
-What differs between lots is known only as well as there are lots, however many values each has. Errors are therefore
-those of sums over whole lots (cluster-robust, Liang and Zeger 1986), with the degrees of freedom of the lots.
+The number of lots, not the number of values in each, determines how well differences between lots are known. Errors are
+therefore computed from sums over whole lots (cluster-robust, Liang and Zeger 1986), with the lots' degrees of freedom.
 """
 
 import math
@@ -14,28 +14,28 @@ from scipy.special import ndtr, ndtri, stdtrit
 
 from reporting.arrays import Array
 
-# Measured coverage of 95 % intervals with normal shifts, sigma between lots 0 to 1 times that within: 95 to 98 % from
-# five lots on. Where the shifts are strongly skewed it is about 90 % below twenty lots.
+# Measured coverage of 95 % intervals with normal shifts, sigma between lots 0 to 1 times the sigma within: 95 to 98 %
+# for five lots or more. For strongly skewed shifts it is about 90 % below twenty lots.
 LEAST_LOTS, FEW_LOTS = 5, 20
 _HERMITE_POINTS = 60
 
 
 @dataclass(frozen=True)
 class Lots:
-    """The production lots of one response's values.
+    """The production lots of the values of one response.
 
     Attributes
     ----------
     count : int
-        Lots with a value.
+        Number of lots with a value.
     worth : float
-        Number of lots of equal size that determine a mean as well, at most `count` (Kish: ``n^2 / sum n_i^2``).
+        Number of lots of equal size that determine a mean equally well, at most `count` (Kish: ``n^2 / sum n_i^2``).
     effective : float
-        Number of independent values that determine the mean as well, at most their number.
+        Number of independent values that determine the mean equally well, at most the number of values.
     intraclass : float
         Share of the variance that lies between lots (intraclass correlation), from 0 to 1.
     least : int
-        Fewest lots, of equal size, from which intervals follow.
+        Smallest number of lots of equal size for which intervals are given.
     """
 
     count: int
@@ -46,7 +46,7 @@ class Lots:
 
     @property
     def enough(self) -> bool:
-        """Whether there are lots enough for an interval; some failed runs make lots a little unequal."""
+        """Whether there are enough lots for an interval; failed runs may make lots slightly unequal."""
         return round(self.worth) >= self.least
 
 
@@ -57,7 +57,7 @@ class VarianceComponents:
     Attributes
     ----------
     counts : array of int64, shape (lots,)
-        Values of each lot.
+        Number of values of each lot.
     within, between : float or None
         Mean square within lots (None where each lot has one value) and between lots (None with one lot).
     size : float
@@ -97,7 +97,7 @@ def independent(lots: NDArray[np.generic] | None) -> bool:
 
 
 def describe_lots(x: Array, lots: NDArray[np.generic]) -> Lots:
-    """Return how many lots there are, and what their values are worth.
+    """Return the number of lots and the effective numbers of lots and values.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def describe_lots(x: Array, lots: NDArray[np.generic]) -> Lots:
 
 
 def lots_worth(weights: Array | NDArray[np.int64]) -> float:
-    """Return the number of lots of equal weight that determine a mean as well as lots of these weights (Kish)."""
+    """Return the number of equally weighted lots that determine a mean as well as lots with these weights (Kish)."""
     share = np.asarray(weights, np.float64) / np.sum(weights)
     return float(1 / np.sum(share**2))
 
@@ -123,16 +123,16 @@ def lots_worth(weights: Array | NDArray[np.int64]) -> float:
 def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None) -> tuple[float, float]:
     """Return the standard error of a weighted mean of influences and its degrees of freedom.
 
-    The estimate is ``sum_i w_i IF_i``. Independent values have the error ``sqrt(sum (w_i IF_i)^2)``; values of one
-    lot move together, so their terms are added before they are squared. An interval is the estimate -+ the error times
-    the quantile of Student's t with these degrees of freedom.
+    The estimate is ``sum_i w_i IF_i``. For independent values the error is ``sqrt(sum (w_i IF_i)^2)``; values of one
+    lot are correlated, so their terms are summed before they are squared. An interval is the estimate -+ the error
+    times the quantile of Student's t with these degrees of freedom.
 
     Parameters
     ----------
     influence : array, shape (n,)
         Influence function of the estimate at each value; its weighted sum is zero.
     weight : array, shape (n,)
-        Weights with the sum 1; ``1 / n`` each without weighting.
+        Weights that sum to 1; ``1 / n`` each without weighting.
     lots : array, shape (n,), or None
         Lot of each value, as numbers or names; None for independent values.
 
@@ -141,7 +141,7 @@ def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None)
     error : float
         In the unit of the influence; infinite with one lot.
     freedom : float
-        Lots of equal weight, less one; infinite for independent values.
+        Effective number of equally weighted lots minus one; infinite for independent values.
     """
     terms = weight * influence
     if lots is None or independent(lots):
@@ -155,26 +155,26 @@ def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None)
 
 
 def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], described: Lots, confidence: float) -> float:
-    """Return how many values with lots determine a share as well as one independent value, at least 1.
+    """Return the design effect of lots: how many values determine a share as well as one independent value, at least 1.
 
-    The larger of two estimates counts, as neither suffices alone. The spread of the lots' own counts tells nothing
-    while few values are out. The normal model, in which a value is out where a normal quantity with the response's
-    intraclass correlation is beyond a limit, knows no other shape. Few lots widen it, as Student's t does a mean (Korn
-    and Graubard 1998).
+    The larger of two estimates is used, because neither is sufficient alone. The spread of the counts per lot is not
+    informative if few values are out. The normal model, in which a value is out if a normal variable with the
+    response's intraclass correlation exceeds a limit, does not represent other shapes. Few lots increase the effect,
+    as Student's t widens the interval of a mean (Korn and Graubard 1998).
 
     Parameters
     ----------
     is_out : array of bool, shape (n,)
-        The values that are counted.
+        Mask of the counted values.
     lots : array, shape (n,)
         Lot of each value.
     described : Lots
-        Of the response.
+        Lots of the response.
     confidence : float
-        Of the two-sided interval in which the effect is used.
+        Confidence of the two-sided interval in which the effect is used.
     """
     n, count = is_out.size, int(np.count_nonzero(is_out))
-    if not described.enough or n < 2:  # a lot tells as much as one value
+    if not described.enough or n < 2:  # a lot is treated as one value
         return n / described.worth
     share = min(max(count, 1), n - 1) / n
     inflation = 1 + (n / described.worth - 1) * _threshold_correlation(share, described.intraclass)
@@ -187,7 +187,7 @@ def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], describe
 
 
 def _threshold_correlation(share: float, correlation: float) -> float:
-    """Return the correlation of two events of probability `share`, each a normal value beyond a limit."""
+    """Return the correlation of two events of probability `share`: correlated normal values that exceed a limit."""
     if correlation <= 0:
         return 0.0
     points, weights = _hermite()
@@ -198,6 +198,6 @@ def _threshold_correlation(share: float, correlation: float) -> float:
 
 @lru_cache(maxsize=1)
 def _hermite() -> tuple[Array, Array]:
-    """Return Gauss-Hermite points, and weights with the sum 1, for an expectation over a standard normal value."""
+    """Return Gauss-Hermite points and weights that sum to 1, for expectations over the standard normal distribution."""
     points, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_POINTS)
     return points, weights / weights.sum()

@@ -1,37 +1,37 @@
-"""Whether skewness and kurtosis of values agree with a normal distribution: the omnibus test of D'Agostino and Pearson.
+"""The omnibus test of D'Agostino and Pearson: whether skewness and kurtosis agree with a normal distribution.
 
-It asks for just what the intervals of mean and sigma depend on. `scipy.stats.normaltest` gives the same numbers, but
-takes a second to import.
+It tests exactly the moments on which the intervals of mean and sigma depend. `scipy.stats.normaltest` gives the same
+numbers, but takes a second to import.
 """
 
 import math
 
 from reporting.arrays import Array
 
-# Fewer values do not show a shape (D'Agostino, Belanger, D'Agostino 1990).
+# With fewer values the test is not valid (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
-# Normal theory only if moments that far from a normal distribution's are no exception there.
+# Normal theory is used only above this p-value, that is if normal values often have moments like these.
 LIKELY = 0.2
 
 
 def normal_moments_p(z: Array, worth: float) -> float:
-    """Return the p-value of the skewness and kurtosis of values if they are normal.
+    """Return the p-value of the skewness and kurtosis of values under the hypothesis that they are normal.
 
     Parameters
     ----------
     z : array, shape (n,)
-        Values less their mean; not all 0.
+        Values minus their mean; not all 0.
     worth : float
-        Number of independent values that they are worth, at least 8; n without production lots.
+        Effective number of independent values, at least 8; n without production lots.
     """
-    squares = z * z  # products: powers above 2 take ten times as long
+    squares = z * z  # products, because powers above 2 take ten times as long
     square = float(squares.mean())
     skewness, kurtosis = float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2
     return math.exp(-(_of_skewness(skewness, worth) ** 2 + _of_kurtosis(kurtosis, worth) ** 2) / 2)
 
 
 def _of_skewness(skewness: float, n: float) -> float:
-    """Return the skewness of normal values as a standard normal quantity (D'Agostino 1970)."""
+    """Return the skewness transformed to a standard normal statistic (D'Agostino 1970)."""
     y = skewness * math.sqrt((n + 1) * (n + 3) / (6 * (n - 2)))
     fourth = 3 * (n * n + 27 * n - 70) * (n + 1) * (n + 3) / ((n - 2) * (n + 5) * (n + 7) * (n + 9))
     square = math.sqrt(2 * (fourth - 1)) - 1
@@ -39,7 +39,7 @@ def _of_skewness(skewness: float, n: float) -> float:
 
 
 def _of_kurtosis(kurtosis: float, n: float) -> float:
-    """Return the kurtosis of normal values as a standard normal quantity (Anscombe and Glynn 1983)."""
+    """Return the kurtosis transformed to a standard normal statistic (Anscombe and Glynn 1983)."""
     variance = 24 * n * (n - 2) * (n - 3) / ((n + 1) ** 2 * (n + 3) * (n + 5))
     x = (kurtosis - 3 * (n - 1) / (n + 1)) / math.sqrt(variance)
     third = 6 * (n * n - 5 * n + 2) / ((n + 7) * (n + 9)) * math.sqrt(6 * (n + 3) * (n + 5) / (n * (n - 2) * (n - 3)))

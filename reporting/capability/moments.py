@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from reporting.arrays import Array
 from reporting.errors import ReportError
 
-# A spread below this share of the largest value is rounding error: the values are a constant. A sum of some thousand
-# steps loses so many of the last bits.
+# A spread below this share of the largest value is rounding error: the values are a constant. A sum over some thousand
+# steps loses about this many of the last bits.
 ROUNDING = 1e-12
 
 
@@ -33,8 +33,8 @@ def series(x: ArrayLike) -> Array:
             raise TypeError(f"they are of type {given.dtype}")
         if given.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in given.flat):
             raise TypeError("one is a text")
-        with np.errstate(over="ignore"):  # a longer float beyond the largest double is infinite: left out
-            if isinstance(given, np.ma.MaskedArray):  # a masked value is missing, as one that is not finite
+        with np.errstate(over="ignore"):  # an extended float beyond the largest double is infinite and left out
+            if isinstance(given, np.ma.MaskedArray):  # a masked value is missing, like one that is not finite
                 given = np.ma.filled(given.astype(np.float64), np.nan)
             values = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -45,7 +45,7 @@ def series(x: ArrayLike) -> Array:
 
 
 def location_and_shape(x: Array) -> dict[str, float]:
-    """Return mean, std, min, max, median, skewness and kurtosis, as far as the number of values allows.
+    """Return those of mean, std, min, max, median, skewness and kurtosis that the number of values allows.
 
     Parameters
     ----------
@@ -56,12 +56,12 @@ def location_and_shape(x: Array) -> dict[str, float]:
     -------
     dict of str to float
         A key is missing where there are too few values. `mean`, `std`, `min`, `max` and `median` are in the unit of
-        `x`; `std` is 0 where the values differ by rounding only. `skewness` and `kurtosis` are G1 and G2.
+        `x`; `std` is 0 if the values differ by rounding only. `skewness` and `kurtosis` are G1 and G2.
     """
     if x.size == 0:
         return {}
     low, high = float(x.min()), float(x.max())
-    # Rounding can put the mean of equal values beside them.
+    # By rounding, the mean of equal values can differ from them.
     mean = min(max(float(np.mean(x)), low), high)
     numbers = {"mean": mean, "min": low, "max": high, "median": float(np.median(x))}
     if x.size < 2:
@@ -74,7 +74,7 @@ def location_and_shape(x: Array) -> dict[str, float]:
 
 def _shape(z: Array) -> dict[str, float]:
     """Return adjusted skewness G1 and excess kurtosis G2 of standardised values (Joanes and Gill 1998)."""
-    n, squares, numbers = z.size, z * z, {}  # products: powers above 2 take ten times as long
+    n, squares, numbers = z.size, z * z, {}  # products, because powers above 2 take ten times as long
     if n > 2:
         numbers["skewness"] = n / ((n - 1) * (n - 2)) * float(np.sum(squares * z))
     if n > 3:

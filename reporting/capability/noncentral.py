@@ -17,9 +17,9 @@ from reporting.arrays import Array
 
 # Probability left out at each end of the chi distribution: rounding error.
 _TAIL = 1e-16
-# Beyond this many standard deviations the normal distribution function is 0 or 1 to rounding.
+# Beyond this many standard deviations the normal distribution function is 0 or 1 within rounding.
 _NORMAL_REACH = 9.0
-# Of the search for a root, in standard deviations of the estimate: about the error of the first guess.
+# Step of the search for a root, in standard deviations of the estimate: about the error of the first guess.
 _FIRST_STEP = 0.1
 
 
@@ -32,14 +32,14 @@ def noncentrality(t: float, nu: float, probability: float) -> float:
     """Return the noncentrality delta with ``P(T <= t) = probability``, for t >= 0."""
     if t < 1e-12:  # P(T <= 0) = Phi(-delta)
         return -float(ndtri(probability))
-    spread = math.sqrt(1 + t * t / (2 * nu))  # of delta, were s normal
+    spread = math.sqrt(1 + t * t / (2 * nu))  # of delta, if s were normal
     guess = t - float(ndtri(probability)) * spread
     within = -_NORMAL_REACH, t * _chi_ends(nu)[1] + _NORMAL_REACH
     return _root(lambda delta: probability - noncentral_t_cdf(t, nu, delta), guess, spread, within)
 
 
 def cpk_survival(observed: float, n: int, cpk: float) -> float:
-    """Return ``P(Cpk_hat > observed)`` of `n` values when both limits of the true process are equally near.
+    """Return ``P(Cpk_hat > observed)`` for `n` values if both limits of the true process are equally near.
 
     The true process has ``Cpl = cpk`` and ``Cpu = |cpk|``: it is centred for a positive Cpk; for a negative one the
     limits coincide. Any other Cp gives a larger probability, so this is the least favourable case.
@@ -65,18 +65,18 @@ def cpk_survival(observed: float, n: int, cpk: float) -> float:
 
 
 def cpk_of_survival(observed: float, n: int, probability: float) -> float:
-    """Return the Cpk of a process for which ``cpk_survival(observed, n, cpk)`` is `probability`."""
+    """Return the Cpk of the process for which ``cpk_survival(observed, n, cpk)`` is `probability`."""
     low, high, _ = _chi_ends(n - 1)
     margin = _NORMAL_REACH / (3.0 * math.sqrt(n))
     within = observed * (low if observed > 0 else high) - margin, max(observed * high, 0.0) + margin
-    spread = math.sqrt(1 / (9 * n) + observed * observed / (2 * (n - 1)))  # of Cpk, were s normal
+    spread = math.sqrt(1 / (9 * n) + observed * observed / (2 * (n - 1)))  # of Cpk, if s were normal
     guess = observed + float(ndtri(probability)) * spread
     return _root(lambda cpk: cpk_survival(observed, n, cpk) - probability, guess, spread, within)
 
 
 def _root(rising: Callable[[float], float], guess: float, spread: float, within: tuple[float, float]) -> float:
-    """Return where a rising function is zero: sought near a guess first, whose error is some part of `spread`."""
-    from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
+    """Return the zero of an increasing function; the search starts near a guess, with an error of about `spread`."""
+    from scipy.optimize import brentq  # takes 0.4 s, which `import reporting` avoids
 
     near = min(max(guess, within[0]), within[1])
     value, step = rising(near), _FIRST_STEP * spread
@@ -105,7 +105,7 @@ def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: f
 
 @lru_cache(maxsize=64)
 def _chi_ends(nu: float) -> tuple[float, float, float]:
-    """Return the range of U, and the logarithm of the constant of its density."""
+    """Return the range of U, and the logarithm of the normalising constant of its density."""
     low, high = (math.sqrt(float(chdtri(nu, p)) / nu) for p in (1.0 - _TAIL, _TAIL))
     log_norm = math.log(2) + nu / 2 * math.log(nu / 2) - float(gammaln(nu / 2))
     return low, high, log_norm

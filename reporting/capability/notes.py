@@ -1,4 +1,4 @@
-"""What a capability says in words: why numbers are missing, and cautions."""
+"""Notes of a capability: why numbers are missing, and cautions."""
 
 import math
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ def why_missing(
     finite : array, shape (n,)
         Finite values.
     size : int
-        Number of all values.
+        Number of all values, also those that are not finite.
     std : float or None
-        Their standard deviation.
+        Standard deviation of the finite values.
     limits : (float or None, float or None, float or None)
         Lower limit, upper limit, target.
     """

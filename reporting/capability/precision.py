@@ -1,15 +1,15 @@
-"""How well values determine their mean and sigma: from their own moments, or from the differences between lots.
+"""Precision of mean and sigma, from the values' own moments or from the differences between lots.
 
-The normal-theory intervals take the fourth moment of a normal distribution for granted. Here sigma has the chi-square
-interval with the degrees of freedom ``nu = 2 sigma^4 / Var(s^2)`` (Satterthwaite 1946), which are ``n - 1`` for normal
-values and fewer for heavy tails. ``Var(s^2)`` follows from the values' own fourth moment; as that is uncertain too, nu
-is reduced by the ratio of a normal and a Student quantile. Measured coverage of 95 % intervals at n = 50, 500 and
+The normal-theory intervals assume the fourth moment of a normal distribution. Here the interval of sigma is chi-square
+with ``nu = 2 sigma^4 / Var(s^2)`` degrees of freedom (Satterthwaite 1946), which are ``n - 1`` for normal values and
+fewer for heavy tails. ``Var(s^2)`` is estimated from the values' own fourth moment; as this is uncertain too, nu is
+reduced by the ratio of a normal and a Student quantile. Measured coverage of 95 % intervals at n = 50, 500 and
 5,000 is 92 to 97 % for normal, lognormal(0.5), gamma(16), t5, uniform and bimodal values.
 
-Values in lots have two sources of error. The mean square between lots has as many degrees of freedom as there are lots,
-the one within has those of the values; the interval of their sum is that of Graybill and Wang (1980), who add the
-squared distances of each part. Where the shifts are not normal, or the spread of a lot depends on its shift, the errors
-of sums over whole lots are larger: the wider interval counts.
+Values in lots have two sources of error. The degrees of freedom of the mean square between lots follow from the lots,
+those of the mean square within from the values; the interval of their sum is that of Graybill and Wang (1980), who add
+the squared distances of each part. If the shifts are not normal, or the spread of a lot depends on its shift, the
+errors of sums over whole lots are larger: the wider interval is used.
 """
 
 import math
@@ -24,12 +24,12 @@ from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, lots_worth, variance_components
 from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 
-# A fourth moment at its lower bound would make sigma certain; values that few do not prove it.
+# Floor of the spread of squares: at its lower bound 0 sigma would be exact, which a few values cannot prove.
 _LEAST_SPREAD_OF_SQUARES = 0.2
-_QUANTILES_FROM = 1e-6  # of a smaller confidence both quantiles are lost in rounding; their ratio no longer changes
+_QUANTILES_FROM = 1e-6  # below, both quantiles are lost in rounding; their ratio is constant
 _LEAST_FREEDOM = 2.0
 _LARGEST_CORRELATION = 0.99
-# A variance that its interval's lower end would put below this share of itself.
+# Smallest lower end of the interval of a variance, as a share of the variance.
 _LEAST_VARIANCE = 0.02
 
 
@@ -40,16 +40,16 @@ class Precision:
     Attributes
     ----------
     mean, std : float
-        Estimates, in the unit of the values; with lots the sigma of values of all lots, of which those at hand show a
-        little less.
+        Estimates, in the unit of the values; with lots, `std` is the sigma over all possible lots, which is slightly
+        larger than that of the given values.
     mean_half : float
-        Half the interval of the mean.
+        Half width of the interval of the mean.
     std_interval : (float, float)
         Interval of sigma.
     correlation : float
-        Of the errors of mean and sigma.
+        Correlation of the errors of mean and sigma.
     freedom : float
-        Degrees of freedom of the variance of s^2: few where a few values determine it.
+        Degrees of freedom of the variance of s^2: few if a few values dominate it.
     """
 
     mean: float
@@ -61,16 +61,16 @@ class Precision:
 
 
 def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
-    """Return how well independent values determine mean and sigma.
+    """Return the precision of mean and sigma from independent values.
 
     Parameters
     ----------
     x : array, shape (n,)
-        Values that differ, at least 4.
+        At least 4 values, not all equal.
     kurtosis : float
-        Their excess kurtosis G2.
+        Excess kurtosis G2 of the values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = x.size
     mean, deviation = _centred(x)
@@ -88,16 +88,16 @@ def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precisi
 
 
 def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) -> Precision:
-    """Return how well values in lots determine mean and sigma.
+    """Return the precision of mean and sigma from values in lots.
 
     Parameters
     ----------
     x : array, shape (n,)
-        Values that differ.
+        Values, not all equal.
     lots : array, shape (n,)
-        Lot of each value; at least two lots, of which one has two values.
+        Lot of each value; at least two lots, one of them with two or more values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = x.size
     mean, deviation = _centred(x)
@@ -126,7 +126,7 @@ def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) ->
     if relative > 0:
         summed = _variance_ratios(_cautious(2 / relative, freedom, confidence), confidence)
     low, high = min(nested[0], summed[0]), max(nested[1], summed[1])
-    # The correlation of two sums over few lots is hardly known, and without it the interval is the wider one.
+    # The correlation of two sums over few lots is hardly known, and without it the interval is wider.
     known = min(1.0, worth / FEW_LOTS) * both / math.sqrt(of_mean * of_square) if of_square > 0 else 0.0
     std = math.sqrt(variance)
     half = float(stdtrit(worth - 1, 0.5 + confidence / 2)) * math.sqrt(of_mean)
@@ -134,21 +134,21 @@ def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) ->
 
 
 def _centred(x: Array) -> tuple[float, Array]:
-    """Return the mean and the deviations from it; a large offset is taken off first, lest its digits be lost."""
+    """Return the mean and the deviations from it; a large offset is subtracted first, so that no digits are lost."""
     offset = x - x[0]
     shift = float(np.mean(offset))
     return float(x[0]) + shift, offset - shift
 
 
 def freedom_of_spread(squares: Array) -> float:
-    """Return the degrees of freedom of a variance of squares, from their own second and fourth moment.
+    """Return the degrees of freedom of a variance of squares, from their second and fourth moment.
 
-    Few of them mean that a few values determine how well sigma is known.
+    Few degrees of freedom mean that a few values dominate the error of sigma.
 
     Parameters
     ----------
     squares : array, shape (n,)
-        Squares less their mean.
+        Squares minus their mean.
     """
     fourth = squares**2
     second = float(np.mean(fourth))
@@ -157,27 +157,27 @@ def freedom_of_spread(squares: Array) -> float:
 
 
 def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: float) -> float:
-    """Return the degrees of freedom of the pooled variance within lots, whatever distribution the values have.
+    """Return the degrees of freedom of the pooled variance within lots, for any distribution of the values.
 
     Parameters
     ----------
     residual : array, shape (n,)
-        Values less the mean of their lot; not all 0.
+        Values minus the mean of their lot; not all 0.
     group : array of int, shape (n,)
-        Number of each value's lot, from 0.
+        Lot number of each value, from 0.
     confidence : float
-        Of the two-sided intervals that they are for.
+        Confidence of the two-sided intervals that use the result.
 
     Returns
     -------
     float
-        Values less lots where neither the moments of the residuals nor the differences between the lots' own variances
-        are unlikely for normal values of one variance; otherwise as many as these tell.
+        Number of values minus number of lots if the moments of the residuals and the differences between the variances
+        of the lots are plausible for normal values with one variance; otherwise the number derived from these.
     """
     counts = np.bincount(group)
     k, nu = counts.size, float(residual.size - counts.size)
     variance = float(np.sum(residual**2)) / nu
-    # Of normal values of one variance, sums of squares of a lot less what is expected of it.
+    # Sums of squares of each lot minus their expectation for normal values with one variance.
     squares: Array = np.bincount(group, weights=residual**2) / variance - (counts - 1)
     distance = float(np.sum(squares[counts > 1] ** 2 / (2 * (counts[counts > 1] - 1))))
     excess = _excess_within(residual, counts[group], variance)
@@ -194,10 +194,10 @@ def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: floa
 
 
 def _excess_within(residual: Array, size: NDArray[np.intp], variance: float) -> float:
-    """Return the excess kurtosis of values within lots from their residuals, each in a lot of `size` values.
+    """Return the excess kurtosis of values within lots, from residuals in lots of `size` values.
 
-    A residual is a weighted sum of all values of its lot, and so nearer to normal than they are: of two values each,
-    its excess kurtosis is half theirs.
+    A residual is a weighted sum of all values of its lot, and therefore closer to normal than the values: in lots of
+    two values its excess kurtosis is half of theirs.
     """
     rest = 1 / size
     fourth = float(np.sum((1 - rest) ** 4 + (size - 1) * rest**4))
@@ -214,7 +214,7 @@ def _freedom_within(residual: Array, lots: int) -> float:
 
 
 def _cautious(nu: float, freedom: float, confidence: float) -> float:
-    """Return degrees of freedom of a variance, reduced because they are estimated with `freedom` of their own."""
+    """Return the degrees of freedom of a variance, reduced because their estimate has only `freedom` degrees itself."""
     p = 0.5 + max(confidence, _QUANTILES_FROM) / 2
     return max(nu * float(ndtri(p) / stdtrit(max(freedom, _LEAST_FREEDOM), p)) ** 2, 1.0)
 
@@ -226,12 +226,12 @@ def _variance_ratios(nu: float, confidence: float) -> Interval:
 
 
 def _sum_of_variances(*parts: tuple[float, Interval]) -> Interval:
-    """Return the interval of a sum of independent variances, whose shares add up to 1 (Graybill and Wang)."""
+    """Return the interval of a sum of independent variances whose shares add up to 1 (Graybill and Wang)."""
     below = math.sqrt(sum((share * (1 - low)) ** 2 for share, (low, _) in parts))
     above = math.sqrt(sum((share * (high - 1)) ** 2 for share, (_, high) in parts))
     return max(1 - below, _LEAST_VARIANCE), 1 + above
 
 
 def _correlation(value: float) -> float:
-    """Return a correlation, not quite -1 or 1, for which errors would cancel."""
+    """Return a correlation clipped short of -1 and 1, at which errors would cancel."""
     return min(max(value, -_LARGEST_CORRELATION), _LARGEST_CORRELATION)

@@ -1,9 +1,9 @@
-"""Intervals of capability indices that need no normal distribution: from those of mean and sigma.
+"""Intervals of capability indices without a normal distribution, from the intervals of mean and sigma.
 
-An index moves with the mean and with sigma. The distance to each end of its interval is the root of the sum of the
-squared distances that the intervals of mean and sigma give alone, with the covariance of their errors (Zou and Donner
-2008, "method of variance estimates recovery"). For normal values this is the normal-theory interval to a few
-thousandths of its width.
+An index depends on the mean and on sigma. The distance from the index to each end of its interval is the root of the
+sum of the squared distances that follow from the intervals of mean and sigma alone, with the covariance of their errors
+(Zou and Donner 2008, "method of variance estimates recovery"). For normal values this is the normal-theory interval to
+a few thousandths of its width.
 """
 
 import math
@@ -49,15 +49,15 @@ def robust_intervals(
 
 
 def joint_interval(precision: Precision, wider: Precision, lsl: float | None, usl: float | None) -> Interval | None:
-    """Return the interval of Cpk that covers wherever the mean lies; that of the one side with one limit.
+    """Return an interval of Cpk that is valid wherever the mean lies; with one limit, the interval of that side.
 
-    Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side holds. It is at most
-    the smaller of the upper ends if both hold, each of which may fail half as often (Bonferroni).
+    Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side is correct. It is at
+    most the smaller of the upper ends if both are correct, so each may fail only half as often (Bonferroni).
 
     Parameters
     ----------
     precision, wider : Precision
-        Intervals of mean and sigma at the confidence of the interval, and at one that fails half as often.
+        Intervals of mean and sigma at the confidence of the result, and at a confidence that fails half as often.
     lsl, usl : float or None
         Limits.
     """
@@ -69,7 +69,7 @@ def joint_interval(precision: Precision, wider: Precision, lsl: float | None, us
 
 
 def _sides(precision: Precision, lsl: float | None, usl: float | None) -> dict[str, Interval]:
-    """Return the intervals of Cpl and Cpu, of those that there are."""
+    """Return the intervals of Cpl and Cpu, as far as the limits exist."""
     found = {}
     if lsl is not None:
         found["cpl"] = _side(precision, (precision.mean - lsl) / (3 * precision.std), rises=True)
@@ -79,13 +79,13 @@ def _sides(precision: Precision, lsl: float | None, usl: float | None) -> dict[s
 
 
 def _side(precision: Precision, index: float, *, rises: bool) -> Interval:
-    """Return the interval of Cpl, which rises with the mean, or of Cpu, which falls."""
+    """Return the interval of Cpl, which increases with the mean, or of Cpu, which decreases."""
     of_mean = precision.mean_half / (3 * precision.std) * (1 if rises else -1)
     return _combined(precision, index, of_mean, index)
 
 
 def _bench(precision: Precision, lsl: float | None, usl: float | None) -> Interval | None:
-    """Return the interval of Z.bench, which moves with the Z of each side by the ratio of their densities."""
+    """Return the interval of Z.bench; its derivative with respect to the Z of a side is the ratio of the densities."""
     z_lsl = None if lsl is None else (precision.mean - lsl) / precision.std
     z_usl = None if usl is None else (usl - precision.mean) / precision.std
     slopes = bench_slopes(z_lsl, z_usl)
@@ -97,22 +97,22 @@ def _bench(precision: Precision, lsl: float | None, usl: float | None) -> Interv
 
 
 def _combined(precision: Precision, value: float, of_mean: float, over_sigma: float) -> Interval:
-    """Return the interval of an index that moves by `of_mean` with the mean and is `over_sigma` by one over sigma.
+    """Return the interval of an index that changes by `of_mean` with the mean and has a part proportional to 1 / sigma.
 
     Parameters
     ----------
     value : float
         The index.
     of_mean : float
-        What it gains when the mean rises to the end of its interval.
+        Change of the index when the mean rises to the upper end of its interval.
     over_sigma : float
-        Its part that is proportional to one over sigma: of Cpl, Cpu all of it.
+        The part of the index that is proportional to 1 / sigma; for Cpl and Cpu the whole index.
     """
     low, high = precision.std_interval
     moves = sorted((over_sigma * (precision.std / high - 1), over_sigma * (precision.std / low - 1)))
-    # An error that raises the mean and one that raises sigma move the index in these directions.
+    # Directions in which the index moves when an error raises the mean, and when one raises sigma.
     together = 2 * precision.correlation * math.copysign(1, of_mean) * -math.copysign(1, over_sigma)
-    # Products, not powers: a power of a Python float that overflows is an error, a product is infinite.
+    # Products, not powers: a power of Python floats raises an error on overflow, a product is infinite.
     below, above = (
         math.sqrt(max(of_mean * of_mean + move * move + together * abs(of_mean * move), 0.0)) for move in moves
     )
@@ -120,8 +120,8 @@ def _combined(precision: Precision, value: float, of_mean: float, over_sigma: fl
 
 
 def _cpm(precision: Precision, width: float, target: float) -> Interval:
-    """Return the interval of Cpm from that of the mean square around the target, variance plus offset squared."""
-    # In units of the largest distance from the target, so that squares neither overflow nor vanish.
+    """Return the interval of Cpm from that of the mean square around the target: variance plus squared offset."""
+    # In units of the largest distance from the target, so that squares neither overflow nor underflow.
     offset, unit = precision.mean - target, max(precision.std_interval[1], abs(precision.mean - target))
     std, offset, half = precision.std / unit, offset / unit, precision.mean_half / unit
     low, high = (end / unit for end in precision.std_interval)

@@ -1,6 +1,6 @@
-"""Non-conforming shares: the count, the bound it proves, and the number of runs that a claim needs.
+"""Non-conforming shares: the count, its confidence bound, and the number of runs that a claim requires.
 
-Bounds of counts are exact binomial ones (Clopper and Pearson 1934): no distribution of the response is assumed.
+Bounds of counts are exact binomial bounds (Clopper and Pearson 1934): no distribution of the response is assumed.
 """
 
 import math
@@ -19,9 +19,9 @@ from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.errors import ReportError
 
 PPM = 1e6
-# A model is extrapolated from n values no farther than to one reject in this many times n values.
+# A model fitted to n values is not extrapolated beyond one reject in this many times n values.
 EXTRAPOLATED = 1000
-MOST = 2**53  # runs: as far as doubles count
+MOST = 2**53  # runs: larger whole numbers are not exact as doubles
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Share:
     upper : float
         One-sided Clopper-Pearson upper bound [ppm]. Without a reject it is ``1e6 (1 - (1 - confidence)^(1/n))``.
     worth : float
-        Number of independent values for which interval and bound are; n without production lots.
+        Effective number of independent values, used for interval and bound; n without production lots.
     """
 
     count: int
@@ -61,9 +61,9 @@ class Nonconforming:
     total : Share
         Both sides.
     with_failures : Share
-        Like `total`, over all runs, with failed runs counted as rejects.
+        Like `total`, but over all runs, with failed runs counted as rejects.
     worse_with_failures : Share
-        Of the side with more rejects, over all runs, with every failed run counted as a reject of that side.
+        Share of the side with more rejects, over all runs, with every failed run counted as a reject of that side.
     """
 
     below: Share | None
@@ -81,7 +81,7 @@ def nonconforming(
     failed: int = 0,
     lots: NDArray[np.generic] | None = None,
 ) -> Nonconforming | None:
-    """Return the counted shares out of limits; None without values (failed ones included) or without a limit.
+    """Return the counted shares out of limits; None without a limit, or without values and failed runs.
 
     Parameters
     ----------
@@ -90,12 +90,11 @@ def nonconforming(
     lsl, usl : float or None
         Limits; a value on a limit conforms.
     confidence : float
-        Of the two-sided intervals and of the one-sided bounds.
+        Confidence of the two-sided intervals and the one-sided bounds.
     failed : int
         Number of runs without a value.
     lots : array, shape (n,), optional
-        Production lot of each value: intervals are then those of the number of independent values that the lots' values
-        are worth for that count.
+        Production lot of each value; intervals are then computed for the effective number of independent values.
     """
     n = int(x.size)
     if n == 0 or (lsl is None and usl is None):
@@ -121,7 +120,7 @@ def nonconforming(
 
 
 def counted(count: int, n: int, confidence: float, effect: float = 1.0) -> Share:
-    """Return the share of `count` rejects among `n` values, of which `effect` tell as much as an independent one."""
+    """Return the share of `count` rejects among `n` values; `effect` values count as one independent value."""
     count_worth, worth = count / effect, n / effect
     low, high = share_interval(count_worth, worth, confidence)
     upper = PPM * share_upper_bound(count_worth, worth, confidence)
@@ -142,7 +141,7 @@ def weighted_share_interval(weights: Array, n: int, confidence: float, effect: f
         Number of samples.
     confidence : float
     effect : float
-        How many samples tell as much as an independent one, at least 1.
+        Design effect: number of samples that count as one independent sample, at least 1.
     """
     total, square = float(np.sum(weights)) / effect, float(np.sum(weights**2)) / effect
     low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
@@ -152,7 +151,7 @@ def weighted_share_interval(weights: Array, n: int, confidence: float, effect: f
 
 
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
-    """Return the fewest runs with `rejects` rejects that prove a share of at most `ppm`.
+    """Return the smallest number of runs that, with `rejects` rejects, proves a share of at most `ppm`.
 
     Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %.
 
@@ -168,7 +167,7 @@ def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
     Raises
     ------
     ReportError
-        ppm outside (0, 1e6), confidence outside (0, 1), or rejects that are no count.
+        If ppm is outside (0, 1e6), confidence is outside (0, 1), or rejects is not a count.
     """
     ppm, confidence = real_number("ppm", ppm), real_number("confidence", confidence)
     if not 0 < ppm < PPM:
@@ -189,7 +188,7 @@ def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
 
 
 def expected_normal(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float]:
-    """Return the ppm of a normal distribution "below", "above" and in "total", for the sides that have a limit."""
+    """Return the ppm of a normal distribution "below", "above" and "total", for the sides that have a limit."""
     numbers = {}
     if lsl is not None:
         numbers["below"] = PPM * float(ndtr((lsl - mean) / std))
@@ -199,15 +198,15 @@ def expected_normal(mean: float, std: float, lsl: float | None, usl: float | Non
 
 
 def least_ppm(n: int) -> float:
-    """Return the smallest share that a model of n values can show [ppm]: one reject in a thousand times as many.
+    """Return the smallest share [ppm] that a model fitted to n values can show: one reject in 1,000 n values.
 
-    A normal distribution fitted to 500 values may expect 1e-9 ppm, but nothing in 500 values speaks for it.
+    A normal distribution fitted to 500 values may predict 1e-9 ppm, but 500 values are no evidence for that.
     """
     return PPM / (EXTRAPOLATED * max(n, 1))
 
 
 def largest_z(n: int) -> float:
-    """Return the normal quantile of the smallest share that a model of n values can show."""
+    """Return the normal quantile of the smallest share that a model fitted to n values can show."""
     return -float(ndtri(least_ppm(n) / PPM))
 
 

@@ -1,8 +1,8 @@
-"""Sigma within production batches as control charts have it: from the ranges and from the sigmas of the batches.
+"""Sigma within production batches as in control charts: from the ranges and from the sigmas of the batches.
 
-The pooled sigma (`reporting.capability.within`) is the best of the three; R-bar / d2 and S-bar / c4 are what a shop
-computes by hand, and what older drawings mean by the sigma within. Batches of unequal size are weighted by what each
-tells, as Minitab does: a range by ``d2^2 / d3^2``, a sigma by ``c4^2 / (1 - c4^2)``.
+The pooled sigma (`reporting.capability.within`) is the best of the three; R-bar / d2 and S-bar / c4 are what workshops
+compute by hand, and what older drawings mean by the sigma within. Batches of unequal size are weighted by their
+precision, as in Minitab: a range by ``d2^2 / d3^2``, a sigma by ``c4^2 / (1 - c4^2)``.
 
 The constants belong to n independent normal values of sigma 1: d2 and d3 are mean and standard deviation of their range
 (Tippett 1925; Harter 1960), c4 is the mean of their sample standard deviation.
@@ -21,25 +21,25 @@ from reporting.arrays import Array
 from reporting.capability.indices import cpk
 from reporting.capability.moments import ROUNDING
 
-# A range is the difference of two values: in larger batches it leaves out nearly all, and tables end there.
+# A range uses only two values: in larger batches it ignores nearly all of them, and published tables end here.
 LARGEST_FOR_RANGES = 25
 _REACH, _STEPS, _POINTS = 9.0, 361, 80
 
 
 @dataclass(frozen=True)
 class SubgroupSigma:
-    """Sigma within production batches by one method, and the indices with it.
+    """Sigma within production batches by one method, and the indices computed with it.
 
     Attributes
     ----------
     method : str
         "R-bar / d2" or "S-bar / c4".
     batches : int
-        Batches with at least two values.
+        Number of batches with at least two values.
     std : float
-        In the unit of the values.
+        Sigma in the unit of the values.
     cp, cpk : float or None
-        Around the overall mean; None where a limit is missing.
+        Indices around the overall mean; None where a limit is missing.
     """
 
     method: str
@@ -52,7 +52,7 @@ class SubgroupSigma:
 def subgroup_sigmas(
     x: Array, batches: NDArray[np.generic], lsl: float | None, usl: float | None
 ) -> tuple[SubgroupSigma, ...]:
-    """Return sigma within batches from ranges (batches of up to 25 values) and from sigmas; none without spread.
+    """Return sigma within batches from ranges (batches of up to 25 values) and from sigmas; empty without spread.
 
     Parameters
     ----------

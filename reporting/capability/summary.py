@@ -1,6 +1,6 @@
 """Capability of one response: location, spread, indices with intervals, non-conforming share.
 
-Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018): sigma is the overall
+Formulas are from appendix A of the C-60 paper (eqs. 28-30, Akhadkar, Acary, Brogliato 2018): sigma is the overall
 standard deviation with divisor ``n - 1``, so that Cp and Cpk are the Pp and Ppk of AIAG and ISO 22514-2. If the
 production batch of each value is given, the indices with the sigma within batches (AIAG's Cp and Cpk) are added.
 """
@@ -30,47 +30,47 @@ class Capability:
     Attributes
     ----------
     n, dropped : int
-        Number of finite values, and of values left out because they are not finite.
+        Number of finite values, and number of values left out because they are not finite.
     lsl, usl, target : float or None
         Limits and target as given.
     confidence : float
         Confidence of intervals (two-sided) and of the ppm bounds (one-sided).
     mean, std, min, max, median : float or None
-        Of the finite values; `std` is the overall one, divisor ``n - 1``.
+        Statistics of the finite values; `std` is the overall one with divisor ``n - 1``.
     skewness, kurtosis : float or None
         Adjusted Fisher-Pearson skewness G1 and excess kurtosis G2 (0 for a normal distribution).
     cp, cpk, cpl, cpu, cc, cpm : float or None
         Indices. `cc` is signed: positive above the middle. `cpm` has the divisor n.
     mean_interval, std_interval : (float, float) or None
-        Of mean and standard deviation.
+        Intervals of mean and standard deviation.
     cp_interval, cpk_interval, cpl_interval, cpu_interval, cc_interval, cpm_interval : (float, float) or None
-        By the method `interval_method`; that of Cpk is the one of the nearer side.
+        Intervals by the method `interval_method`; the interval of Cpk is the one of the nearer side.
     cpk_interval_joint : (float, float) or None
-        Interval of Cpk that covers at least as often as stated, wherever the mean lies between the limits; with one
+        Interval of Cpk whose coverage is at least the stated one, wherever the mean lies between the limits; with one
         limit the interval of that side.
     z_lsl, z_usl, z_bench : float or None
         Distance to each limit in sigmas, and the normal quantile of the total share out of limits.
     z_bench_interval : (float, float) or None
-        By the same method. The intervals of `z_lsl` and `z_usl` are three times those of `cpl` and `cpu`.
+        Interval by the same method. The intervals of `z_lsl` and `z_usl` are three times those of `cpl` and `cpu`.
     sigma_level : float or None
-        ``z_bench + 1.5``, the customary number of Six Sigma tables, where 3.4 ppm are 6 sigma.
+        ``z_bench + 1.5``, as in Six Sigma tables, where 3.4 ppm is 6 sigma.
     below, above : int or None
         Number of values below the lower and above the upper limit; a value on a limit conforms.
     ppm_observed, ppm_observed_below, ppm_observed_above : float or None
         Counted share out of limits, in parts per million.
     ppm_upper, ppm_upper_below, ppm_upper_above : float or None
-        Clopper-Pearson upper bound of that share; with lots for the number of independent values they are worth.
+        Clopper-Pearson upper bound of that share; with lots, for the effective number of independent values.
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share out of limits of a normal distribution with this mean and sigma.
     ppm_expected_interval : (float, float) or None
-        Of the total, from the interval of `z_bench`; None where skewness or kurtosis prove that the values are not
-        normal.
+        Interval of the total, from the interval of `z_bench`; None where skewness or kurtosis prove that the values are
+        not normal.
     interval_method : str
         "normal theory", "own moments" (of the values) or "production lots"; empty where there are no intervals.
     interval_reason : str
-        Why that method, or why there is none; what limits it.
+        Why this method was chosen, or why there are no intervals; limitations of the method.
     lots : Lots or None
-        The production lots of the values; None where values are independent.
+        The production lots of the values; None if the values are independent.
     within : Within or None
         Indices with the sigma within production batches; None without batches.
     notes : tuple of str
@@ -145,16 +145,16 @@ def capability(
     x : array_like, shape (n,)
         Values of one response; values that are not finite are left out and counted.
     lsl, usl : float, optional
-        Lower and upper specification limit, in the unit of `x`; None where that side is free.
+        Lower and upper specification limit, in the unit of `x`; None for a side without a limit.
     target : float, optional
         Target value, for Cpm.
     confidence : float
         Confidence of the intervals and bounds, between 0 and 1.
     batches : array_like, shape (n,), optional
         Production batch (lot) of each value, as numbers or names, for the sigma within. Values of a batch share a
-        shift, so the intervals rest on the differences between batches.
+        shift, so the intervals are based on the differences between batches.
     lots : array_like, shape (n,), optional
-        Where values of different batches may share a shift too: groups of batches that share none. Default: `batches`.
+        Groups of batches that share no shift, if values of different batches may share one. Default: `batches`.
 
     Returns
     -------
@@ -163,9 +163,9 @@ def capability(
     Raises
     ------
     ReportError
-        A limit or the target is not a finite number; the limits are crossed or equal, or nearer to or farther from each
-        other than doubles can tell; the confidence is not between 0 and 1; the values are not a series of numbers;
-        there are not as many batches or lots as values.
+        If a limit or the target is not a finite number; the limits are crossed, equal, or too close to or too far from
+        each other for doubles; the confidence is not between 0 and 1; the values are not a one-dimensional series of
+        numbers; or the number of batches or lots differs from the number of values.
     """
     lsl, usl, target = (finite_or_none(*given) for given in (("lsl", lsl), ("usl", usl), ("target", target)))
     confidence = real_number("confidence", confidence)
@@ -176,7 +176,7 @@ def capability(
     is_finite = np.isfinite(values)
     finite = values[is_finite]
     lot_of = None if lot_of is None or independent(lot_of[is_finite]) else lot_of[is_finite]
-    with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double: results are None
+    with np.errstate(over="ignore", invalid="ignore"):  # squares may overflow: such results become None
         location = location_and_shape(finite)
         mean, std = location.get("mean"), location.get("std")
         spread = std if std is not None and math.isfinite(std) and std > 0 else None
@@ -219,7 +219,7 @@ def capability(
 
 
 def _representable(value: object) -> bool:
-    """Return whether every number of a result is finite; a result that is not becomes None."""
+    """Return whether every number of a result is finite; a result that is not finite becomes None."""
     numbers = value if isinstance(value, tuple) else (value,)
     return all(number is not None and math.isfinite(number) for number in numbers)
 
@@ -248,7 +248,7 @@ def _expected_interval(bench: Interval | None) -> dict[str, Interval | None]:
 
 
 def _cpm(x: Array, mean: float | None, lsl: float | None, usl: float | None, target: float | None) -> dict[str, float]:
-    """Return Cpm, with divisor n; both limits, and values that differ from the target, are needed."""
+    """Return Cpm with divisor n; it needs both limits, and values that differ from the target."""
     if mean is None or lsl is None or usl is None or target is None or x.size < 2:
         return {}
     around_target = math.sqrt(float(np.mean((x - target) ** 2)))
@@ -258,7 +258,7 @@ def _cpm(x: Array, mean: float | None, lsl: float | None, usl: float | None, tar
 def _observed(
     x: Array, lsl: float | None, usl: float | None, confidence: float, lots: NDArray[np.generic] | None
 ) -> dict[str, float | int | None]:
-    """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
+    """Return counts out of limits, their ppm and upper bounds; the total covers the sides with a limit."""
     shares = nonconforming(x, lsl, usl, confidence, lots=lots)
     if shares is None:
         return {}

@@ -1,16 +1,16 @@
-"""Indices around a target that need not be the middle of the limits, nor have two of them.
+"""Indices around a target that need not be the middle of the limits; one limit is enough.
 
-All divide by ``tau``, the root of the mean square around the target T: ``tau^2 = mean((x - T)^2)``, divisor n.
+All are divided by ``tau``, the root mean square around the target T: ``tau^2 = mean((x - T)^2)``, divisor n.
 
-- Cpm* is ``min(USL - T, T - LSL) / (3 tau)`` (Chan, Cheng, Spiring 1988): the nearer limit counts, so that it is Cpm
-  where the target is the middle, and smaller elsewhere. With one limit it is the index of that side, as in Minitab.
-- Cpmk is ``min(USL - m, m - LSL) / (3 tau)`` (Pearn, Kotz, Johnson 1992), also named Cpkm; with one limit that of its
-  side, ``C_pa(0, 1)`` of Vännman (1998). With two limits it is ``Cpk Cpm / Cp``.
+- Cpm* is ``min(USL - T, T - LSL) / (3 tau)`` (Chan, Cheng, Spiring 1988): the nearer limit counts, so Cpm* equals Cpm
+  if the target is the middle, and is smaller otherwise. With one limit it is the index of that side, as in Minitab.
+- Cpmk is ``min(USL - m, m - LSL) / (3 tau)`` (Pearn, Kotz, Johnson 1992), also named Cpkm; with one limit it is the
+  index of that side, ``C_pa(0, 1)`` of Vännman (1998). With two limits it is ``Cpk Cpm / Cp``.
 
 The interval of Cpm* is that of Cpm with limits as far from the target as the nearer limit
-(`reporting.capability.interval_choice`). The interval of Cpmk is that of its influence function, with Student's
-quantile for the freedom of that spread. Measured coverage of 95 % intervals of Cpmk at n = 500 and 5,000, target 0 and
-0.7 sigma off, on six shapes: 91 to 97 %; at n = 50 84 to 95 %, so that it is given from 100 values on.
+(`reporting.capability.interval_choice`). The interval of Cpmk follows from its influence function, with Student's
+quantile for the degrees of freedom of its spread. Measured coverage of 95 % intervals of Cpmk at n = 500 and 5,000,
+target 0 and 0.7 sigma off, for six shapes: 91 to 97 %; at n = 50: 84 to 95 %, so it is given for 100 values or more.
 """
 
 import math
@@ -27,8 +27,8 @@ from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, describe_lots, independent, lot_error
 from reporting.capability.moments import ROUNDING, location_and_shape
 
-FEWEST_FOR_CPMK = 100  # and 20 lots' worth: with 5 lots a 95 % interval holds in 87 %
-# A fourth moment at its lower bound would make a variance certain; values that few do not prove it.
+FEWEST_FOR_CPMK = 100  # and 20 effective lots: with 5 lots a 95 % interval covers 87 %
+# Floor of the spread of squares: at its lower bound 0 a variance would be exact, which a few values cannot prove.
 _LEAST_SPREAD = 0.2
 _LEAST_FREEDOM = 2.0
 
@@ -40,10 +40,10 @@ class TargetIndices:
     Attributes
     ----------
     tau : float
-        Root of the mean square around the target, in the unit of the response.
+        Root mean square around the target, in the unit of the response.
     cpm_star, cpmk : float
     cpm_star_interval, cpmk_interval : (float, float) or None
-        None where intervals are withheld, for Cpmk also below 100 values.
+        Intervals; None where they are withheld, for Cpmk also below 100 values.
     """
 
     tau: float
@@ -70,14 +70,14 @@ def target_indices(
     lsl, usl, target : float or None
         Limits and target; one limit is enough.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     lots : array, shape (n,), optional
         Production lot of each value; by default all values are independent.
     """
     if target is None or x.size < 2 or (lsl is None and usl is None):
         return None
     room = distance_to_limit(target, lsl, usl)
-    with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double overflow
         mean, tau = float(np.mean(x)), math.sqrt(float(np.mean((x - target) ** 2)))
     if room <= 0 or not ROUNDING * max(abs(target), float(np.max(np.abs(x)))) < tau < math.inf:
         return None
@@ -101,12 +101,12 @@ def target_indices(
 
 
 def _finite(interval: Interval | None) -> Interval | None:
-    """Return an interval whose ends are numbers; None if one is not."""
+    """Return an interval with finite ends; None if an end is not finite."""
     return interval if interval is not None and all(map(math.isfinite, interval)) else None
 
 
 def _half_width(influence: Array, lots: NDArray[np.generic] | None, confidence: float) -> float:
-    """Return half the interval of an index with this influence function."""
+    """Return half the width of the interval of an index with this influence function."""
     n = influence.size
     error, freedom = lot_error(influence, np.full(n, 1 / n), lots)
     spread = float(np.mean(influence**4)) / float(np.mean(influence**2)) ** 2 - 1

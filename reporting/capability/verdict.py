@@ -1,16 +1,15 @@
-"""From an index to a word: capable, marginal, not capable. A verdict is a promise, so every estimate may object.
+"""Verdict on a response from its indices: capable, marginal or not capable. Every estimate can make it worse.
 
-Cpk decides. Another estimate overrules it where its whole interval lies in a worse class: rejects that were counted
-are a fact, whatever a normal distribution expects. Where values are proven not to be normal, an estimate without the
-normal distribution decides if it is worse. An estimate that the count itself refutes has no say. A verdict is
-*certain* if the interval of Cpk lies in one class, no estimate speaks for a worse one, none proves a better one, and
-the count does not exclude the share that the index implies. So the verdict is never better than what Cpk says, and
-never certain where methods disagree. Cpk stands for a share only if the tails are normal as far out as the limits,
-which few values cannot show: so an estimate that does without the normal distribution must exclude every worse class
-with its whole interval.
+Cpk decides. Another estimate overrules it if its whole interval lies in a worse class: counted rejects are a fact,
+whatever a normal distribution predicts. If the values are proven not to be normal, an estimate without the normal
+distribution decides if it is worse. An estimate that the count refutes is ignored. A verdict is *certain* if the
+interval of Cpk lies in one class, no estimate indicates a worse class, none proves a better one, and the count does not
+exclude the share that the index implies. So the verdict is never better than the class of Cpk, and never certain if
+methods disagree. Cpk implies a share only if the tails are normal as far as the limits, which few values cannot show:
+therefore the whole interval of an estimate without the normal distribution must also exclude every worse class.
 
-A failed sample has no value, and may be a reject. Too many of them leave no verdict at all; fewer take its certainty
-where as many rejects would prove a worse class.
+A failed sample has no value and may be a reject. With too many of them there is no verdict at all; with fewer the
+verdict is not certain if as many rejects would prove a worse class.
 """
 
 import math
@@ -26,7 +25,7 @@ from reporting.format_numbers import grouped, index, ppm, significant
 # A response is capable from the first Cpk on and marginal from the second on (AIAG; Montgomery, Introduction to
 # Statistical Quality Control).
 CAPABLE, MARGINAL = 1.33, 1.00
-# Of normal responses with one limit and Cpk 1.00, 30 values call 4 % capable, 20 values 8 %, two values 54 %.
+# Share of normal responses with one limit and Cpk 1.00 called capable: 4 % with 30 values, 8 % with 20, 54 % with two.
 FEWEST_FOR_A_VERDICT = 30
 NO_PRODUCTION = "The samples do not represent production."
 _BEST_FIRST = ("capable", "marginal", "not capable")
@@ -34,15 +33,15 @@ _BEST_FIRST = ("capable", "marginal", "not capable")
 
 @dataclass(frozen=True)
 class IndexEstimate:
-    """What one method says of a response, in the scale of Cpk.
+    """Estimate of one method for a response, on the scale of Cpk.
 
     Attributes
     ----------
     by : str
-        The method in a word or two.
+        Name of the method in a word or two.
     low, value, high : float
-        Interval and estimate. A share of rejects counts as the Cpk of a normal response with this share beyond its
-        worse limit; it is infinite where there are none.
+        Interval and estimate. A share of rejects is converted to the Cpk of a normal response with this share beyond
+        its worse limit; infinite without rejects.
     words : str
         The estimate in words, with its numbers, as the subject of a sentence.
     """
@@ -56,7 +55,7 @@ class IndexEstimate:
 
 @dataclass(frozen=True)
 class CapabilityVerdict:
-    """A word on a response, and what it rests on.
+    """The verdict on a response and its basis.
 
     Attributes
     ----------
@@ -96,14 +95,14 @@ def verdict(
     counted : Nonconforming or None
         Its counted rejects.
     others : iterable of IndexEstimate
-        Further estimates that are worth believing.
+        Further estimates that are trustworthy.
     production : bool
-        The samples represent production.
+        Whether the samples represent production.
     normal : bool
-        The values are not proven to be other than normal. If they are, an estimate without the normal distribution
-        decides where it is worse than Cpk.
+        Whether the values may be normal. If they are proven not to be, an estimate without the normal distribution
+        decides if it is worse than Cpk.
     withheld : str
-        Why no response of the campaign gets a verdict, in a sentence; empty if they may.
+        Sentence that says why no response of the campaign gets a verdict; empty if they may get one.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")
@@ -151,7 +150,7 @@ def _without_interval(cpk: float, reason: str, counted: Nonconforming | None) ->
 
 
 def _on_constant(capability: Capability, counted: Nonconforming | None) -> CapabilityVerdict:
-    """Return the verdict on values that are all equal: they keep the limits, or each of them is a reject."""
+    """Return the verdict on values that are all equal: all keep the limits, or all are rejects."""
     value = significant(capability.mean, 6)
     if capability.ppm_observed:
         return CapabilityVerdict("not capable", True, "count", (f"Every value is {value}, out of limits.",))
@@ -165,12 +164,12 @@ def class_of(cpk: float) -> str:
 
 
 def index_of_share(share: float) -> float:
-    """Return the Cpk of a normal response with this many ppm beyond its worse limit; infinite for none."""
+    """Return the Cpk of a normal response with `share` ppm beyond its worse limit; infinite for 0 ppm."""
     return -float(ndtri(min(share, PPM) / PPM)) / 3
 
 
 def changed_by_failures(counted: Nonconforming | None, word: str) -> list[str]:
-    """Return a sentence if the failed samples, were they rejects, would prove a worse class than `word`."""
+    """Return a sentence if the failed samples, counted as rejects, would prove a worse class than `word`."""
     if counted is None or word == _BEST_FIRST[-1]:
         return []
     failed, worse = counted.with_failures.count - counted.total.count, counted.worse_with_failures
@@ -200,9 +199,9 @@ def _missing(capability: Capability, withheld: str) -> str:
 
 
 def _by_count(counted: Nonconforming) -> IndexEstimate:
-    """Return what the count says: the worse side, by its exact interval.
+    """Return the estimate from the counted rejects: the worse side with its exact interval.
 
-    The value is the better end of the interval: one reject among 30,000 speaks neither for nor against 33 ppm.
+    The value is the better end of the interval: one reject among 30,000 is no evidence for or against 33 ppm.
     """
     sides = [side for side in (counted.below, counted.above) if side is not None]
     low = min(index_of_share(side.interval[1]) for side in sides)
@@ -211,7 +210,7 @@ def _by_count(counted: Nonconforming) -> IndexEstimate:
 
 
 def _with_count(counted: Nonconforming | None, others: Iterable[IndexEstimate]) -> list[IndexEstimate]:
-    """Return the count and the estimates that it does not refute."""
+    """Return the estimate from the count, and the estimates that it does not refute."""
     if counted is None:
         return list(others)
     count = _by_count(counted)
@@ -219,7 +218,7 @@ def _with_count(counted: Nonconforming | None, others: Iterable[IndexEstimate]) 
 
 
 def _without_normal(further: list[IndexEstimate]) -> IndexEstimate | None:
-    """Return the estimate that counts where values are not normal: of the best method that there is, the worst."""
+    """Return the estimate that decides if the values are not normal: the worst one of the best available method."""
     for method in ("fitted distribution", "tail", "percentiles"):
         found = [estimate for estimate in further if estimate.by == method]
         if found:
@@ -248,7 +247,7 @@ def _undecided(estimate: IndexEstimate, word: str) -> list[str]:
 
 
 def _objects(estimate: IndexEstimate, word: str) -> bool:
-    """Return whether an estimate speaks for a worse class, or its whole interval lies in a better one."""
+    """Return whether an estimate indicates a worse class, or its whole interval lies in a better one."""
     return _worse(class_of(estimate.value), word) or _worse(word, class_of(estimate.low))
 
 
@@ -260,9 +259,9 @@ def _objection(estimate: IndexEstimate, word: str) -> str:
 
 
 def _unsupported(further: list[IndexEstimate], word: str) -> list[str]:
-    """Return a sentence if no estimate without the normal distribution excludes the classes that are worse.
+    """Return a sentence if no estimate without the normal distribution excludes the worse classes.
 
-    The values' own percentiles do not: they say nothing of the shares beyond them.
+    The percentiles of the values do not count: they say nothing about the shares beyond them.
     """
     shares = (estimate for estimate in further if estimate.by != "percentiles")
     best = max(shares, key=lambda estimate: estimate.low, default=None)

@@ -1,7 +1,7 @@
 """Sigma within production batches, and the indices that use it.
 
-Parts of one production batch resemble each other. The sigma within batches says what the process could do if its
-batches agreed; the overall sigma says what it does.
+Parts of one production batch resemble each other. The sigma within batches describes what the process could achieve if
+its batches agreed; the overall sigma describes what it achieves.
 """
 
 import math
@@ -26,19 +26,20 @@ class Within:
     Attributes
     ----------
     batches : int
-        Production batches with a finite value.
+        Number of production batches with a finite value.
     nu : int
-        Degrees of freedom of sigma: number of values less number of batches.
+        Degrees of freedom of sigma: number of values minus number of batches.
     std : float
         Pooled sigma ``sqrt(sum (n_i - 1) s_i^2 / nu)``, in the unit of the values, without a c4 factor.
     std_between : float or None
-        Sigma of the batch means beyond what the sigma within explains (one-way analysis of variance, at least 0);
+        Sigma of the batch means in excess of the sigma within (one-way analysis of variance, at least 0);
         None with one batch.
     cp, cpk, cpl, cpu, z_bench : float or None
         Indices around the overall mean; None where a limit is missing.
     cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        With nu degrees of freedom, or fewer where the values within batches are not normal or the variances of batches
-        differ; for the mean of these batches: a potential index leaves out how the mean of other batches would differ.
+        Intervals with nu degrees of freedom, or fewer if the values within batches are not normal or the variances of
+        batches differ. They are valid for the mean of these batches: a potential index ignores how the mean of other
+        batches would differ.
     ppm_expected : float or None
         Share out of limits of a normal distribution with this sigma.
     """
@@ -73,7 +74,7 @@ def within(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
     n = int(x.size)
     if n < 2:

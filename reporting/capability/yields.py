@@ -16,11 +16,11 @@ class Yield:
     Attributes
     ----------
     finished, conforming : int
-        Number of samples done, and of those that ended ok within the limits.
+        Number of finished samples, and of ok samples within the limits.
     share, lower : float
         Conforming share, and its one-sided Clopper-Pearson lower bound.
     cpk : float or None
-        Cpk if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
+        Cpk as if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
         share f. Equal to Cpk without failures.
     """
 

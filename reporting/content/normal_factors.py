@@ -1,7 +1,7 @@
-"""Exact factors k of normal tolerance intervals: ``mean - k s`` and ``mean + k s`` contain a share of the production.
+"""Exact factors k of normal tolerance intervals: ``mean -+ k s`` contains a share of the production.
 
 One-sided: ``sqrt(n) k`` is a quantile of the noncentral t distribution with noncentrality ``sqrt(n) z_P`` (Hahn and
-Meeker 1991). Two-sided: the content of ``mean -+ k s`` is at least P where s is at least ``r(x) / k``, with x the error
+Meeker 1991). Two-sided: the content of ``mean -+ k s`` is at least P if s is at least ``r(x) / k``, with x the error
 of the mean in sigmas and ``Phi(x + r) - Phi(x - r) = P``; the probability of that is one integral over x (Odeh and Owen
 1980; Eberhardt, Mee, Reeve 1989; ISO 16269-6, annex F). No approximation is used.
 """
@@ -16,7 +16,7 @@ from scipy.special import chdtrc, ndtr, ndtri
 from reporting.arrays import Array
 from reporting.capability.noncentral import noncentral_t_cdf
 
-# Beyond this many standard errors of the mean nothing is left of its distribution; Gauss-Legendre points up to there.
+# Standard errors of the mean beyond which its distribution is negligible; number of Gauss-Legendre points up to there.
 _REACH, _POINTS = 8.5, 160
 _PRECISION = 1e-12
 
@@ -28,11 +28,11 @@ def one_sided_factor(n: float, content: float, confidence: float, nu: float | No
     Parameters
     ----------
     n : float
-        Number of independent values that determine the mean as well.
+        Number of independent values that determine the mean equally well.
     content : float
         Share of production, from 0.5 to below 1.
     confidence : float
-        From 0.5 to below 1.
+        Confidence, from 0.5 to below 1.
     nu : float, optional
         Degrees of freedom of s; ``n - 1`` by default.
     """
@@ -47,18 +47,18 @@ def two_sided_factor(n: float, content: float, confidence: float, nu: float | No
     Parameters
     ----------
     n : float
-        Number of independent values that determine the mean as well.
+        Number of independent values that determine the mean equally well.
     content : float
         Share of production, above 0 and below 1.
     confidence : float
-        Above 0 and below 1.
+        Confidence, above 0 and below 1.
     nu : float, optional
         Degrees of freedom of s; ``n - 1`` by default.
     """
     freedom = n - 1 if nu is None else nu
     points, weights = _gauss()
     z = _REACH * (points + 1) / 2
-    density = _REACH * weights * np.exp(-z * z / 2) / math.sqrt(2 * math.pi)  # of both signs of the error
+    density = _REACH * weights * np.exp(-z * z / 2) / math.sqrt(2 * math.pi)  # for both signs of the error
     square = freedom * _half_widths(z / math.sqrt(n), content) ** 2
     return _root(lambda k: float(density @ chdtrc(freedom, square / k**2)) - confidence, 2.0)
 
@@ -71,7 +71,7 @@ def _gauss() -> tuple[Array, Array]:
 
 
 def _half_widths(x: Array, content: float) -> Array:
-    """Return r with ``Phi(x + r) - Phi(x - r) = content``, by bisection, from the tails: they keep their digits."""
+    """Return r with ``Phi(x + r) - Phi(x - r) = content``, by bisection on the tails, which keep their digits."""
     low: Array = np.full(x.size, float(ndtri((1 + content) / 2)))
     high: Array = x + low
     for _ in range(60):
@@ -82,8 +82,8 @@ def _half_widths(x: Array, content: float) -> Array:
 
 
 def _root(rising: Callable[[float], float], start: float) -> float:
-    """Return where a rising function of a positive number is zero."""
-    from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
+    """Return the zero of an increasing function of a positive number."""
+    from scipy.optimize import brentq  # takes 0.4 s, which `import reporting` avoids
 
     low = high = start
     while rising(low) > 0:

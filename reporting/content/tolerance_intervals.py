@@ -1,8 +1,8 @@
-"""Tolerance intervals of one response: what contains 95 %, 99 % and 99.73 % of the production, with a confidence.
+"""Tolerance intervals of one response: limits that contain 95 %, 99 % and 99.73 % of production with a confidence.
 
-A confidence interval says where a mean or an index lies; a tolerance interval says where the parts lie. The normal ones
-are the narrower, and hold for normal values only; those from ordered values hold for every distribution, but take more
-runs. Where the values do not look normal, or are too few to tell, the normal ones are withheld.
+A confidence interval says where a mean or an index lies; a tolerance interval says where the parts lie. Normal
+intervals are narrower, but valid for normal values only; intervals from ordered values are valid for any distribution,
+but need more runs. If the values do not look normal, or are too few to decide, the normal intervals are withheld.
 """
 
 import math
@@ -26,11 +26,11 @@ from reporting.shape.normality import FEWEST_FOR_WORDS, Normality
 
 # The last is the share within three sigma of a normal distribution.
 CONTENTS = (0.95, 0.99, 0.9973)
-# From here on at most 1 in 20 samples of gamma(16), t5 or uniform values pass for normal; of 50 values up to 9 in 10.
+# With this many gamma(16), t5 or uniform values at most 1 in 20 samples pass as normal; with 50 values up to 9 in 10.
 _ENOUGH_TO_TELL = 500
-# With fewer lots, as different between as within, normal intervals hold their share in 80 to 92 % only.
+# With fewer lots and equal sigma between and within them, normal intervals contain their share in only 80 to 92 %.
 _LOTS_FOR_NORMAL = 50
-# With a smaller p-value of Anderson's and Darling's test the values are not taken for normal.
+# Values with a smaller p-value of the test of Anderson and Darling are not treated as normal.
 _LEAST_P = 0.05
 
 
@@ -43,15 +43,15 @@ class ContentClaim:
     content : float
         Share of the production.
     normal : (float, float) or None
-        Two-sided interval of normal values.
+        Two-sided interval for normal values.
     normal_lower, normal_upper : float or None
-        One-sided limits of normal values: at least the share lies above the one, below the other.
+        One-sided limits for normal values: at least the share lies above `normal_lower`, or below `normal_upper`.
     free : (float, float) or None
         Two-sided interval for any distribution; None with too few values.
     free_lower, free_upper : float or None
         One-sided limits for any distribution.
     runs_one_sided, runs_two_sided : int
-        Fewest independent runs from which the limits for any distribution follow.
+        Smallest number of independent runs that suffices for the limits for any distribution.
     """
 
     content: float
@@ -72,11 +72,11 @@ class ToleranceIntervals:
     Attributes
     ----------
     confidence : float
-        With which each interval, taken alone, contains its share.
+        Confidence with which each single interval contains its share.
     claims : tuple of ContentClaim
-        One for each share, the smallest first.
+        One claim for each share, the smallest share first.
     note : str
-        What the normal ones rest on, or why they are withheld; with few production lots, why all are.
+        Basis of the normal intervals, or why they are withheld; with few production lots, why all are withheld.
     """
 
     confidence: float
@@ -86,9 +86,9 @@ class ToleranceIntervals:
 
 @dataclass(frozen=True)
 class _Worth:
-    """What values determine: a mean as well as n independent ones, a sigma with nu degrees of freedom, and shares.
+    """Information in the values: effective number n for the mean, degrees of freedom nu of sigma, effect for shares.
 
-    `effect` returns how many values tell as much of a marked share as an independent one.
+    `effect` returns how many values determine the share of marked values as well as one independent value.
     """
 
     mean: float
@@ -108,15 +108,15 @@ def tolerance_intervals(
     x : array, shape (n,)
         Finite values.
     shape : Normality
-        How far they are from normal.
+        Tests of the values for normality.
     confidence : float
         From 0.5 to below 1.
     lots : array, shape (n,), optional
-        Production lot of each value; by default all values are independent. With lots the normal intervals rest on the
-        mean squares between and within lots (Satterthwaite 1946), the others on the number of independent values that
-        tell as much of the share beyond (Korn and Graubard 1998).
+        Production lot of each value; by default all values are independent. With lots the normal intervals use the
+        mean squares between and within lots (Satterthwaite 1946), the others the effective number of independent
+        values for the share beyond (Korn and Graubard 1998).
     """
-    # Squares of values near the largest or smallest double: such values are never taken for normal, or have no shape.
+    # Squares may overflow or underflow: such values are never treated as normal, or have no shape.
     with np.errstate(over="ignore", invalid="ignore"):
         return _tolerance_intervals(x, shape, confidence, lots)
 
@@ -147,13 +147,13 @@ def _tolerance_intervals(
 
 
 def _of_values(x: Array) -> _Worth:
-    """Return what independent values determine."""
+    """Return the information in independent values."""
     mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
     return _Worth(mean, std, x.size, x.size - 1, lambda _: 1.0)
 
 
 def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: float) -> _Worth:
-    """Return what values in production lots determine."""
+    """Return the information in values of production lots."""
     mean = float(np.mean(x))
     parts = variance_components(x - mean, lots)
     between, within = (parts.between or 0.0) / parts.size, (1 - 1 / parts.size) * (parts.within or 0.0)
@@ -192,12 +192,12 @@ def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal
 
 
 def _withheld(why: str, confidence: float) -> ToleranceIntervals:
-    """Return no intervals, and why."""
+    """Return a result without intervals, and why they are withheld."""
     return ToleranceIntervals(confidence, tuple(_without(content, confidence) for content in CONTENTS), why)
 
 
 def _without(content: float, confidence: float) -> ContentClaim:
-    """Return a share without limits, and the runs that they would take."""
+    """Return a claim without limits, and the number of runs that they would require."""
     return ContentClaim(
         content=content,
         normal=None,
@@ -212,7 +212,7 @@ def _without(content: float, confidence: float) -> ContentClaim:
 
 
 def _refused(n: int, shape: Normality) -> str:
-    """Return why no normal interval is given; nothing if the values do not speak against a normal distribution."""
+    """Return why no normal interval is given; empty if the values are compatible with a normal distribution."""
     p = shape.anderson_darling_p
     if n < FEWEST_FOR_WORDS or p is None:
         return f"No normal intervals: {n} values are too few to test for normality; {FEWEST_FOR_WORDS} are needed."
@@ -223,7 +223,7 @@ def _refused(n: int, shape: Normality) -> str:
 
 
 def _caution(n: int) -> str:
-    """Return what the normal intervals rest on."""
+    """Return the basis of the normal intervals."""
     text = "The normal intervals assume a normal distribution, which these values do not contradict."
     if n < _ENOUGH_TO_TELL:
         text += (

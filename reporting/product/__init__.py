@@ -1,1 +1,1 @@
-"""Yield of the whole product: all limits kept together, and what costs it."""
+"""Yield of the whole product (all limits kept together), and the causes of its loss."""

@@ -1,10 +1,10 @@
-"""Which response costs the yield of the product: Shapley's attribution of the rejects, and the marginal gain.
+"""Yield loss of the product by response: Shapley's attribution of the rejects, and the marginal gain.
 
 The rejects of a set of responses are the samples that break a limit of at least one of them. Shapley's (1953) value
-of that game shares each reject equally among the responses that it breaks: a reject that breaks three limits counts a
-third for each. It needs neither an enumeration of sets nor random orders, however many responses there are, because
-the game is a sum of one game per reject in which those responses are interchangeable and the others contribute
-nothing. What Shapley gives to the responses adds up to the reject share.
+of that game shares each reject equally among the responses whose limits it breaks: a reject that breaks the limits of
+three responses counts a third for each. Neither sets nor random orders must be enumerated, however many responses there
+are, because the game is a sum of one game per reject, in which those responses are interchangeable and the others
+contribute nothing. The Shapley values of the responses add up to the reject share.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from reporting.capability.shares import weighted_share_interval
 
 @dataclass(frozen=True)
 class ResponseLoss:
-    """What one response costs of the yield of the product.
+    """Yield loss that one response causes.
 
     Attributes
     ----------
@@ -28,17 +28,17 @@ class ResponseLoss:
     rejects : int
         Number of samples that break a limit of this response.
     only : int
-        Number of those that keep the limits of all other responses: the marginal gain if this one never failed.
+        Number of those samples that keep all other limits: the marginal gain if this response never failed.
     share : float
-        Shapley's part of the reject share, as a share of all samples.
+        Shapley value: part of the reject share, as a share of all samples.
     share_interval : (float, float)
-        By Fay and Feuer (1997).
+        Interval by Fay and Feuer (1997).
     part : float or None
-        The same as a part of the rejects; None without a reject.
+        Shapley value as a share of the rejects; None without a reject.
     yield_without : float
         Yield of the product if this response never failed.
     yield_without_interval : (float, float)
-        By Clopper and Pearson.
+        Interval by Clopper and Pearson.
     """
 
     response: str
@@ -57,18 +57,18 @@ def response_losses(
     effects: Mapping[str, float] = MappingProxyType({}),
     effect: float = 1.0,
 ) -> tuple[ResponseLoss, ...]:
-    """Return what each response costs of the yield, the most expensive first.
+    """Return the yield loss of each response, the largest first.
 
     Parameters
     ----------
     failed : dict of str to array of bool, each of shape (n,)
         Whether each sample breaks a limit of the response; n above 0.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     effects : mapping of str to float
-        How many samples tell as much of a response's rejects as an independent one; 1 where it is not named.
+        Design effect for the rejects of each response: samples per independent sample; 1 for responses not named.
     effect : float
-        The same of the product's rejects.
+        Design effect for the rejects of the product.
     """
     matrix = np.array(list(failed.values()))
     broken = np.count_nonzero(matrix, axis=0)

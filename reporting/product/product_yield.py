@@ -16,7 +16,7 @@ from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
 from reporting.spec import ReportSpec, ResponseSpec
 
-# Below this probability independent responses do not explain in how many samples several of them fail.
+# Below this probability independence of the responses does not explain how often several fail together.
 _CHANCE = 0.05
 
 
@@ -27,14 +27,14 @@ class CountedYield:
     Attributes
     ----------
     conforming, n : int
-        Number of samples that keep every limit, and of samples.
+        Number of samples that keep every limit, and of all samples.
     share : float
     interval : (float, float)
         Two-sided.
     lower : float
         One-sided lower bound.
     worth : float
-        Number of independent samples that tell as much; n without production lots.
+        Effective number of independent samples; n without production lots.
     """
 
     conforming: int
@@ -47,25 +47,25 @@ class CountedYield:
 
 @dataclass(frozen=True)
 class ProductYield:
-    """Yield of the whole product, rolled throughput yield beside it, and which response costs it.
+    """Yield of the whole product, the rolled throughput yield, and the loss by response and variable.
 
     Attributes
     ----------
     responses : tuple of str
-        Responses with limits; the product conforms where all of them do.
+        Responses with limits; the product conforms if all of them do.
     counted : CountedYield or None
-        Over the ok samples with a value of each of these responses; None without such a sample.
+        Yield of the ok samples with a value of each of these responses; None without such a sample.
     with_failures : CountedYield
-        Over all finished samples; failed ones, and those without a value, count as rejects.
+        Yield of all finished samples; failed ones, and those without a value, count as rejects.
     rolled : float or None
-        Rolled throughput yield: the product of the single yields. It is the yield of the product if the responses
+        Rolled throughput yield: the product of the yields of the responses. It is the yield of the product if they
         fail independently.
     dependence : str
-        What the difference between the yield and the rolled one says, in one sentence; empty with one response.
+        Interpretation of the difference between yield and rolled yield in one sentence; empty with one response.
     losses : tuple of ResponseLoss
-        What each response costs, the most expensive first.
+        Loss of each response, the largest first.
     by_variable : RejectAttribution or None
-        What each variable costs; None without variables or samples.
+        Attribution of the rejects to variables; None without variables or samples.
     """
 
     responses: tuple[str, ...]
@@ -87,7 +87,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
     spec : ReportSpec
         Limits.
     confidence : float
-        Of the two-sided intervals and of the one-sided bounds.
+        Confidence of the two-sided intervals and the one-sided bounds.
     """
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size
@@ -116,10 +116,10 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
 
 
 def count_yield(conforming: int, n: int, confidence: float, effect: float = 1.0) -> CountedYield:
-    """Return the yield of a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0.
+    """Return the yield from a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0.
 
-    With production lots the count is taken for that of the ``n / effect`` independent samples that tell as much (Korn
-    and Graubard 1998).
+    With production lots, n is replaced by the effective number of independent samples ``n / effect`` (Korn and Graubard
+    1998).
     """
     return CountedYield(
         conforming=conforming,
@@ -138,9 +138,9 @@ def _effects(
     values: Mapping[str, Array],
     confidence: float,
 ) -> tuple[float, dict[str, float]]:
-    """Return how many samples tell as much as an independent one: of the product's yield, and of each response's.
+    """Return the design effects (samples per independent sample) for the yield of the product and of each response.
 
-    The product has no intraclass correlation of its own: the largest of its responses counts.
+    The product has no intraclass correlation of its own: the largest one of its responses is used.
     """
     if lots is None or rejected.size == 0:
         return 1.0, {}
@@ -159,18 +159,19 @@ def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
 
 
 def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: bool = True) -> str:
-    """Return whether the responses fail together, in words; nothing with one response or without samples.
+    """Return whether the responses fail together, in words; empty with one response or without samples.
 
-    Counted are the failures of responses in samples that another response has rejected already. If the responses are
-    independent and rejects are rare, that count is close to a Poisson one around its expectation; with many rejects
-    it varies less, and the words are careful.
+    The function counts failures of responses in samples that another response has already rejected. If the responses
+    are independent and rejects are rare, this count is approximately Poisson around its expectation; with many rejects
+    it varies less, so the result is conservative.
 
     Parameters
     ----------
     failed : dict of str to array of bool, each of shape (n,)
         Whether each sample breaks a limit of the response.
     independent_samples : bool
-        Whether the samples are; those of a production lot fail together, whatever their responses do.
+        Whether the samples are independent; samples of a production lot fail together even if the responses are not
+        related.
     """
     matrix = np.array(list(failed.values()))
     if len(failed) < 2 or matrix.size == 0:

@@ -1,1 +1,1 @@
-"""Rare rejects: shares of some ppm, from the weighted runs of importance sampling."""
+"""Rare rejects: shares of a few ppm, from the weighted runs of importance sampling."""

@@ -1,11 +1,11 @@
-"""Where importance sampling should aim: centres of the rejects, from the runs of another campaign.
+"""Targets of importance sampling: the centres of the rejects, from the runs of another campaign.
 
-The centre of the rejects that production would make, E[z | reject], is the best one for a normal component of unit
-spread (cross-entropy method: R. Rubinstein, D. Kroese, 2004). Where the campaign has rejects enough, they and their
-weights say where it is; where few weights dominate, a power of all is taken, whose values lie nearer to each other.
-Else a quadratic model of the response, fitted to all runs, stands in for the mechanism: imagined runs are drawn from
-widened scores, each with the model's value and one of its residuals, and their rejects are taken. Rejects that lie in
-different directions get a component each.
+The best centre of a normal component of unit spread is the centre of the rejects in production, E[z | reject]
+(cross-entropy method: R. Rubinstein, D. Kroese, 2004). If the campaign has enough rejects, it is estimated from them
+and their weights; if a few weights dominate, all are raised to a power below 1, which brings them closer together.
+Otherwise a quadratic model of the response, fitted to all runs, replaces the mechanism: simulated runs are drawn from
+widened scores, each with the value of the model plus one of its residuals, and their rejects are used. Rejects in
+different directions get one component each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,14 @@ from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.rare.directions import Parts, directions
 
-FEWEST = 10  # rejects, to take their centre
-EVEN = 30  # rejects in effect, or half of all: less, and weights are brought nearer to each other
-OFTEN = 0.01  # of production: plain runs find such rejects, so nothing need aim there
-NEVER = 1e-13  # of production: nothing need aim there either
-AIMED, WIDE = 0.8, 0.1  # share of the runs that aim, and that find what they do not aim at
+FEWEST = 10  # rejects needed to estimate their centre
+EVEN = 30  # effective rejects (or half of all) below which weights are raised to a power
+OFTEN = 0.01  # of production: plain runs find such rejects, so no component aims there
+NEVER = 1e-13  # of production: no component aims there either
+AIMED, WIDE = 0.8, 0.1  # shares of the runs of aimed components, and of the wide one for other rejects
 WIDE_SCALE = 2.0
-SAME = 0.5  # standard scores: nearer centres become one
-IMAGINED = 200_000  # runs of the quadratic model, in pieces
+SAME = 0.5  # standard scores: centres closer than this are merged
+IMAGINED = 200_000  # simulated runs of the quadratic model, drawn in pieces
 _PIECE = 20_000
 _LARGEST = 8.0  # standard scores of a centre
 _DECIMALS = 2  # of a centre
@@ -32,18 +32,18 @@ _DECIMALS = 2  # of a centre
 
 @dataclass(frozen=True)
 class Aim:
-    """A component to be drawn.
+    """A component of importance sampling.
 
     Attributes
     ----------
     share : float
-        Of all runs.
+        Share of all runs.
     scale : float
         Standard deviation of the scores.
     centre : tuple of float
         Standard score of each variable.
     source : str
-        What it aims at, and what says so.
+        Target of the component, and the evidence for it.
     """
 
     share: float
@@ -54,18 +54,18 @@ class Aim:
 
 @dataclass(frozen=True)
 class Target:
-    """Rejects beyond one limit, as they are expected.
+    """Expected rejects beyond one limit.
 
     Attributes
     ----------
     name : str
         The limit in words.
     ppm : float
-        Rough share of production beyond it [ppm].
+        Approximate share of production beyond it [ppm].
     by : str
-        What says so: counted rejects, or the model.
+        Source of the estimate: counted rejects, or the model.
     centres : tuple of (tuple of float, float)
-        Centres of its rejects, each with its part of them; empty if nothing need aim there.
+        Centres of the rejects, each with its share of them; empty if no component should aim there.
     """
 
     name: str
@@ -77,18 +77,18 @@ class Target:
 def find_targets(
     z: Array, weights: Array, responses: Mapping[str, Array], limits: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[Target, ...]:
-    """Return where the rejects of each limit are expected.
+    """Return the expected location of the rejects of each limit.
 
     Parameters
     ----------
     z : array, shape (n, d)
-        Standard scores of the variables at each run, independent in production.
+        Standard scores of the variables in each run, independent in production.
     weights : array, shape (n,)
         Weight of each run; 1 for plain runs.
     responses : mapping of str to array, shape (n,)
         Responses by name, NaN where a run has none.
     limits : mapping of str to (float or None, float or None)
-        Lower and upper limit of those responses that are to be looked at.
+        Lower and upper limit of each response to consider.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def find_targets(
 
 
 def aims(targets: Sequence[Target], dimensions: int) -> tuple[Aim, ...]:
-    """Return the components: the targets share the runs that aim equally, and one more is wide."""
+    """Return the components: the aimed runs are divided equally among the targets, and one wide component is added."""
     found = [target for target in targets if target.centres]
     parts = [
         Aim(AIMED * part / len(found), 1.0, centre, f"{t.name}: {t.by}") for t in found for centre, part in t.centres
@@ -140,7 +140,7 @@ def _target(name: str, z: Array, weights: Array, beyond: Array) -> Target:
 
 
 def _tempered(w: Array) -> Array:
-    """Return the largest power of the weights, from 1 to 0, in which enough of them count."""
+    """Return the weights raised to the largest power, from 1 to 0, at which enough of them are effective."""
     powers = (w**power for power in np.linspace(1.0, 0.0, 21))
     return next(v for v in powers if v.sum() ** 2 / (v @ v) >= min(EVEN, 0.5 * w.size))
 
@@ -168,7 +168,7 @@ class _Model:
         self._dimensions = d
 
     def rejects(self) -> tuple[Array, Array, float]:
-        """Return standard scores and weights of imagined rejects, and their share of production."""
+        """Return standard scores and weights of simulated rejects, and their share of production."""
         rng, d = np.random.Generator(np.random.PCG64(0)), self._dimensions
         found, weights = [np.zeros((0, d))], [np.zeros(0)]
         for _ in range(IMAGINED // _PIECE):
@@ -191,12 +191,12 @@ class _Model:
 
 
 def _rounded(centre: tuple[float, ...]) -> tuple[float, ...]:
-    """Return a centre as it is written into a file."""
+    """Return a centre clipped and rounded as written into a file."""
     return tuple((np.round(np.clip(centre, -_LARGEST, _LARGEST), _DECIMALS) + 0.0).tolist())
 
 
 def _merged(parts: Sequence[Aim]) -> tuple[Aim, ...]:
-    """Return the components with those of nearly the same centre as one."""
+    """Return the components; those with nearly the same centre are merged."""
     result: list[Aim] = []
     for part in parts:
         near = next((i for i, other in enumerate(result) if _distance(part, other) < SAME), None)

@@ -1,31 +1,31 @@
-"""Rejects in several directions, as a mixture of normal distributions of one spread: EM, its number of parts by BIC.
+"""Directions of rejects: a mixture of normal distributions with a common spread, fitted by EM; BIC sets their number.
 
 A. Dempster, N. Laird, D. Rubin, "Maximum likelihood from incomplete data via the EM algorithm", 1977; G. Schwarz,
-"Estimating the dimension of a model", 1978, with the effective number of weighted points as that of values.
+"Estimating the dimension of a model", 1978, with the effective number of weighted points as the sample size.
 """
 
 import numpy as np
 
 from reporting.arrays import Array, random_rows
 
-MOST = 12  # directions
+MOST = 12  # largest number of directions
 MOST_POINTS = 2000
 ROUNDS = 40  # of EM: centres need not be exact
-LEAST_VARIANCE = 1.0  # that of the components which draw
-LEAST_PART = 0.02  # of the rejects: less is left to the wide component
+LEAST_VARIANCE = 1.0  # variance of the components that draw the samples
+LEAST_PART = 0.02  # of the rejects: smaller parts are left to the wide component
 
 Parts = tuple[tuple[tuple[float, ...], float], ...]
 
 
 def directions(points: Array, weights: Array) -> Parts:
-    """Return the centre of the points in each direction, and its part of their weight.
+    """Return the centre of the points in each direction, and its share of the total weight.
 
     Parameters
     ----------
     points : array, shape (m, d)
         Standard scores; m above 0.
     weights : array, shape (m,)
-        Above 0.
+        Weights above 0.
     """
     rows = random_rows(weights.size)[:MOST_POINTS]
     x, w = points[rows], weights[rows] / weights[rows].sum()
@@ -47,7 +47,7 @@ def directions(points: Array, weights: Array) -> Parts:
 
 
 def _fitted(x: Array, w: Array, centres: Array, shares: Array) -> tuple[Array, Array, float]:
-    """Return centres and shares after EM from these, and the mean logarithm of the density."""
+    """Return centres and shares after EM from the given ones, and the mean log-density."""
     d, variance, likelihood = x.shape[1], 1.0, -np.inf
     for _ in range(ROUNDS):
         squares = np.sum((x[:, None] - centres) ** 2, axis=2)

@@ -1,9 +1,9 @@
-"""Weights checked against plain Monte Carlo, at a share that both can see.
+"""Check of the weights against plain Monte Carlo, at a share that both can estimate.
 
-Some runs of the campaign are drawn from the distributions themselves. A limit moved inward until a few percent of
-those lie beyond it has a share that they can count; the weighted share of all runs must agree. The difference of the
-two is the mean of I (w - c / a0) over the runs: I whether a run lies beyond, w its weight, c whether it was drawn from
-the distributions, a0 their share. Its expectation is 0 for every limit, and its standard error is known.
+Some runs of the campaign are drawn from the distributions themselves (plain runs). The limit is moved inward until a
+few percent of the plain runs lie beyond it; their counted share must agree with the weighted share of all runs. The
+difference is the mean of I (w - c / a0) over the runs: I is 1 if a run lies beyond, w its weight, c is 1 for a plain
+run, a0 is the share of plain runs. Its expectation is 0 for every limit, and its standard error is known.
 """
 
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from reporting.arrays import Array
 
-SEEN = 0.02  # share of plain runs beyond the moved limit, at least FEWEST_SEEN of them
+SEEN = 0.02  # share of plain runs beyond the moved limit; at least FEWEST_SEEN runs
 FEWEST_SEEN = 20
-CHECK_BAR = 4.0  # standard errors that chance does not reach
+CHECK_BAR = 4.0  # standard errors that are not exceeded by chance
 
 
 @dataclass(frozen=True)
 class PlainCheck:
-    """A share that plain and weighted runs both know.
+    """A share estimated from plain and from weighted runs.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class PlainCheck:
     at : float
         The moved limit, in the response's unit.
     plain, weighted : float
-        Share beyond it: counted among the plain runs, and weighted over all.
+        Share beyond it: counted among the plain runs, and weighted over all runs.
     errors : float
         Their difference in standard errors.
     """
@@ -51,11 +51,11 @@ def plain_check(
     Parameters
     ----------
     response, side : str
-        Which response, and whether beyond is "below" or "above".
+        Name of the response, and the side, "below" or "above".
     y, weights : array, shape (n,)
-        The response, NaN where a run has none, and the weight of each run.
+        The response (NaN where a run has none) and the weight of each run.
     is_plain : array of bool, shape (n,)
-        The run was drawn from the distributions themselves.
+        Whether the run was drawn from the distributions themselves.
     plain_share : float
         Planned share of such runs.
 

@@ -1,4 +1,4 @@
-"""The section Rare rejects: shares of some ppm of every response, and of the whole product."""
+"""The section Rare rejects: shares of a few ppm, for every response and for the whole product."""
 
 from dataclasses import dataclass
 
@@ -22,13 +22,13 @@ class RareResponse:
     ----------
     response : str
     below, above : RareShare or None
-        Beyond the lower and the upper limit; None for a side without a limit.
+        Shares beyond the lower and the upper limit; None for a side without a limit.
     total : RareShare
-        Beyond either.
+        Share beyond either limit.
     index : float or None
-        Index with the share of the worse side, -Phi^-1(share) / 3: 1.33 at 33 ppm; None without a reject.
+        Index from the share of the worse side, -Phi^-1(share) / 3: 1.33 at 33 ppm; None without a reject.
     index_interval : (float, float or None)
-        Its interval; None for an end that no share bounds.
+        Interval of the index; an end without a bound is None.
     """
 
     response: str
@@ -41,28 +41,28 @@ class RareResponse:
 
 @dataclass(frozen=True)
 class RareRejects:
-    """What an importance campaign knows of rare rejects.
+    """The rare rejects of an importance-sampling campaign.
 
     Attributes
     ----------
     runs, plain : int
-        Finished runs, and those drawn from the distributions themselves.
+        Number of finished runs, and of those drawn from the distributions themselves.
     effective : float
-        How many runs of equal weight all runs are worth (Kish).
+        Effective number of runs of equal weight (Kish).
     mean_weight, mean_weight_errors : float
-        Mean weight, and its distance from 1 in standard errors.
+        Mean weight, and its deviation from 1 in standard errors.
     responses : tuple of RareResponse
         Responses with limits.
     together : RareShare or None
-        Beyond any limit of any response; None without limits.
+        Share beyond any limit of any response; None without limits.
     failed : RareShare
-        Runs that failed, or have no value of a response with limits.
+        Share of runs that failed or have no value of a response with limits.
     with_failures : RareShare or None
-        Beyond any limit, or failed; None without limits.
+        Share beyond any limit, or failed; None without limits.
     unseen_ppm : float
-        A region of rejects behind a flat limit that held more would have been met by chance [ppm].
+        Largest region of rejects behind a flat limit that may have been missed [ppm]; runs would have met a larger one.
     checks : tuple of PlainCheck
-        Against plain Monte Carlo.
+        Checks against plain Monte Carlo.
     """
 
     runs: int
@@ -79,7 +79,7 @@ class RareRejects:
 
 
 def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareRejects | None:
-    """Return the rare rejects of an importance campaign; None for other campaigns, or without a finished run."""
+    """Return the rare rejects of an importance-sampling campaign; None for other campaigns or without finished runs."""
     if not spec.proposal or not samples.sample.size:
         return None
     draws, component = _draws(samples, spec, confidence), samples.importance["component"]
@@ -113,7 +113,7 @@ def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareR
 
 
 def rare_estimates(rare: RareRejects | None) -> dict[str, tuple[IndexEstimate, ...]]:
-    """Return what the weighted shares say in the scale of Cpk, by response."""
+    """Return the estimates from the weighted shares on the scale of Cpk, by response."""
     if rare is None:
         return {}
     return {r.response: (IndexEstimate("rare rejects", *_ends(r), _words(r.total)),) for r in rare.responses}
@@ -149,12 +149,12 @@ def _response(name: str, beyond: dict[str, NDArray[np.bool_]], draws: Draws) -> 
 
 
 def _index(share: float) -> float | None:
-    """Return the index of so many ppm beyond one limit; None for none."""
+    """Return the index of a share beyond one limit; None for a share of 0."""
     return index_of_share(share) if share > 0.0 else None
 
 
 def _ends(rare: RareResponse) -> tuple[float, float, float]:
-    """Return low end, value and high end of the index; where only a bound is known, nothing speaks for the value."""
+    """Return low end, value and high end of the index; if only a bound is known, the value is the high end."""
     low, high = rare.index_interval
     best = np.inf if high is None else high
     return low, best if rare.total.doubt or rare.index is None else rare.index, best

@@ -1,15 +1,16 @@
-"""A share of rejects from weighted runs, and how far it can be trusted.
+"""A share of rejects from weighted runs, and its reliability.
 
-The estimate is the sum of the rejects' weights over the number of all runs: without bias, because every weight is the
-known ratio of the density in production to that in the campaign. Its interval has three parts:
+The estimate is the sum of the rejects' weights divided by the number of all runs. It is unbiased, because every weight
+is the known ratio of the density in production to that in the campaign. Its interval has three parts:
 
-- the gamma limits of Fay and Feuer (1997) for the weights that were met,
-- the rejects where no component aims: they were found by chance, and their few weights tell little of their sum. Their
-  number tells more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of production, and
-  Phi(-b / s) of a component that spreads all scores s times as far. The upper end of the interval has the Phi(-b) at
-  which so few would just be believed. A share found nowhere is bounded in the same way,
-- where the weights themselves say that they were met too seldom (few in effect, one that is large beside the sum, or a
-  heavy tail), only this last bound is left.
+- the gamma limits of Fay and Feuer (1997) for the observed weights,
+- a bound for rejects where no component aims: they were found by chance, and their few weights say little about their
+  sum. Their number says more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of
+  production, and the share Phi(-b / s) of a component that spreads all scores s times as far. The upper end of the
+  interval is the Phi(-b) at which this small a number is just plausible. A share without any reject is bounded in the
+  same way,
+- if the weights are insufficient (few effective ones, one that dominates the sum, or a heavy tail), only this last
+  bound is given.
 """
 
 from dataclasses import dataclass
@@ -24,11 +25,11 @@ from reporting.capability.intervals import Interval
 from reporting.capability.shares import PPM, weighted_share_interval
 from reporting.shape.pareto import posterior_mean_fit
 
-FEWEST = 20  # rejects in effect: with fewer the gamma limits cover too seldom
-LARGEST_PART = 0.1  # of one weight in the sum
-HEAVIEST = 0.7  # Pareto shape of weights above which their mean is not known (Vehtari et al. 2024)
-FARTHEST = 37.0  # standard scores: beyond, shares are 0 in double precision
-_TAIL = 5  # fewest weights to fit a tail to
+FEWEST = 20  # effective rejects: with fewer the coverage of the gamma limits is too low
+LARGEST_PART = 0.1  # largest part of one weight in the sum
+HEAVIEST = 0.7  # Pareto shape of the weights above which their mean is unreliable (Vehtari et al. 2024)
+FARTHEST = 37.0  # standard scores: shares beyond are 0 in double precision
+_TAIL = 5  # fewest weights for the fit of a tail
 
 
 @dataclass(frozen=True)
@@ -38,16 +39,16 @@ class Draws:
     Attributes
     ----------
     weights : array, shape (n,)
-        Of all finished runs, ok or not.
+        Weights of all finished runs, ok or not.
     by_chance : array of bool, shape (n,)
-        The run was drawn by a component without shift, where no other component aims.
+        Whether a component without shift drew the run, in a region where no other component aims.
     unshifted : array of bool, shape (n,)
-        The run was drawn by a component without shift.
+        Whether a component without shift drew the run.
     spreads : tuple of (float, float)
-        Of each component without shift, the distributions themselves among them: the share of all runs that it draws
+        For each component without shift, including the distributions themselves: the share of all runs that it draws
         where no other component aims, and its scale.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
     """
 
     weights: Array
@@ -64,27 +65,27 @@ class RareShare:
     Attributes
     ----------
     ppm : float
-        Estimate without bias [ppm].
+        Unbiased estimate [ppm].
     interval : (float, float)
         Two-sided interval [ppm]; from 0 if the weights do not support a lower end.
     standard_error : float or None
-        Relative to the estimate; None without a reject.
+        Standard error relative to the estimate; None without a reject.
     rejects : int
-        Number of runs that are counted.
+        Number of runs counted as rejects.
     effective : float
-        How many rejects of equal weight they are worth (Kish).
+        Effective number of rejects of equal weight (Kish).
     largest : float
-        Part of the largest weight in the sum; 0 without a reject.
+        Share of the largest weight in the sum; 0 without a reject.
     tail_shape : float or None
         Pareto shape of the largest weights; None with too few of them.
     by_chance : int
-        Rejects that lie where no component aims, found by a component without shift.
+        Number of rejects where no component aims, found by a component without shift.
     by_chance_ppm : float
-        What the upper end of the interval has for such regions, found or not [ppm].
+        Allowance of the upper end of the interval for such regions, found or not [ppm].
     plain_runs : float or None
-        Number of independent runs that would know the share as well; None without a reject.
+        Number of plain independent runs with the same precision; None without a reject.
     doubt : str
-        Why the weights do not support a lower end, and what to do; empty if they do.
+        Why the weights do not support a lower end, and a remedy; empty if they do.
     """
 
     ppm: float
@@ -130,16 +131,16 @@ def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
 
 
 def flat_bound(count: int, n: int, draws: Draws) -> float:
-    """Return the largest share beyond a flat limit of which ``count`` rejects among ``n`` runs would be believed.
+    """Return the largest share beyond a flat limit that is plausible with ``count`` rejects among ``n`` runs.
 
     Parameters
     ----------
     count : int
-        Rejects that components without shift have drawn.
+        Number of rejects drawn by components without shift.
     n : int
-        Runs of the campaign.
+        Number of runs of the campaign.
     draws : Draws
-        Which components without shift it has.
+        Draws, with the components without shift.
     """
     most = float(gammaincinv(count + 1, 0.5 + draws.confidence / 2))
 
@@ -152,7 +153,7 @@ def flat_bound(count: int, n: int, draws: Draws) -> float:
 
 
 def tail_shape(weights: Array) -> float | None:
-    """Return the Pareto shape of the largest weights; None if there are too few, or no different ones."""
+    """Return the Pareto shape of the largest weights; None if they are too few or all equal."""
     tail = int(min(0.2 * weights.size, 3.0 * np.sqrt(weights.size)))
     if tail < _TAIL:
         return None
@@ -164,12 +165,12 @@ def tail_shape(weights: Array) -> float | None:
 
 
 def _kish(w: Array) -> float:
-    """Return how many equal weights these are worth."""
+    """Return the effective number of equal weights."""
     return float(np.sum(w) ** 2 / np.sum(w * w)) if w.size else 0.0
 
 
 def _gamma_limits(w: Array, n: int, confidence: float) -> Interval:
-    """Return the interval of a share in which each counted run has its weight."""
+    """Return the interval of a share of weighted runs."""
     if not w.size:
         return 0.0, 0.0
     low, high = weighted_share_interval(w / w.max(), n, confidence)
@@ -177,7 +178,7 @@ def _gamma_limits(w: Array, n: int, confidence: float) -> Interval:
 
 
 def _doubt(w: Array) -> str:
-    """Return why the weights of rejects that were looked for do not tell their sum; empty if they do, or are none."""
+    """Return why the weights of aimed rejects do not determine their sum; empty if they do, or without such rejects."""
     if not w.size:
         return ""
     effective, largest, shape = _kish(w), float(w.max() / w.sum()), tail_shape(w)

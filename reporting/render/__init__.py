@@ -1,1 +1,1 @@
-"""One analysis, many renderings: HTML, JSON, Parquet, Excel, PDF."""
+"""Renderings of one analysis: HTML, JSON, Parquet, Excel, PDF."""

@@ -1,12 +1,12 @@
-"""What the figures of a report share: colours, sizes, and how an axis is named and how far it reaches."""
+"""Colours, sizes, axis labels and axis ranges shared by the figures of a report."""
 
 BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
-# Figures are as wide as a telephone, so that their text can be read on one; wider screens show two beside each other.
+# Figures are as wide as a telephone, so that their text is readable on one; wider screens show two side by side.
 HALF, TALL = 480.0, 262.0
 
 
 def unit_suffix(unit: str) -> str:
-    """Return the unit with a space before it; nothing for a number without unit."""
+    """Return the unit with a space before it; empty for a number without unit."""
     return "" if unit in ("", "1") else f" {unit}"
 
 

@@ -1,4 +1,4 @@
-"""report.xlsx: the report's tables as sheets, for those who calculate on."""
+"""report.xlsx: the tables of the report as sheets, for further calculations."""
 
 import io
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from reporting.render.sheet import SheetWriter
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
 
-ROWS = 2_000  # samples: a look at them; all of them are in the store
+ROWS = 2_000  # samples in the preview; all of them are in the store
 _WORDS = {"capable": "#E4F3EA", "marginal": "#FDF1D3", "not capable": "#FCE6E1"}
 
 Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
@@ -26,17 +26,17 @@ def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
     Parameters
     ----------
     analysis : Analysis
-        What the sheets say.
+        The analysis to render.
     samples : Samples
-        The rows.
+        The samples of the campaign.
     """
     import xlsxwriter
 
     target = io.BytesIO()
-    # In memory, and text that looks like a formula stays text: names come from users' files.
+    # In memory; text that looks like a formula stays text, because names come from users' files.
     options = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": False}
     with xlsxwriter.Workbook(target, options) as book:
-        # The same samples give the same bytes, whenever they are written.
+        # A fixed date: the same samples give the same bytes at any time.
         about = {"title": analysis.spec.title, "subject": f"campaign {analysis.spec.campaign}"}
         book.set_properties({**about, "created": datetime(2000, 1, 1)})
         limits = [limit for r in analysis.spec.responses for limit in (r.lsl, r.usl) if limit is not None]
@@ -47,7 +47,7 @@ def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
 
 
 def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
-    """Return the sheets in their order."""
+    """Return the sheets in order."""
     spec = analysis.spec
     people = [("author", spec.author), ("campaign completed", spec.ended)]
     about = [*spec.header.items(), *((name, text) for name, text in people if text), ("campaign", spec.campaign)]
@@ -74,7 +74,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
 
 
 def _summary(analysis: Analysis) -> Table:
-    """Return one row a response."""
+    """Return the sheet with one row per response."""
     heads = ("response", "unit", "verdict", "certain", "by", "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
              "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)",
              "ppm expected", "ppm expected low", "ppm expected high", "expected by")  # fmt: skip
@@ -89,7 +89,7 @@ def _summary(analysis: Analysis) -> Table:
 
 
 def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
-    """Return how far each response scatters between runs of the same sample with different steps."""
+    """Return the scatter of each response between runs of the same sample with different steps."""
     heads = ("response", "unit", "pairs", "one run failed", "sigma of the scatter", "sigma low", "sigma high",
              "share of the variance", "share low", "share high", "inputs explain at most",
              "half the step moves the mean by", "move low", "move high")  # fmt: skip
@@ -102,7 +102,7 @@ def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
 
 
 def _expected(response: ResponseAnalysis) -> tuple[float | None, float | None, float | None, str]:
-    """Return the expected share out of limits, its interval and what it rests on."""
+    """Return the expected share out of limits, its interval and its basis."""
     found = response.expected
     return (None, None, None, "") if found is None else (found.ppm, *(found.interval or (None, None)), found.by)
 
@@ -114,7 +114,7 @@ def _basis(response: ResponseAnalysis) -> tuple[str, str, str]:
 
 
 def _product(analysis: Analysis) -> Table:
-    """Return the yield of the whole product, and what each response costs of it."""
+    """Return the yield of the whole product, and the loss by response."""
     heads = ("what", "conforming", "samples", "share", "low", "high", "yield without its rejects")
     found = analysis.product
     if found is None:
@@ -134,7 +134,7 @@ def _product(analysis: Analysis) -> Table:
 
 
 def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
-    """Return every index with both names and its interval."""
+    """Return every index with both of its names and its interval."""
     rows: list[Sequence[Any]] = []
     for r in responses:
         for key, name in NAMES.items():
@@ -154,7 +154,7 @@ def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
 
 
 def _tolerance_intervals(responses: tuple[ResponseAnalysis, ...]) -> Table:
-    """Return what contains a share of the production of each response."""
+    """Return the tolerance intervals of each response."""
     heads = ("response", "share of production", "confidence", "normal low", "normal high", "normal: above",
              "normal: below", "any low", "any high", "any: above", "any: below", "note")  # fmt: skip
     rows = [
@@ -166,7 +166,7 @@ def _tolerance_intervals(responses: tuple[ResponseAnalysis, ...]) -> Table:
 
 
 def _stack(responses: tuple[ResponseAnalysis, ...]) -> Table:
-    """Return worst case and root sum of squares by slopes, and what each variable adds."""
+    """Return worst case and root sum of squares from slopes, and the contribution of each variable."""
     heads = ("response", "variable or range", "low", "high", "slope", "adds to the worst case", "bounds",
              "variance explained", "shape")  # fmt: skip
     rows: list[Sequence[Any]] = []
@@ -185,7 +185,7 @@ def _stack(responses: tuple[ResponseAnalysis, ...]) -> Table:
 
 
 def _causes(analysis: Analysis) -> Table:
-    """Return what moves each response."""
+    """Return the influence of the variables on each response."""
     rows = [
         (r.spec.name, i.variable, i.first_order, *(i.first_order_interval or (None, None)), i.total,
          *(i.total_interval or (None, None)), i.contribution, i.coefficient, i.spearman, i.verdict)
@@ -198,7 +198,7 @@ def _causes(analysis: Analysis) -> Table:
 
 
 def _advice(analysis: Analysis) -> Table:
-    """Return what must shrink for each response below its target, then what may grow with the others."""
+    """Return the spreads that must shrink for responses below target, then those that may grow for the others."""
     heads = ("question", "variable", "factor on sigma", "low", "high", "at least", "limited by", "Cpk then", "write",
              "method", "why no more")  # fmt: skip
     asked = [(f"bring {s.response} to Cpk {s.target:g}", a) for s in analysis.shortfalls
@@ -213,7 +213,7 @@ def _advice(analysis: Analysis) -> Table:
 
 
 def _inputs(analysis: Analysis) -> Table:
-    """Return what was asked and what was drawn."""
+    """Return the requested and the drawn distributions."""
     heads = ("variable", "unit", "distribution", "mean requested", "mean obtained", "sigma requested",
              "sigma obtained", "min", "max", "distance", "p")  # fmt: skip
     rows = [
@@ -225,7 +225,7 @@ def _inputs(analysis: Analysis) -> Table:
 
 
 def _assumptions(analysis: Analysis) -> Table:
-    """Return what is the same in every run; the components of a vector, one below the other."""
+    """Return the quantities that are the same in every run; vector components are listed one below the other."""
     heads = ("group", "assumption", "value", "unit", "key")
     rows: list[Sequence[Any]] = []
     for each in analysis.spec.assumptions:

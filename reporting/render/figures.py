@@ -1,4 +1,4 @@
-"""Figures of one response beside its histogram: probability plot, convergence, tornado, with a description in words."""
+"""Figures of one response besides its histogram: probability plot, convergence, tornado, with descriptions in words."""
 
 import math
 
@@ -29,7 +29,7 @@ from reporting.render.svg import (
 )
 from reporting.response import ResponseAnalysis
 
-_BARS = 15  # of a tornado; the table beside it has all
+_BARS = 15  # of a tornado; the table beside it has all variables
 _PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
 
 
@@ -102,7 +102,7 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
 
 
 def tornado_figure(response: ResponseAnalysis) -> str | None:
-    """Return a tornado chart: how far each variable moves the expected response; None without a sensitivity."""
+    """Return a tornado chart of the effect of each variable on the expected response; None without a sensitivity."""
     influences = response.sensitivity.ranked if response.sensitivity else ()
     shown = [i for i in influences if i.low is not None and i.high is not None][:_BARS]
     c, spec = response.capability, response.spec

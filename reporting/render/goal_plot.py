@@ -26,12 +26,12 @@ from reporting.response import ResponseAnalysis
 Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 _DOT = 4.5
-_LONGEST = 130.0  # width of a name
-_DIRECTIONS, _RINGS, _RING = 24, 40, 9.0  # where a name may stand: around its dot, ring by ring
+_LONGEST = 130.0  # largest width of a name
+_DIRECTIONS, _RINGS, _RING = 24, 40, 9.0  # candidate positions of a name: rings around its dot
 
 
 def goal_figure(analysis: Analysis) -> str | None:
-    """Return offset and spread of every response in units of its tolerance, with lines of Cpk; may be None."""
+    """Return the figure of offset and spread of every response in units of its tolerance, with Cpk lines; or None."""
     shown = [r for r in in_overview(analysis) if r.capability.cp is not None]
     if not shown:
         return None
@@ -62,16 +62,16 @@ def goal_figure(analysis: Analysis) -> str | None:
 
 
 def _offset_and_spread(response: ResponseAnalysis) -> tuple[float, float]:
-    """Return how far the mean is from the middle, and sigma, both in units of the tolerance."""
+    """Return the offset of the mean from the middle, and sigma, both in units of the tolerance."""
     spec, c = response.spec, response.capability
     lsl, usl, mean, std = cast(tuple[float, ...], (spec.lsl, spec.usl, c.mean, c.std))
     return (mean - (lsl + usl) / 2) / (usl - lsl), std / (usl - lsl)
 
 
 def _named(name: str, x: float, y: float, frame: PlotArea, taken: list[Box]) -> list[str]:
-    """Return the name of a dot where no other words or dots are, with a line to it if it is far; add it to `taken`.
+    """Return the name of a dot at a free position, with a line to the dot if it is far; add its box to `taken`.
 
-    Where there is no room at all the name is left out; the description of the figure has it.
+    If there is no room the name is left out; the description of the figure contains it.
     """
     for ring in range(_RINGS):
         for i in range(_DIRECTIONS):
@@ -94,13 +94,13 @@ def _named(name: str, x: float, y: float, frame: PlotArea, taken: list[Box]) -> 
 
 
 def _box_of(words: str, middle: float, height: float) -> Box:
-    """Return the rectangle that words take."""
+    """Return the rectangle that a text occupies."""
     wide, tall = 0.5 * text_width(words) + 2, 0.5 * SIZE + 1
     return middle - wide, height - tall, middle + wide, height + tall
 
 
 def _is_free(found: Box, frame: PlotArea, taken: list[Box]) -> bool:
-    """Return whether a rectangle lies in the plot and on no other one."""
+    """Return whether a rectangle lies in the plot and overlaps no other one."""
     left, top, right, bottom = found
     if left < frame.left or right > frame.width or top < 0 or bottom > frame.ground:
         return False

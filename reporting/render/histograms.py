@@ -28,12 +28,12 @@ from reporting.response import ResponseAnalysis
 from reporting.shape.fitting import distribution
 from reporting.shape.histogram import Histogram
 
-# Distance of the lines that hatch a bar; a pattern would need an id that is unique on the page.
+# Distance of the hatch lines of a bar; an SVG pattern would need an id that is unique on the page.
 _HATCH = 5.0
 
 
 def response_figure(response: ResponseAnalysis) -> str:
-    """Return the histogram of a response with its limits, the normal and the fitted density."""
+    """Return the histogram of a response with its limits, the normal density and the fitted density."""
     spec, c, bins = response.spec, response.capability, response.histogram
     limits = [value for value in (spec.lsl, spec.usl) if value is not None]
     fences = [*limits, *([] if spec.target is None else [spec.target])]
@@ -72,7 +72,7 @@ def response_figure(response: ResponseAnalysis) -> str:
 
 
 def _curves(frame: PlotArea, curves: list[tuple[Array, Array, str, str]]) -> list[str]:
-    """Return the parts of the curves (x, y, colour, dash) that lie in a figure."""
+    """Return the parts of the curves (x, y, colour, dash) that lie inside a figure."""
     marks = []
     for x, y, colour, dash in curves:
         seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])

@@ -1,7 +1,7 @@
-"""The report as one self-contained page: style and figures inline, no script, no request.
+"""The report as one self-contained page with inline style and figures, without scripts and requests.
 
-A content security policy tells the browser so: the page runs no script, loads nothing and sends
-nothing. Of style sheets it allows the page's own.
+A content security policy enforces this in the browser: the page runs no script, loads nothing and sends nothing. The
+only style sheet it allows is the page's own.
 """
 
 from reporting.analysis import Analysis
@@ -44,9 +44,9 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
     analysis : Analysis
         The analysis to render.
     files : tuple of str
-        Names of the files beside it.
+        Names of the files next to the page.
     missing : str
-        Omitted files, and how to get them.
+        Omitted files, and how to get them; may be empty.
     """
     # Figures escape their own texts and are marked as safe; the templates escape everything else.
     return label_cells(

@@ -1,21 +1,21 @@
-"""An enlarged view inside a figure, where limits far away squeeze the values into a sliver."""
+"""An enlarged view inside a figure, for values that distant limits compress into a sliver."""
 
 from collections.abc import Iterable
 
 from reporting.render.svg import MUTED, PlotArea, axis_x, box, line, text
 
-# Values that take less than this part of the axis are shown enlarged.
+# Values that occupy less than this part of the axis are shown enlarged.
 SLIVER = 0.2
 _GAP, _WIDEST = 18.0, 240.0
 
 
 def is_sliver(low: float, high: float, frame: PlotArea) -> bool:
-    """Return whether the values from `low` to `high` are too narrow in a figure to be read."""
+    """Return whether the range from `low` to `high` is too narrow in a figure to be readable."""
     return 0 < high - low < SLIVER * (frame.x[1] - frame.x[0])
 
 
 def inset_area(frame: PlotArea, x: tuple[float, float], y: tuple[float, float], limits: Iterable[float]) -> PlotArea:
-    """Return the rectangle of an enlarged view of the numbers `x` and `y`, on their roomier side, off the limits."""
+    """Return the rectangle of an enlarged view of the ranges `x` and `y`: where there is more room, off the limits."""
     start, end = frame.across(x[0]), frame.across(x[1])
     lines = [frame.across(limit) for limit in limits]
     last = min([frame.width - frame.right, *(at for at in lines if at > end)])

@@ -1,4 +1,4 @@
-"""The report as data: capability.json, every number of the page and those behind its figures, and its schema."""
+"""The report as data: capability.json with every number of the page and of its figures, and its schema."""
 
 import json
 from dataclasses import asdict
@@ -7,8 +7,8 @@ from typing import Any
 from reporting.analysis import Analysis
 from reporting.capability.verdict import CAPABLE, MARGINAL
 
-# History: 1, the first. 2: sampling, shares, shape, methods, running index, sensitivity, correlations, advice,
-# comparison; the command that replays a sample.
+# History: 1 is the first version. 2 adds sampling, shares, shape, methods, running index, sensitivity, correlations,
+# advice, comparison, and the command that replays a sample.
 FORMAT = 2
 
 _OF_SPEC = (
@@ -16,8 +16,8 @@ _OF_SPEC = (
     *("requested", "sampler", "stop", "replay"),
 )
 _OF_VERDICT = {"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons", "verdict": "word"}
-_POINTS = ("x", "y")  # of a figure: the store has the samples
-_REPEATED = ("lsl", "usl", "target")  # inside a capability these are only what it was called with
+_POINTS = ("x", "y")  # points of figures, left out: the store has the samples
+_REPEATED = ("lsl", "usl", "target")  # inside a capability these only repeat its arguments
 
 
 def document(analysis: Analysis) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def document(analysis: Analysis) -> dict[str, Any]:
     Parameters
     ----------
     analysis : Analysis
-        What the document says.
+        The analysis to render.
     """
     body = asdict(analysis)
     spec = body.pop("spec")
@@ -48,7 +48,7 @@ def document(analysis: Analysis) -> dict[str, Any]:
 
 
 def render_json(analysis: Analysis) -> str:
-    """Return the document as text, the same for the same analysis; it never holds NaN or Infinity."""
+    """Return the document as text, the same text for the same analysis, without NaN and Infinity."""
     return json.dumps(document(analysis), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

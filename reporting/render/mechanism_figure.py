@@ -1,4 +1,4 @@
-"""The mechanism with what its responses measure, as SVG with a description in words."""
+"""The mechanism and what its responses measure, as SVG with a description in words."""
 
 import math
 
@@ -7,7 +7,7 @@ from reporting.render.svg import PlotArea, box, dots, line, svg, text
 
 _WIDTHS = {"thin": 0.8, "dashed": 0.8, "thick": 3.0, "arrow": 1.6}
 _HEAD = 9.0  # length of an arrow's head
-_LETTER, _LINE = 0.6, 1.2  # width of a letter and height of a line, in sizes of the text
+_LETTER, _LINE = 0.6, 1.2  # width of a letter and height of a line, relative to the font size
 _DARKEST = 0.18  # relative luminance of a colour whose contrast with white is 4.5
 
 
@@ -26,7 +26,7 @@ def mechanism_figure(drawing: MechanismDrawing) -> str:
 
 
 def _area(corners: tuple[tuple[float, float], ...], colour: str) -> str:
-    """Return a body: a light area with an outline."""
+    """Return a body as a light area with an outline."""
     at = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
     return f'<polygon points="{at}" fill="{colour}" fill-opacity="0.1" stroke="{colour}" stroke-opacity="0.6"/>'
 
@@ -45,7 +45,7 @@ def _head(stroke: DrawnLine) -> str:
 
 
 def _words(words: DrawnWords, size: float) -> list[str]:
-    """Return words on a white ground that lets lines through a little."""
+    """Return text on a white, slightly transparent background."""
     size = size if words.bold else 0.92 * size
     wide, tall = _LETTER * size * max(map(len, words.lines)), _LINE * size
     top = words.y - 0.5 * tall * len(words.lines)
@@ -57,7 +57,7 @@ def _words(words: DrawnWords, size: float) -> list[str]:
 
 
 def readable(colour: str) -> str:
-    """Return a colour, a light one darker, so that text in it can be read on white (WCAG 2.2 AA)."""
+    """Return a colour, darkened if necessary, so that text in it is readable on white (WCAG 2.2 AA)."""
     channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     while _luminance(channels) > _DARKEST:
         channels = [0.95 * channel for channel in channels]

@@ -1,11 +1,11 @@
-"""Tables for narrow screens: each cell has the name of its column, which the style sheet shows in place of the head.
+"""Tables for narrow screens: each cell has the name of its column, which the style sheet shows instead of the head.
 
 On a telephone a row of a wide table becomes a card, one cell below the other, so that nothing is cut off.
 """
 
 import re
 
-WIDE = 2  # columns; what has more becomes cards
+WIDE = 2  # columns; wider tables become cards
 
 _TABLE = re.compile(r"<table\b[^>]*>.*?</table>", re.S)
 _ROW = re.compile(r"<tr\b[^>]*>.*?</tr>", re.S)
@@ -14,18 +14,18 @@ _TAG = re.compile(r"<[^>]*>")
 
 
 def label_cells(page: str) -> str:
-    """Return a page whose wide tables have the name of its column at every cell.
+    """Return the page with the name of its column added to every cell of wide tables.
 
     Parameters
     ----------
     page : str
-        HTML of this package's templates: what comes from users is escaped, so that every tag is the templates'.
+        HTML from this package's templates: user input is escaped, so every tag comes from the templates.
     """
     return _TABLE.sub(lambda found: _labelled(found[0]), page)
 
 
 def _labelled(table: str) -> str:
-    """Return a table with labels; a narrow one as it is."""
+    """Return a table with labels; a narrow table is returned unchanged."""
     head, end, body = table.partition("</thead>")
     names = _column_names(_ROW.findall(head))
     if len(names) <= WIDE:
@@ -35,16 +35,16 @@ def _labelled(table: str) -> str:
 
 
 def _stacked(head: str) -> str:
-    """Return the beginning of a table with the class of those that become cards."""
+    """Return the opening tag of a table with the class of tables that become cards."""
     tag, _, rest = head.partition(">")
     tag = tag.replace('class="', 'class="stack ') if 'class="' in tag else f'{tag} class="stack"'
     return f"{tag}>{rest}"
 
 
 def _column_names(rows: list[str]) -> list[str]:
-    """Return the name of each column; of a head with two rows, that of the group and that of the column."""
+    """Return the name of each column; for a head with two rows, the name of the group and that of the column."""
     names: list[str] = []
-    groups: list[tuple[int, int]] = []  # first column and number of columns of each cell above several others
+    groups: list[tuple[int, int]] = []  # first column and number of columns of each group cell
     for cells in map(_CELL.findall, rows[:1]):
         for _, attributes, content in cells:
             span = _span(attributes)
@@ -58,7 +58,7 @@ def _column_names(rows: list[str]) -> list[str]:
 
 
 def _labelled_row(row: str, names: list[str]) -> str:
-    """Return a row whose cells have the names of their columns; a heading of the row names itself."""
+    """Return a row whose cells have the names of their columns; the row heading gets none."""
     column = 0
 
     def label(cell: re.Match[str]) -> str:
@@ -72,11 +72,11 @@ def _labelled_row(row: str, names: list[str]) -> str:
 
 
 def _span(attributes: str) -> int:
-    """Return how many columns a cell takes."""
+    """Return how many columns a cell spans."""
     found = re.search(r'colspan="(\d+)"', attributes)
     return int(found[1]) if found else 1
 
 
 def _words(content: str) -> str:
-    """Return the text of a cell, still escaped; quotation marks too, as it becomes an attribute."""
+    """Return the text of a cell, still escaped, including quotation marks, because it becomes an attribute."""
     return " ".join(_TAG.sub(" ", content).split()).replace('"', "&#34;")

@@ -1,4 +1,4 @@
-"""The summary to sign: what a report says, on one page of A4 for any number of responses."""
+"""The summary to sign: the outcome of a report on one A4 page, for any number of responses."""
 
 from collections import Counter
 
@@ -12,10 +12,10 @@ from reporting.render.templating import as_markup, environment
 from reporting.response import ResponseAnalysis
 from reporting.trust.check import Check
 
-# What fits on the page, in rows and in letters; the rest is counted, and is in the report.
+# Capacity of the page in rows and in letters; the rest is counted, and is in the report.
 ROWS, CHECKS, FIELDS, CAUSES = 8, 4, 4, 3
 LONGEST = {"title": 90, "headline": 220, "field": 60, "name": 26}
-# Letters of all checks together: with `ROWS` rows, and more for each row that is not there, which takes two lines.
+# Letters of all checks together with `ROWS` rows, and the addition for each missing row, which frees two lines.
 CHECK_LETTERS, LETTERS_OF_A_ROW = 640, 160
 _ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
 
@@ -26,7 +26,7 @@ def render_one_page(analysis: Analysis) -> str:
     Parameters
     ----------
     analysis : Analysis
-        What the page says.
+        The analysis to render.
     """
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     ranked = sorted(limited, key=_how_bad)
@@ -57,20 +57,20 @@ def render_one_page(analysis: Analysis) -> str:
 
 
 def _how_bad(response: ResponseAnalysis) -> tuple[int, float]:
-    """Return the place of a response: by its verdict, the worst first, then by its index."""
+    """Return the sort key of a response: by verdict, the worst first, then by index."""
     word = response.verdict.word + (", not certain" if response.verdict.certain is False else "")
     place = _ORDER.index(word) if word in _ORDER else 0
     return place, float("-inf") if response.capability.cpk is None else response.capability.cpk
 
 
 def _counted(others: list[ResponseAnalysis]) -> str:
-    """Return how many of the responses that find no place have which verdict."""
+    """Return the number of omitted responses by verdict."""
     counts = Counter(r.verdict.word for r in others)
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
 def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
-    """Return what moves the worst responses most."""
+    """Return the main causes of variation of the worst responses."""
     found = []
     for r in ranked:
         known = [i for i in (r.sensitivity.ranked if r.sensitivity else ()) if i.share][:2]
@@ -82,7 +82,7 @@ def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
 
 
 def _shortened(concerns: list[Check], rows: int) -> list[tuple[Check, str]]:
-    """Return checks with as much of their text as has room beside so many rows; what a short one leaves is others'."""
+    """Return checks with the text that fits beside `rows` rows; room that a short text leaves is used by the others."""
     letters, found = CHECK_LETTERS + LETTERS_OF_A_ROW * (ROWS - rows), dict[str, str]()
     for place, check in enumerate(sorted(concerns, key=lambda check: len(check.text))):
         found[check.name] = cut(check.text, letters // (len(concerns) - place))
@@ -91,12 +91,12 @@ def _shortened(concerns: list[Check], rows: int) -> list[tuple[Check, str]]:
 
 
 def _cut(words: str, kind: str) -> str:
-    """Return words that have room on the page; longer ones end in dots."""
+    """Return a text that fits on the page; a longer text ends in dots."""
     return cut(words, LONGEST[kind])
 
 
 def cut(words: str, most: int) -> str:
-    """Return a text of at most so many letters; a longer one ends after a whole word, in dots."""
+    """Return a text of at most `most` letters; a longer text is cut after a whole word and ends in dots."""
     if len(words) <= most:
         return words
     kept = words[: most - 1]

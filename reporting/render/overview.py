@@ -1,4 +1,4 @@
-"""A figure over all responses: where each lies between its limits."""
+"""A figure of all responses: the position of each between its limits."""
 
 from reporting import format_numbers
 from reporting.analysis import Analysis
@@ -22,10 +22,10 @@ from reporting.render.svg import (
 from reporting.response import ResponseAnalysis
 
 COLOURS = {"capable": "#1f6f43", "marginal": "#8a5a00", "not capable": "#a61c00"}
-# The overview shows this much beyond the limits, in half distances between them.
+# Range shown beyond the limits, in half distances between them.
 _REACH = 2.0
 _ROW = 30.0
-_ONE_SIDED = 4.0  # sigmas in the place of half the distance between the limits: 0 is then Cpk 1.33
+_ONE_SIDED = 4.0  # sigmas that replace half the distance between the limits: 0 is then Cpk 1.33
 
 
 def overview_figure(analysis: Analysis) -> str | None:
@@ -69,7 +69,7 @@ def one_sided(analysis: Analysis) -> list[ResponseAnalysis]:
 
 
 def out_of_figures(analysis: Analysis) -> list[ResponseAnalysis]:
-    """Return the responses with limits that no figure over all responses can show: without values or spread."""
+    """Return the responses with limits that no overview figure can show: those without values or spread."""
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     return [r for r in limited if r not in in_overview(analysis)]
 
@@ -80,7 +80,7 @@ def _marked(response: ResponseAnalysis) -> str:
 
 
 def verdict_colour(found: CapabilityVerdict) -> str:
-    """Return the colour of a verdict; what is not certain is never green."""
+    """Return the colour of a verdict; an uncertain verdict is never green."""
     uncertain = found.word == "capable" and not found.certain
     return COLOURS.get("marginal" if uncertain else found.word, MUTED)
 
@@ -91,7 +91,7 @@ def _in_words(response: ResponseAnalysis) -> str:
 
 
 def _scaled(response: ResponseAnalysis) -> tuple[float, float, float, float, float]:
-    """Return mean less three sigma, mean, mean plus three sigma, minimum and maximum, limits at -1 and +1."""
+    """Return mean - 3 sigma, mean, mean + 3 sigma, minimum and maximum, scaled so that limits are at -1 and +1."""
     spec, c = response.spec, response.capability
     mean, std = c.mean or 0.0, c.std or 0.0
     if spec.lsl is not None and spec.usl is not None:

@@ -1,4 +1,4 @@
-"""Templates of pages: what is inserted is escaped, what is missing is an error, and numbers are written one way."""
+"""Templates of pages: inserted text is escaped, a missing name is an error, and numbers have one format."""
 
 import base64
 import hashlib

@@ -1,4 +1,4 @@
-"""capability.parquet: one row a response, units in the columns' metadata, for those who collect many reports."""
+"""capability.parquet: one row per response, units in the columns' metadata, for collecting many reports."""
 
 import io
 from dataclasses import fields
@@ -11,7 +11,7 @@ from reporting.response import ResponseAnalysis
 if TYPE_CHECKING:
     import pyarrow as pa
 
-# What of a capability has the unit of its response; the unit stands in the column "unit" of each row.
+# Fields of a capability in the unit of the response, which is in the column "unit" of each row.
 _IN_UNIT = ("lsl", "usl", "target", "mean", "std", "min", "max", "median")
 _PPM = "ppm"
 
@@ -22,7 +22,7 @@ def render_parquet(analysis: Analysis) -> bytes:
     Parameters
     ----------
     analysis : Analysis
-        What the file says.
+        The analysis to render.
     """
     import pyarrow.parquet as pq
 
@@ -32,17 +32,17 @@ def render_parquet(analysis: Analysis) -> bytes:
 
 
 def capability_table(analysis: Analysis) -> "pa.Table":
-    """Return verdict and numbers of each response, one row a response.
+    """Return verdict and numbers, one row per response.
 
     Parameters
     ----------
     analysis : Analysis
-        What the table says.
+        The analysis to render.
 
     Returns
     -------
     pyarrow.Table
-        Units are in the fields' metadata, campaign and counts in that of the table.
+        Table with the units in the fields' metadata, and campaign and counts in its own metadata.
     """
     import pyarrow as pa
 
@@ -71,7 +71,7 @@ _OTHERS = (
 
 
 def _numbers() -> list[str]:
-    """Return the names of the columns that hold numbers; an interval has two."""
+    """Return the names of the columns with numbers; an interval has two columns."""
     names: list[str] = []
     for field in fields(Capability):
         if field.name in ("within", "lots", "notes", "confidence"):
@@ -104,7 +104,7 @@ def _row(response: ResponseAnalysis) -> dict[str, Any]:
     of_fit = next((m for m in response.methods if m.method == "percentile"), None)
     share = next((m for m in response.methods if m.method == "z_score"), None)
     row["nonnormal_pp"], row["nonnormal_ppk"] = (of_fit.pp, of_fit.ppk) if of_fit else (None, None)
-    # Where fitted distributions disagree there is no number, only the interval over all of them.
+    # If fitted distributions disagree there is no number, only the interval over all of them.
     row["nonnormal_ppm"] = share.ppm_expected if share and share.ppm_range is None else None
     interval = share.ppm_expected_interval if share else None
     row["nonnormal_ppm_low"], row["nonnormal_ppm_high"] = interval or (None, None)

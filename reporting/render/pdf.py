@@ -1,4 +1,4 @@
-"""The page as PDF, from the same template: its rules for paper are those of the style sheet."""
+"""The page as PDF, from the same template; the style sheet has rules for paper."""
 
 import logging
 
@@ -16,7 +16,7 @@ def render_pdf(page: str) -> bytes:
     Raises
     ------
     ReportError
-        The libraries that WeasyPrint needs are not on this machine.
+        If the libraries that WeasyPrint needs are not installed.
     """
     try:
         from weasyprint import HTML
@@ -25,12 +25,12 @@ def render_pdf(page: str) -> bytes:
             f"report.pdf: WeasyPrint finds no Pango ({error}); install it (Debian: libpango-1.0-0 libpangoft2-1.0-0)"
             " or leave the PDF out"
         ) from error
-    # It names every rule of the style sheet that only screens know.
+    # WeasyPrint logs every rule of the style sheet that applies to screens only.
     logging.getLogger("weasyprint").setLevel(logging.ERROR)
     content: bytes = HTML(string=page, url_fetcher=_refuse).write_pdf()
     return content
 
 
 def _refuse(url: str, *_: object, **__: object) -> dict[str, object]:
-    """Refuse every request: the page has everything inside."""
+    """Refuse every request, because the page is self-contained."""
     raise ReportError(f"the page refers to {url[:80]}, but a report must not load anything from outside")

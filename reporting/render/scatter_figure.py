@@ -6,18 +6,18 @@ from reporting.render.svg import INK, PlotArea, axis_x, axis_y, curve, dots, lin
 from reporting.response import ResponseAnalysis
 from reporting.sensitivity.scatter import Scatter
 
-_FAR = 3.0  # limits further away than this many ranges of the values are named at the edge, not drawn
+_FAR = 3.0  # limits farther than this many ranges of the values are named at the edge, not drawn
 
 
 def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> str:
-    """Return the points of a response against an input, the means over groups, and the limits.
+    """Return the figure of a response against an input: points, means over groups, and limits.
 
     Parameters
     ----------
     response : ResponseAnalysis
         The response.
     scatter : Scatter
-        Its points.
+        Points and group means to draw.
     unit : str
         Unit of the input.
     """

@@ -1,4 +1,4 @@
-"""One sheet of a workbook: its head stays in view, columns are as wide as their texts, numbers have digits to read."""
+"""One sheet of a workbook: the head stays in view, columns fit their texts, numbers have few enough digits to read."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from xlsxwriter import Workbook
     from xlsxwriter.format import Format
 
-DIGITS = 6  # that a cell shows; it holds all
-LEAST_WIDTH, MOST_WIDTH = 9, 60  # letters of a column; longer texts are wrapped
-LONGEST_TEXT = 32_000  # letters; Excel takes 32,767
-_SMALLEST = 1e-6  # smaller numbers have an exponent
+DIGITS = 6  # shown in a cell, which stores the full number
+LEAST_WIDTH, MOST_WIDTH = 9, 60  # width of a column in letters; longer texts are wrapped
+LONGEST_TEXT = 32_000  # letters; Excel allows 32,767
+_SMALLEST = 1e-6  # smaller numbers are shown with an exponent
 
 
 class SheetWriter:
@@ -24,9 +24,9 @@ class SheetWriter:
     ----------
     book : xlsxwriter.Workbook
     fences : iterable of float
-        Numbers that no shown number is rounded onto or across: limits, and the bars of an index.
+        Numbers that no displayed number may be rounded onto or across: limits, and the thresholds of an index.
     colours : mapping of str to str
-        Background of a cell with this word.
+        Background colour of a cell, by its word.
     """
 
     def __init__(self, book: "Workbook", fences: Iterable[float], colours: Mapping[str, str]) -> None:
@@ -39,14 +39,14 @@ class SheetWriter:
         self._numbers = cache(self._number_format)
 
     def write(self, name: str, heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-        """Write a sheet; an undefined number is an empty cell.
+        """Write a sheet; an undefined number becomes an empty cell.
 
         Parameters
         ----------
         name : str
-            Of the sheet.
+            Name of the sheet.
         heads : sequence of str
-            One a column, all different.
+            One heading per column, all different.
         rows : iterable of sequences
             Texts, numbers and None.
         """
@@ -78,14 +78,14 @@ class SheetWriter:
 
 
 def number_pattern(value: float, fences: Sequence[float]) -> str:
-    """Return how Excel shows a number: as it was given if it is short, else with `DIGITS` digits, more near a fence.
+    """Return Excel's format of a number: as given if it is short, else with `DIGITS` digits, or more near a fence.
 
     Parameters
     ----------
     value : float
-        Finite.
+        Finite number.
     fences : sequence of float
-        Numbers that it must not be rounded onto or across.
+        Numbers that the value must not be rounded onto or across.
     """
     short = plain(value)
     if "e" not in short and len(short.lstrip("-0.").replace(".", "")) <= DIGITS:

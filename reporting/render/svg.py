@@ -1,11 +1,11 @@
 """SVG marks in the coordinates of a plot: lines, bands, boxes, dots, text and axes.
 
-The report draws its own SVG instead of using matplotlib, for four reasons. The same numbers give the same bytes. Text
-stays text, in the font of the page, for search and screen readers. The 24 figures of six responses take 0.02 s and
-190 kB; matplotlib 3.11 takes 1.5 s and 610 kB for the same plots, and 0.4 s for its import. And `reporting` needs no
-plotting package.
+The report draws its own SVG instead of using matplotlib for four reasons: the same numbers give the same bytes; text
+stays text, in the font of the page, for search and screen readers; the 24 figures of six responses take 0.02 s and
+190 kB, whereas matplotlib 3.11 takes 1.5 s and 610 kB for the same plots, and 0.4 s for its import; and `reporting`
+needs no plotting package.
 
-Colours are attributes and not style sheets, which some programs that show SVG do not support.
+Colours are attributes instead of style sheets, which some SVG viewers do not support.
 """
 
 import math
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from markupsafe import escape
 
 INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
-SIZE = 13.0  # of text, in the figure's units
-_WIDTH_OF_A_LETTER = 0.56  # of its size, on average
+SIZE = 13.0  # font size, in the figure's units
+_WIDTH_OF_A_LETTER = 0.56  # relative to the font size, on average
 
 
 @dataclass(frozen=True)
 class PlotArea:
-    """The rectangle of a figure that holds the plot, and the numbers at its ends.
+    """The rectangle of a figure that contains the plot, and the numbers at its ends.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class PlotArea:
         return self.left + (value - low) / (high - low) * (self.width - self.left - self.right)
 
     def up(self, value: float) -> float:
-        """Return the vertical position of a number, from the top down."""
+        """Return the vertical position of a number, measured from the top."""
         low, high = self.y
         return self.height - self.bottom - (value - low) / (high - low) * (self.height - self.top - self.bottom)
 
@@ -68,7 +68,7 @@ def svg(frame: PlotArea, label: str, marks: Iterable[str]) -> str:
 
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = INK, more: str = "") -> str:
-    """Return words at a position of the figure."""
+    """Return a text at a position of the figure."""
     attributes = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}"'
     return f"<text {attributes}{' ' if more else ''}{more}>{escape(words)}</text>"
 
@@ -81,7 +81,7 @@ def line(points: Iterable[tuple[float, float]], colour: str = INK, width: float 
 
 
 def curve(frame: PlotArea, x: Sequence[float], y: Sequence[float], colour: str = INK, dash: str = "") -> str:
-    """Return a line through numbers."""
+    """Return a line through points given as numbers on the axes."""
     return line(((frame.across(a), frame.up(b)) for a, b in zip(x, y, strict=True)), colour, 1.5, dash)
 
 
@@ -93,20 +93,20 @@ def band(frame: PlotArea, x: Sequence[float], low: Sequence[float], high: Sequen
 
 
 def box(x: float, y: float, width: float, height: float, colour: str, more: str = "") -> str:
-    """Return a rectangle; a negative size counts as 0."""
+    """Return a rectangle; a negative size is treated as 0."""
     size = f'width="{max(width, 0):.1f}" height="{max(height, 0):.1f}"'
     return f'<rect x="{x:.1f}" y="{y:.1f}" {size} fill="{colour}"{" " if more else ""}{more}/>'
 
 
 def dots(positions: Iterable[tuple[float, float]], colour: str, radius: float = 2.2) -> str:
     """Return dots at positions of the figure."""
-    # A line of length 0 with round ends is a dot, in a quarter of the bytes of a circle.
+    # A line of length 0 with round ends is a dot, with a quarter of the bytes of a circle.
     path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in positions)
     return f'<path d="{path}" stroke="{colour}" stroke-width="{2 * radius:g}" stroke-linecap="round" fill="none"/>'
 
 
 def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, row: int = 0) -> str:
-    """Return a vertical line with its name above it, inside the figure; the name of row 1 is higher."""
+    """Return a vertical line with its name above it, inside the figure; a name in row 1 is higher."""
     x = frame.across(value)
     half = 0.5 * text_width(words) * 1.05 + 1
     middle = min(max(x, half), frame.width - half)
@@ -115,7 +115,7 @@ def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, ro
 
 
 def axis_x(frame: PlotArea, label: str = "", ticks: Sequence[tuple[float, str]] | None = None) -> str:
-    """Return the axis of x: line, ticks, numbers, label."""
+    """Return the x axis: line, ticks, numbers, label."""
     marks = [line([(frame.left, frame.ground), (frame.width - frame.right, frame.ground)], MUTED, 1)]
     for value, words in ticks or _fitting(frame):
         x = frame.across(value)
@@ -129,7 +129,7 @@ def axis_x(frame: PlotArea, label: str = "", ticks: Sequence[tuple[float, str]] 
 
 
 def axis_y(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
-    """Return the axis of y: grid, numbers, label."""
+    """Return the y axis: grid, numbers, label."""
     marks = []
     for value, words in ticks or labelled(*frame.y, 4):
         y = frame.up(value)
@@ -142,18 +142,18 @@ def axis_y(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | Non
 
 
 def y_room(low: float, high: float) -> float:
-    """Return the margin that the numbers of an axis of y and its label need."""
+    """Return the margin that the numbers and the label of a y axis need."""
     return 30.0 + max((text_width(words) for _, words in labelled(low, high, 4)), default=0.0)
 
 
 def shortened(words: str, room: float) -> str:
-    """Return words that fit into a width; long ones without their middle."""
+    """Return a text that fits into a width; a long text loses its middle."""
     most = max(int(room / (_WIDTH_OF_A_LETTER * SIZE)), 4)
     return words if len(words) <= most else f"{words[: most - most // 3 - 1]}…{words[-(most // 3) :]}"
 
 
 def text_width(words: str) -> float:
-    """Return the approximate width of words."""
+    """Return the approximate width of a text."""
     return _WIDTH_OF_A_LETTER * SIZE * len(words)
 
 
@@ -172,7 +172,7 @@ def labelled(low: float, high: float, count: int) -> list[tuple[float, str]]:
 
 
 def _fitting(frame: PlotArea) -> list[tuple[float, str]]:
-    """Return round numbers whose texts fit below the axis."""
+    """Return round numbers whose texts fit below the x axis."""
     room = frame.width - frame.left - frame.right
     for count in (8, 6, 4, 3, 2):
         ticks = labelled(*frame.x, count)
@@ -182,6 +182,6 @@ def _fitting(frame: PlotArea) -> list[tuple[float, str]]:
 
 
 def _round_step(about: float) -> float:
-    """Return the next larger of 1, 2, 5 times a power of ten."""
+    """Return the next larger number of the form 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(about))
     return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))

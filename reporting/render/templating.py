@@ -1,4 +1,4 @@
-"""What the templates of the report share: how numbers are written, and figures that are safe to insert."""
+"""The environment of the report's templates: number formats, and figures that are safe to insert."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -19,7 +19,7 @@ from reporting.render.page_templates import page_environment
 def environment() -> Environment:
     """Return the environment of the templates, with filters for numbers and figures.
 
-    It is made once: an environment keeps the templates that it has compiled, which takes most of the time of a page.
+    It is created once: it caches compiled templates, and compiling takes most of the time of a page.
     """
     made = page_environment("reporting.render")
     made.filters.update(
@@ -46,12 +46,12 @@ def environment() -> Environment:
 
 
 def _grouped_by(items: Iterable[Any], attribute: str) -> list[tuple[Any, list[Any]]]:
-    """Return neighbours of one kind together, in their order."""
+    """Return groups of consecutive items with the same attribute, in order."""
     return [(kind, list(members)) for kind, members in groupby(items, attrgetter(attribute))]
 
 
 def _assumed_text(value: float | tuple[float, ...] | str) -> str:
-    """Return the value of an assumption, not rounded."""
+    """Return the value of an assumption as text, not rounded."""
     if isinstance(value, tuple):
         return f"({', '.join(map(format_numbers.plain, value))})"
     return value if isinstance(value, str) else format_numbers.plain(value)

@@ -1,4 +1,4 @@
-"""Which variable drives a response: regression, first-order and total-order indices, rejects, influence."""
+"""Sensitivity of responses to variables: regression, first-order and total-order indices, rejects, influence."""
 
 from reporting.sensitivity.summary import sensitivity
 

@@ -1,12 +1,12 @@
-"""From measures to verdicts: which variable is critical for which response.
+"""Verdicts from the measures of sensitivity: which variable is critical for which response.
 
-A variable is *critical* for a response when its interval begins at a tenth of the variance or above, and chance is
-excluded (Bonferroni over the variables). It is *not critical* when its interval ends below a tenth and interactions
-that no total-order index covers hold less than that. Otherwise it is *open*. What a variable explains is its
-total-order index if a design gives one, the Shapley effect if variables are correlated, else its first-order index.
+A variable is *critical* for a response if the interval of its share of the variance begins at a tenth or above, and
+chance is excluded (Bonferroni over the variables). It is *not critical* if the interval ends below a tenth, and
+interactions that no total-order index covers hold less than a tenth. Otherwise it is *open*. The share is the
+total-order index if a design gives one, the Shapley effect if variables are correlated, else the first-order index.
 
-A correlated variable is critical only if it also acts itself: with all others fixed it moves at least 1 % of the
-variance. A variable that has a tenth, but surely moves less than that itself, is *only correlated*.
+A correlated variable is critical only if it also acts itself, that is, with all others fixed it causes at least 1 % of
+the variance. A variable that has a tenth, but certainly causes less than 1 % itself, is *only correlated*.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ from reporting.sensitivity.total_order import TotalOrder
 def influence_of(variable: str, at: int, measures: Measures, interaction: float, confidence: float) -> Influence:
     """Return the influence of one variable on the response at position `at` of the measures.
 
-    `interaction` is the largest share of the variance that interactions may hold.
+    `interaction` is the largest possible share of the variance due to interactions.
     """
     if variable not in measures.variables:
         return Influence(variable, verdict=NOT_CRITICAL)
@@ -78,7 +78,7 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
 
 
 def with_total_order(influence: Influence, totals: TotalOrder, confidence: float) -> Influence:
-    """Return an influence with its total-order index, which then decides the verdict."""
+    """Return an influence with its total-order index added, which then decides the verdict."""
     if influence.first_order is None or influence.variable not in totals.variables:
         return influence
     i, quantile = totals.variables.index(influence.variable), jackknife_quantile(GROUPS, confidence)
@@ -99,9 +99,9 @@ def with_total_order(influence: Influence, totals: TotalOrder, confidence: float
 
 
 def with_shapley(influence: Influence, at: int, measures: Measures, scatter: float, confidence: float) -> Influence:
-    """Return the influence of a correlated variable with its Shapley effect, which then decides the verdict.
+    """Return the influence of a correlated variable with its Shapley effect added, which then decides the verdict.
 
-    Of what the regression leaves, the share `scatter` of the variance is no variable's.
+    The share `scatter` of the variance, a part of what the regression does not explain, belongs to no variable.
     """
     if measures.independent or influence.variable not in measures.variables:
         return influence
@@ -133,7 +133,7 @@ def with_shapley(influence: Influence, at: int, measures: Measures, scatter: flo
 
 
 def _acting(variable: str, at: int, measures: Measures, quantile: float) -> tuple[str, ...]:
-    """Return the variables that act themselves and are correlated with this one beyond chance, the closest first."""
+    """Return the variables that act themselves and are correlated with this one beyond chance, the strongest first."""
     effects, i = measures.shapley, measures.variables[variable]
     if effects is None:
         return ()
@@ -145,13 +145,13 @@ def _acting(variable: str, at: int, measures: Measures, quantile: float) -> tupl
 
 
 def needed_errors(variables: int, confidence: float, groups: int = GROUPS) -> float:
-    """Return by how many standard errors an effect must differ from 0 (Bonferroni over the variables)."""
+    """Return how many standard errors an effect must differ from 0 (Bonferroni over the variables)."""
     # Two two-sided tests for each variable.
     return jackknife_quantile(groups, 1 - (1 - confidence) / (2 * variables))
 
 
 def _word(interval: Interval, interaction: float, *, significant: bool) -> str:
-    """Return the verdict on a variable by the interval of its share, and the most that interactions may hold."""
+    """Return the verdict on a variable from the interval of its share and the largest share of interactions."""
     if significant and interval[0] >= CRITICAL_SHARE:
         return CRITICAL
     return OPEN if max(interval[1], interaction) >= CRITICAL_SHARE else NOT_CRITICAL
@@ -166,10 +166,10 @@ def response_verdict(influences: tuple[Influence, ...], interaction: float) -> s
 
 
 def as_share(value: float) -> float:
-    """Return an estimate of a share, within 0 and 1."""
+    """Return an estimate of a share, clipped to 0 and 1."""
     return min(max(value, 0.0), 1.0)
 
 
 def share_interval(value: float, half: float) -> Interval:
-    """Return the interval of a share, within 0 and 1."""
+    """Return the interval of a share, clipped to 0 and 1."""
     return as_share(value - half), as_share(value + half)

@@ -4,7 +4,7 @@ The first-order index is the share of a response's variance that one variable ex
 ``Var(E[y | x_i]) / Var(y)`` (Sobol' 1993). It is estimated from the campaign's own sample. ``E[y | x_i]`` is a
 polynomial of x_i; its degree, the same for all variables, is the one with the smallest error on left-out groups of rows
 (cross-validation). Independent variables are fitted together, ``y = f_1(x_1) + ... + f_k(x_k)``, so that the effects of
-the others are not noise. Correlated variables are fitted one at a time, so that the index keeps its meaning. Where a
+the others do not act as noise. Correlated variables are fitted one at a time, so that the index keeps its meaning. If a
 residual shows structure, such as a jump, ranks estimate what the polynomial misses (`jumps`). The delete-a-group
 jackknife (Efron, Stein 1981) removes the bias of fitted noise and gives the intervals; near zero their coverage is a
 few percent too low.
@@ -21,7 +21,7 @@ n, model                   together    one at a time classes
 =========================  ==========  ============  ============
 
 "Classes" are 2 n^(1/3) classes of equal probability with the unbiased variance within them. For small shares the joint
-fit is 4 to 10 times closer than either.
+fit is 4 to 10 times more accurate than either of the others.
 """
 
 from collections.abc import Sequence
@@ -39,15 +39,15 @@ from reporting.sensitivity.polynomials import Sums
 MOST_DEGREE = 10
 _ROWS_PER_COEFFICIENT = 5
 CURVE_POINTS = 33
-# Added to the normal equations, whose diagonal is 1 and which collinear variables make singular.
+# Added to the normal equations, whose diagonal is 1, because collinear variables make them singular.
 _RIDGE = 1e-10
-# Errors that differ by a smaller share of the variance are equal but for rounding.
+# Errors that differ by a smaller share of the variance are treated as equal.
 _SAME_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What each of k variables explains alone of each of m responses.
+    """Effects of each of k variables alone on each of m responses.
 
     Attributes
     ----------
@@ -61,13 +61,13 @@ class Effects:
     curve_x : array, shape (k, points)
         Evenly spaced points from the 5th to the 95th percentile of each variable, in its unit.
     curve : array, shape (m, k, points)
-        ``E[y | x_i]`` at these points, less the mean of y, in standard deviations of y.
+        ``E[y | x_i]`` at these points minus the mean of y, in standard deviations of y.
     swing_error : array, shape (m, k)
         Standard error of ``max - min`` of the curve, in standard deviations of y.
     by_ranks : array of bool, shape (m, k)
-        The polynomial misses a structure, such as a jump: the share is rank-based.
+        Whether the share is rank-based, because the polynomial misses a structure such as a jump.
     missed : array, shape (m, k)
-        What the polynomial may have missed at most, as a share of the variance; it widens the interval upwards.
+        Upper bound of what the polynomial misses, as a share of the variance; it extends the interval upwards.
     carriers : array, shape (m, k)
         Number of samples that carry the share.
     """
@@ -100,13 +100,13 @@ def effects(
     sums : Sums
         Sums over the groups of rows.
     x, y : array, shapes (n, k) and (n, m)
-        These rows.
+        Variables and responses of these rows.
     group : array of int, shape (n,)
         Group of each row.
     ends : pair of arrays, each of shape (k,)
         5th and 95th percentile of each variable.
     independent : bool
-        The variables are independent: fit them together.
+        Whether the variables are independent and therefore fitted together.
     """
     degree = best_degree(sums)
     curve_x = np.linspace(*ends, CURVE_POINTS, axis=1)
@@ -130,7 +130,7 @@ def effects(
             shape = points[:, own] - (parts.bb[:, 0, own] / parts.rows[:, None])[:, None]
             curve[:, at, i] = np.einsum("gxc,gcm->gmx", shape, b)
             effect[i] = values[:, own] @ b[0]
-        residual = z[:, at] - (effect.sum(axis=0) if independent else effect)  # of each variable, if fitted by itself
+        residual = z[:, at] - (effect.sum(axis=0) if independent else effect)  # of each variable if fitted alone
         for (j, r), i in product(enumerate(at), range(k)):
             e = residual[:, j] if independent else residual[i, :, j]
             found = rank_based(some[:, i], effect[i, :, j], e, z[:, r], group[:MOST_ROWS])
@@ -141,8 +141,8 @@ def effects(
                 share[:, r, i] = found.share
     swing = curve.max(axis=3) - curve.min(axis=3)
     corrected = share[0] * groups - (groups - 1) * share[1:].mean(axis=0)
-    # Ranks need no correction for fitted noise: what a polynomial fits in excess, its residual lacks. It would only
-    # add what neighbours lose where they lie on either side of a jump.
+    # Ranks need no correction for fitted noise: the residual lacks what the polynomial fits in excess. It would only
+    # add the error of neighbours on either side of a jump.
     missed = np.where(by_ranks, np.maximum(corrected - share[0], 0.0), missed)
     return Effects(
         degree=degree,
@@ -160,13 +160,13 @@ def effects(
 
 
 def best_degree(sums: Sums) -> NDArray[np.int64]:
-    """Return for each response the lowest degree with the smallest error on left-out groups, shape (m,)."""
+    """Return the lowest degree with the smallest error on left-out groups, for each response; shape (m,)."""
     k = sums.basis.mean.size
     return 1 + best_columns(sums, [np.arange(1 + k * degree) for degree in range(1, sums.basis.degree + 1)])
 
 
 def best_columns(sums: Sums, candidates: Sequence[NDArray[np.intp]]) -> NDArray[np.int64]:
-    """Return for each response the first candidate set of columns with the smallest error on left-out groups."""
+    """Return the first candidate set of columns with the smallest error on left-out groups, for each response."""
     rest, errors = sums.without_each(), []
     for columns in candidates:
         b = least_squares(rest, columns)[1:]
@@ -177,7 +177,7 @@ def best_columns(sums: Sums, candidates: Sequence[NDArray[np.intp]]) -> NDArray[
 
 
 def least_squares(parts: Sums, columns: NDArray[np.intp]) -> Array:
-    """Return the coefficients of the responses on some columns of the basis, shape (g, p, m)."""
+    """Return the regression coefficients of the responses on some columns of the basis, shape (g, p, m)."""
     n = parts.rows[:, None, None]
     gram = parts.bb[:, columns[:, None], columns] / n + _RIDGE * np.eye(columns.size)
     return np.asarray(np.linalg.solve(gram, parts.by[:, columns] / n))
@@ -197,7 +197,7 @@ def jackknife_error(estimates: Array) -> Array:
 
 
 def jackknife_quantile(groups: int, confidence: float) -> float:
-    """Return half the width of an interval in standard errors: Student's t for `groups` groups."""
+    """Return the half width of an interval in standard errors: Student's t for `groups` groups."""
     return float(stdtrit(groups - 1, 0.5 + confidence / 2))
 
 
@@ -210,7 +210,7 @@ def _variance_of(parts: Sums, own: NDArray[np.intp], b: Array) -> Array:
 
 
 def unexplained_share(parts: Sums, b: Array, columns: NDArray[np.intp]) -> Array:
-    """Return the ratio of residual and total variance, each with its degrees of freedom, shape (g, m)."""
+    """Return the ratio of residual to total variance, each with its degrees of freedom; shape (g, m)."""
     n = parts.rows[:, None]
     residual = np.maximum(parts.yy - np.sum(b * parts.by[:, columns], axis=1), 0.0)
     return np.asarray(residual / np.maximum(n - columns.size, 1.0) / (variance(parts) * n / (n - 1)))

@@ -1,4 +1,4 @@
-"""The sensitivity of responses to variables, as data; `reporting.sensitivity.criticality` defines the verdicts."""
+"""Data classes for the sensitivity of responses to variables; `reporting.sensitivity.criticality` has the verdicts."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ CRITICAL_SHARE = 0.10
 NEGLIGIBLE_SHARE = 0.001
 FEWEST_CARRIERS = 12
 CRITICAL, NOT_CRITICAL, OPEN, CORRELATED = "critical", "not critical", "open", "only correlated"
-OWN_EFFECT = 0.01  # share of the variance from which a variable acts itself
+OWN_EFFECT = 0.01  # share of the variance from which on a variable acts itself
 POLYNOMIAL, RANKS = "polynomial", "ranks"
 
 
@@ -26,29 +26,29 @@ class Influence:
     contribution, contribution_interval : float, (float, float)
         Share of the variance in linear regression, averaged over all orders (LMG); None above 10 variables.
     inflation : float
-        Variance inflation; None where the other variables determine this one.
+        Variance inflation; None if the other variables determine this one.
     spearman, spearman_interval : float, (float, float)
         Rank correlation.
     rank_coefficient : float
         Standardised coefficient of the regression of ranks.
     first_order, first_order_interval : float, (float, float)
-        First-order Sobol' index; the interval includes what its estimator may have missed.
+        First-order Sobol' index; the interval includes what the estimator may have missed.
     estimator : str
         "polynomial", or "ranks" where the polynomial misses a structure, such as a jump.
     carriers : float
-        Number of samples that carry the first-order index; few make its interval too narrow.
+        Number of samples that carry the first-order index; if it is small, the interval is too narrow.
     total, total_interval : float, (float, float)
         Total-order Sobol' index, which includes all interactions; None without a design. Measured scatter is
         subtracted.
     interactions, interactions_interval : float, (float, float)
-        Total-order less first-order index, both from the design: the share of the variable's interactions.
+        Total-order minus first-order index, both from the design: the share of the variable's interactions.
     shapley, shapley_interval : float, (float, float)
-        Shapley effect; None for independent variables. The interval includes what the regression leaves.
+        Shapley effect; None for independent variables. The interval includes what the regression does not explain.
     own, own_interval : float, (float, float)
-        What the variable moves while all others are fixed, as a share of the variance; above 1 where the others
-        compensate it; None for independent variables.
+        Effect of the variable with all others fixed, as a share of the variance; above 1 if the others compensate it;
+        None for independent variables.
     through : tuple of str
-        Of a variable that is "only correlated": the acting variables with which it is, the closest first.
+        For an "only correlated" variable: the acting variables it is correlated with, the strongest first.
     low, high : float
         Smallest and largest conditional expectation of the response for values of the variable from its 5th to its
         95th percentile, in the unit of the response: the bar of a tornado chart.
@@ -57,7 +57,7 @@ class Influence:
     curve : tuple of (float, float)
         Points (variable, expected response) from the 5th to the 95th percentile.
     significant : bool
-        The linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables).
+        Whether the linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables).
     verdict : str
         "critical", "not critical", "only correlated" or "open".
     """
@@ -100,7 +100,7 @@ class Influence:
 
 @dataclass(frozen=True)
 class ResponseSensitivity:
-    """Which variables move one response.
+    """The sensitivity of one response to the variables.
 
     Attributes
     ----------
@@ -108,27 +108,27 @@ class ResponseSensitivity:
     n : int
         Number of samples with a value; regressions and indices use at most 200,000 of them, drawn at random.
     independent : bool or None
-        No correlation of the variables is requested or beyond chance; otherwise first-order indices overlap.
+        Whether no correlation of the variables is requested or beyond chance; otherwise first-order indices overlap.
     degree : int or None
-        Of the polynomials behind the first-order indices.
+        Degree of the polynomials used for the first-order indices.
     r2, r2_rank : float or None
         Share of the variance explained by linear regression (adjusted), and by the regression of ranks.
     interaction, interaction_interval : float, (float, float), or None
         Share of the variance that is not a sum of functions of single variables, scatter included.
     influences : tuple of Influence
-        One for each variable, in their order.
+        One influence per variable, in the order of the variables.
     verdict : str
-        "critical" if a variable is; "not critical" if no variable is and less than a tenth of the variance is left to
+        "critical" if a variable is; "not critical" if none is and less than a tenth of the variance remains for
         interactions that total-order indices do not cover; else "open".
     rejects : RejectCauses or None
     worst : tuple of WorstSample
     notes : tuple of str
         Why numbers are None, and cautions.
     attribution : RejectAttribution or None
-        Which variable costs how much of the reject share; None without a reject.
+        Parts of the reject share by variable; None without a reject.
     scatter, scatter_interval : float, (float, float), or None
-        What of `interaction` is scatter between runs of the same sample with different steps, which no input causes;
-        None if no repeat measures it.
+        Part of `interaction` that is scatter between runs of the same sample with different steps, which no input
+        causes; None if no repeat measures it.
     rest, rest_interval : float, (float, float), or None
         `interaction` without the scatter: interactions of variables, and jumps; None if scatter is not measured.
     """
@@ -154,7 +154,7 @@ class ResponseSensitivity:
 
     @property
     def ranked(self) -> tuple[Influence, ...]:
-        """The influences, the largest share first."""
+        """The influences in decreasing order of their shares."""
         return tuple(sorted(self.influences, key=lambda i: -(i.share or 0.0)))
 
 
@@ -172,6 +172,6 @@ class Sensitivity:
     responses: tuple[ResponseSensitivity, ...]
 
     def never_critical(self) -> tuple[str, ...]:
-        """Return the variables that are critical for no response, themselves: "not critical" or "only correlated"."""
+        """Return the variables that are "not critical" or "only correlated" for every response."""
         verdicts = {v: {r.influences[i].verdict for r in self.responses} for i, v in enumerate(self.variables)}
         return tuple(name for name, seen in verdicts.items() if seen and seen <= {NOT_CRITICAL, CORRELATED})

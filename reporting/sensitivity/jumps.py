@@ -1,14 +1,14 @@
-"""First-order indices of responses that jump: what a polynomial leaves in its residual, by ranks.
+"""First-order indices of responses with jumps: ranks estimate what a polynomial leaves in its residual.
 
-A polynomial of a variable cannot follow a jump, nor many bends. What it misses shows in its residual: in the order of
-the variable, neighbours then have residuals alike. For neighbours (e, e') the mean of e e' estimates
+A polynomial of a variable cannot follow a jump or many bends. What it misses appears in its residual: in the order of
+the variable, neighbours then have similar residuals. For neighbours (e, e') the mean of e e' estimates
 ``Var(E[e | x])``, whatever its shape (the rank-based estimator: Chatterjee 2021; Gamboa, Gremaud, Klein, Lagnoux 2022).
 With the polynomial f as control variate,
 
 ``Var(E[y | x]) = Var(f) + 2 Cov(f, e) + Var(E[e | x])``,
 
-so that ranks have to estimate only what is left. Where the residual shows no structure, the polynomial alone is
-closer, and what it may have missed widens the interval upwards.
+so that ranks have to estimate only the remainder. If the residual shows no structure, the polynomial alone is more
+accurate, and what it may have missed extends the interval upwards.
 """
 
 from dataclasses import dataclass
@@ -21,21 +21,21 @@ from reporting.arrays import Array
 STRUCTURED = 2.5  # standard errors above 0
 MOST_ROWS = 50_000
 _ONE_SIDED = 1.645  # 95 %
-# A residual that explains a smaller share of the variance is rounding.
+# A residual with a smaller share of the variance is rounding.
 _ROUNDING = 1e-9
-_FEWEST_ALIKE, _MOST_CUTS, _CLEAR = 5, 5, 4.5  # values that are compared, places, standard errors
+_FEWEST_ALIKE, _MOST_CUTS, _CLEAR = 5, 5, 4.5  # least values on a side, most places, least standard errors
 
 
 @dataclass(frozen=True)
 class RankBased:
-    """What ranks say of a variable whose polynomial leaves a residual.
+    """Rank-based estimates for a variable whose polynomial leaves a residual.
 
     Attributes
     ----------
     share : array, shape (1 + g,), or None
-        First-order index over all rows and without each of g groups; None where the residual shows no structure.
+        First-order index over all rows and without each of g groups; None if the residual shows no structure.
     missed : float
-        Share of the variance that the polynomial may have missed (one-sided, 95 %); 0 where `share` is given.
+        Share of the variance that the polynomial may have missed (one-sided, 95 %); 0 if `share` is given.
     carriers : float
         Number of samples that carry the variable's share: ``(sum c)^2 / sum c^2`` with c the squared effects.
     """
@@ -46,14 +46,14 @@ class RankBased:
 
 
 def rank_based(x: Array, effect: Array, residual: Array, y: Array, group: NDArray[np.intp]) -> RankBased:
-    """Return what ranks say of a variable.
+    """Return the rank-based estimates for a variable.
 
     Parameters
     ----------
     x : array, shape (n,)
         The variable; rows in random order.
     effect, residual, y : array, each of shape (n,)
-        Polynomial of the variable; the standardised response less all that is fitted; the standardised response.
+        Polynomial of the variable; the standardised response minus all fitted terms; the standardised response.
     group : array of int, shape (n,)
         Group of each row, from 0.
     """
@@ -61,7 +61,7 @@ def rank_based(x: Array, effect: Array, residual: Array, y: Array, group: NDArra
     f, e = effect[order] - effect.mean(), residual[order] - residual.mean()
     if np.mean(e * e) < _ROUNDING:
         return RankBased(None, 0.0, _carriers(f))
-    found, error = _neighbours(e, min(max(x.size // 100, 1), 20))  # more places: less noise, more bias
+    found, error = _neighbours(e, min(max(x.size // 100, 1), 20))  # more lags: less noise, more bias
     if found <= STRUCTURED * error:
         return RankBased(None, max(found + _ONE_SIDED * error, 0.0), _carriers(f))
     group, ordered = group[order], y[order]
@@ -78,7 +78,7 @@ def _explained(f: Array, e: Array, most: int) -> float:
 
 
 def _neighbours(e: Array, most: int) -> tuple[float, float]:
-    """Return the mean product of neighbours, up to some places from each other, and its error without structure."""
+    """Return the mean product of values up to `most` places apart, and its standard error without structure."""
     products = [e[lag:] * e[:-lag] for lag in range(1, most + 1)]
     count = sum(p.size for p in products)
     return sum(float(p.sum()) for p in products) / count, float(np.sqrt(sum(float(p @ p) for p in products))) / count
@@ -91,16 +91,16 @@ def _smooth(e: Array) -> Array:
 
 
 def _carriers(effect: Array) -> float:
-    """Return how many samples carry the variance of an effect."""
+    """Return the number of samples that carry the variance of an effect."""
     square = (effect - effect.mean()) ** 2
     total = float(square.sum())
     return total * total / float(square @ square) if total > 0 else float(effect.size)
 
 
 def cuts(x: Array, residual: Array) -> list[tuple[float, float]]:
-    """Return where a residual jumps along a variable, and by how many standard errors: at most five places.
+    """Return at most five places where a residual jumps along a variable, and the jumps in standard errors.
 
-    The means of its values before and after a place are compared, a hundredth of the sample each.
+    At each place the means of the values before and after it are compared, each over a hundredth of the sample.
     """
     order = np.argsort(x, kind="stable")
     e, width = residual[order] - residual.mean(), max(x.size // 100, _FEWEST_ALIKE)

@@ -1,4 +1,4 @@
-"""The measures of sensitivity of all responses that have their values in the same rows."""
+"""The measures of sensitivity of all responses with values in the same rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,29 +15,29 @@ from reporting.sensitivity.polynomials import GROUPS, group_sums, groups_of
 from reporting.sensitivity.regression import Linear, Rank, linear, rank
 from reporting.sensitivity.shapley_effects import ShapleyEffects, shapley_effects
 
-_CONTRADICTION = 5.0  # standard errors
+_CONTRADICTION = 5.0  # standard errors at which samples contradict the requested correlations
 
 
 @dataclass(frozen=True)
 class Measures:
-    """The measures of m responses to k variables, over the same rows.
+    """The measures of sensitivity of m responses to k variables, over the same rows.
 
     Attributes
     ----------
     variables, responses : dict of str to int
         Position of each varying variable and response in the arrays.
     mean, std : array, shape (m,)
-        Of the responses, in their units.
+        Mean and standard deviation of the responses, in their units.
     linear : Linear
     rank : Rank
     effects : Effects
         First-order indices and conditional expectations.
     groups : int
-        Number of groups of rows from which errors follow.
+        Number of groups of rows from which errors are estimated.
     independent : bool
-        No correlation of the variables is requested or beyond chance.
+        Whether no correlation of the variables is requested or beyond chance.
     shapley : ShapleyEffects or None
-        Of correlated variables, up to 10.
+        Shapley effects of up to 10 correlated variables; None otherwise.
     """
 
     variables: dict[str, int]
@@ -66,12 +66,12 @@ def measure(
     columns, values : dict of str to array, each of shape (n,)
         Variables and responses, finite.
     confidence : float
-        Of the intervals of rank correlations.
+        Confidence of the intervals of rank correlations.
     correlations : sequence of (str, str, float), optional
-        The requested correlations of the variables; without it the samples decide.
+        The requested correlations of the variables; if not given, the samples decide.
     lots : array, shape (n,), optional
-        Production lot of each row. The shifts of lots correlate variables by chance, and from `LEAST_LOTS` lots on
-        errors are those of leaving out whole lots.
+        Production lot of each row. The shifts of lots correlate variables by chance. With `LEAST_LOTS` lots or more,
+        errors are estimated by leaving out whole lots.
     """
     x_names = [name for name, column in columns.items() if varies(column)]
     y_names = [name for name, column in values.items() if varies(column)]
@@ -106,10 +106,10 @@ def measure(
 def _independent(
     found: Array, names: list[str], requested: Sequence[tuple[str, str, float]] | None, independent_rows: int
 ) -> bool:
-    """Return whether the variables are independent: what is requested says so, and the samples do not contradict.
+    """Return whether the variables are independent: no correlation is requested, and the samples do not show one.
 
-    Chance alone must not make variables correlated: 5 standard errors contradict a request, and 1 % over all pairs
-    speaks where none is known.
+    Chance alone must not make variables count as correlated: 5 standard errors are needed to contradict a request, and
+    a p-value of 1 % over all pairs if the request is unknown.
     """
     if any(rank != 0 and {a, b} <= set(names) for a, b, rank in requested or ()):
         return False
@@ -121,12 +121,12 @@ def _independent(
 
 
 def fewest_rows(variables: int) -> int:
-    """Return the fewest rows for a regression on that many variables: two a group, five a coefficient."""
+    """Return the smallest number of rows for a regression: two per group and five per coefficient."""
     return max(2 * GROUPS, 5 * (variables + 1))
 
 
 def varies(column: Array) -> bool:
-    """Return whether a column is more than a constant with rounding errors."""
+    """Return whether a column varies by more than rounding errors."""
     if column.size < 2:
         return False
     return float(np.std(column)) > ROUNDING * float(np.abs(column).max())

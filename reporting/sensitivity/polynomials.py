@@ -1,10 +1,10 @@
-"""Sums over a sample, in one pass, from which every regression of the report follows.
+"""Sums over a sample, computed in one pass, for all regressions of the report.
 
 Each variable has a basis of polynomials that are orthonormal over its own sample (Stieltjes' procedure, Gautschi 2004,
 section 2.2): units and origins have no effect, and the normal equations are well conditioned at any degree used here.
 Products are summed over groups of rows. The sums without one group give both the error of prediction on that group
-and the delete-a-group jackknife. Rows must come in random order: every 20th sample of a Sobol' sequence or of a grid
-does not represent the whole. Rows of a production lot share a shift, so each lot is in one group as a whole.
+and the delete-a-group jackknife. Rows must be in random order: every 20th sample of a Sobol' sequence or of a grid
+does not represent the whole. Rows of a production lot share a shift, so each lot is entirely in one group.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from reporting.arrays import Array
 
 GROUPS = 20
-_CHUNK = 50_000  # rows whose basis is in memory at a time
+_CHUNK = 50_000  # rows whose basis is in memory at the same time
 _RECURRENCE_ROWS = 20_000  # a nearly orthonormal basis is enough: the sums contain its exact products
 # Below this norm a polynomial vanishes on the sample: the variable has no further distinct values.
 _VANISHES = 1e-7
@@ -29,7 +29,7 @@ class Basis:
     Attributes
     ----------
     mean, std : array, shape (k,)
-        Of the sample, in the variables' units.
+        Mean and standard deviation of the sample, in the variables' units.
     center, norm : array, shape (degree, k)
         ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]`` with ``t = (x - mean) / std``. The basis of a
         variable ends at a norm of 0.
@@ -50,7 +50,7 @@ class Basis:
         return 1 + variable + self.mean.size * np.arange(degree)
 
     def __call__(self, x: Array) -> Array:
-        """Return the basis at points of shape (n, k), shape (n, 1 + k degree)."""
+        """Return the basis at points of shape (n, k) as an array of shape (n, 1 + k degree)."""
         t = (x - self.mean) / self.std
         before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros(t.shape[1])
         blocks = [np.ones((t.shape[0], 1))]
@@ -87,7 +87,7 @@ class Sums:
 
 
 def basis_of(x: Array, degree: int) -> Basis:
-    """Return the orthonormal polynomials of each column, shape (n, k), no column constant."""
+    """Return the orthonormal polynomials of each column of x, shape (n, k), no column constant."""
     mean, std = x.mean(axis=0), x.std(axis=0)
     t = (x[:: max(1, x.shape[0] // _RECURRENCE_ROWS)] - mean) / std
     center, norm = np.zeros((degree, t.shape[1])), np.zeros((degree, t.shape[1]))
@@ -103,7 +103,7 @@ def basis_of(x: Array, degree: int) -> Basis:
 
 
 def groups_of(n: int, lots: NDArray[np.generic] | None = None) -> NDArray[np.intp]:
-    """Return the group of each of n rows, 20 groups, or as many as there are lots where these are fewer.
+    """Return the group of each of n rows: 20 groups, or one per lot if there are fewer lots.
 
     Parameters
     ----------
@@ -157,11 +157,11 @@ def group_sums(
 
 
 def _over(values: Array, norm: Array) -> Array:
-    """Return values / norm; zero where the basis of a variable has ended."""
+    """Return values / norm; zero where the basis of a variable ends."""
     return values * np.where(norm > 0, 1.0 / np.where(norm > 0, norm, 1.0), 0.0)
 
 
 def total_and_rest(groups: Array) -> Array:
-    """Return the total over the first axis, then the total without each entry, shape (1 + g, ...)."""
+    """Return the total over the first axis, followed by the total without each entry; shape (1 + g, ...)."""
     total = groups.sum(axis=0)
     return np.concatenate([total[None], total[None] - groups])

@@ -19,10 +19,10 @@ from reporting.sensitivity.polynomials import Sums
 from reporting.sensitivity.shapley import shapley_values
 from reporting.shape.order_statistics import centred_ranks
 
-MOST_SHARED = 10  # variables whose 2^10 subsets are all fitted
+MOST_SHARED = 10  # variables; all 2^10 subsets are fitted
 # Below this unexplained share of its variance a variable is a linear combination of the others.
 _COLLINEAR = 1e-10
-_RIDGE = 1e-12  # added to correlation matrices, which collinear variables make singular
+_RIDGE = 1e-12  # added to correlation matrices, because collinear variables make them singular
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,20 @@
-"""Which variable costs how much of the reject share: Shapley effects of the event "reject", from the samples at hand.
+"""Attribution of the reject share to variables: Shapley effects of the event "reject", from the given samples.
 
-The worth of a set S of variables is the share of the variance of the indicator of a reject that they explain,
-``Var(P(reject | x_S)) / (p (1 - p))``: 0 if they tell nothing about rejects, 1 if they decide them. Its Shapley values
-divide the reject share among the variables, whatever their correlations (target Shapley effects: Il Idrissi,
-Chabridon, Iooss 2021).
+The worth of a set S of variables is the share of the variance of the reject indicator that they explain,
+``Var(P(reject | x_S)) / (p (1 - p))``: 0 if they contain no information about rejects, 1 if they determine them. Its
+Shapley values divide the reject share among the variables, whatever their correlations (target Shapley effects: Il
+Idrissi, Chabridon, Iooss 2021).
 
 ``P(reject | x_S)`` is a logistic regression on the normal scores of S, their squares and products, with a ridge. It is
-fitted to three quarters of the rows and judged on the fourth: fitted chance explains nothing. Rejects are rare, so all
-of them but only some thousand of the others are fitted, and the intercept is corrected (Prentice, Pyke 1979).
-Nearest neighbours, the estimator of that paper, need many rows in each direction: with 4 variables and 200 rejects they
-give a variable without effect -0.04 to -0.06.
+fitted to three quarters of the rows and judged on the fourth, so that fitted noise explains nothing. Rejects are rare,
+so all of them but only a few thousand other rows are fitted, and the intercept is corrected (Prentice, Pyke 1979).
+Nearest neighbours, the estimator of Il Idrissi et al., need many rows in each direction: with 4 variables and 200
+rejects they give a variable without effect -0.04 to -0.06.
 
-The samples of a campaign follow from their variables, so all variables together explain every reject. What the
-regression does not explain (`RejectAttribution.resolved` is less than 1) belongs to some variables: it is divided in
-proportion to the square root of what they explain, between "in equal parts" and "in proportion", and widens the
-intervals.
+The samples of a campaign are determined by their variables, so all variables together explain every reject. What the
+regression does not explain (`RejectAttribution.resolved` is less than 1) therefore belongs to some variables: it is
+divided in proportion to the square root of what they explain, a compromise between equal and proportional parts, and
+widens the intervals.
 """
 
 import math
@@ -34,23 +34,23 @@ from reporting.sensitivity.shapley import shapley_values
 from reporting.shape.order_statistics import centred_ranks
 
 FEWEST_REJECTS = 10
-MOST_ATTRIBUTED = 8  # variables whose 2^8 subsets are all fitted
+MOST_ATTRIBUTED = 8  # variables; all 2^8 subsets are fitted
 _LEAST_RESOLVED = 0.25
 _MOST_REJECTS, _MOST_OTHERS = 500, 4000  # fitted rows
 _FOLDS = 4
-_RIDGE_LINEAR, _RIDGE_QUADRATIC = 0.1, 1.0  # of coefficients, whose terms have mean 0 and variance 1
+_RIDGE_LINEAR, _RIDGE_QUADRATIC = 0.1, 1.0  # penalties of coefficients of terms with mean 0 and variance 1
 _STEPS, _LONGEST_STEP, _SMALL_STEP = 25, 4.0, 0.01  # of Newton's method, in log-odds
 
 
 @dataclass(frozen=True)
 class RejectShare:
-    """What one variable costs.
+    """Part of the reject share due to one variable.
 
     Attributes
     ----------
     variable : str
     share : float
-        Its part of the reject share, 0 to 1; the parts of all variables add up to 1.
+        Part of the reject share, 0 to 1; the parts of all variables add up to 1.
     interval : (float, float)
     """
 
@@ -61,19 +61,19 @@ class RejectShare:
 
 @dataclass(frozen=True)
 class RejectAttribution:
-    """Which variable costs how much of the reject share.
+    """Attribution of the reject share to the variables.
 
     Attributes
     ----------
     rejects, n : int
         Number of rejects, and of all samples.
     resolved : float or None
-        Share of the rejects' variance that the variables explain, judged on rows that were not fitted; None without a
-        fit.
+        Share of the variance of the reject indicator that the variables explain, judged on rows that were not fitted;
+        None without a fit.
     shares : tuple of RejectShare
-        The largest first; empty where they are withheld.
+        The parts, the largest first; empty if they are withheld.
     note : str
-        Why the shares are withheld, or what limits them; may be empty.
+        Why the shares are withheld, or their limitations; may be empty.
     """
 
     rejects: int
@@ -89,24 +89,24 @@ def reject_attribution(
     confidence: float = 0.95,
     lots: ArrayLike | None = None,
 ) -> RejectAttribution:
-    """Return which variable costs how much of the reject share.
+    """Return the attribution of the reject share to the variables.
 
     Parameters
     ----------
     inputs : mapping of str to array_like, each of shape (n,)
-        The variables; a row counts where all are finite.
+        The variables; rows where one is not finite are left out.
     rejected : array_like of bool, shape (n,)
         Whether each sample is a reject, of one response or of the whole product.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     lots : array_like, shape (n,), optional
-        Production lot of each sample; samples of a lot are then not taken for independent.
+        Production lot of each sample; samples of one lot are not treated as independent.
 
     Returns
     -------
     RejectAttribution
-        Without shares, but with a note, where fewer than 10 samples are rejects, fewer than 10 conform, there are
-        fewer than 10 lots, or the variables at hand do not tell rejects from others.
+        Without shares, but with a note, if fewer than 10 samples are rejects, fewer than 10 conform, there are
+        fewer than 10 lots, or the given variables do not distinguish rejects from other samples.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def reject_attribution(
     judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
     rows = _case_control(out)
     scores = np.column_stack([_normal_scores(column)[rows] for column in judged.values()])
-    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+    with threadpool_limits(1):  # the matrices are small, so threads would wait for each other
         worth, influence = _worths(scores, out[rows], rejects / n)
     resolved = float(worth[-1])
     if resolved < _LEAST_RESOLVED:
@@ -194,7 +194,7 @@ def _log_odds(a: Array, y: Array, penalty: Array, start: Array) -> Array:
 
 
 def _terms(z: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return linear terms, then squares and products, of mean 0 and variance 1; and the set of variables of each."""
+    """Return linear terms, then squares and products, with mean 0 and variance 1, and the set of variables of each."""
     k = z.shape[1]
     pairs = [(i, j) for i in range(k) for j in range(i, k)]
     quadratic = [(z[:, i] ** 2 - 1) / math.sqrt(2) if i == j else z[:, i] * z[:, j] for i, j in pairs]
@@ -203,7 +203,7 @@ def _terms(z: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _divided(names: tuple[str, ...], shapley: Array, resolved: float, half: Array) -> tuple[RejectShare, ...]:
-    """Return the shares of the variables: what is resolved, and a part of what is not."""
+    """Return the shares of the variables: the resolved part, and a portion of the unresolved part."""
     found = np.maximum(shapley, 0.0)
     found *= resolved / found.sum()
     part = np.sqrt(found) / np.sqrt(found).sum()
@@ -216,13 +216,13 @@ def _divided(names: tuple[str, ...], shapley: Array, resolved: float, half: Arra
 
 
 def _errors(terms: Array, groups: NDArray[np.intp]) -> Array:
-    """Return the standard error of the sum of each row of terms, shape (k, n), whose groups are independent."""
+    """Return the standard error of the sum of each row of terms, shape (k, n), with independent groups of columns."""
     _, at = np.unique(groups, return_inverse=True)
     return np.array([math.sqrt(float(np.sum(np.bincount(at, row) ** 2))) for row in terms])
 
 
 def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the fitted rows: rejects and others, each in random order and at most so many."""
+    """Return the rows to fit: rejects and others, each in random order and limited in number."""
     rejects, others = np.flatnonzero(out), np.flatnonzero(~out)
     few = rejects[random_rows(rejects.size)[:_MOST_REJECTS]], others[random_rows(others.size)[:_MOST_OTHERS]]
     return np.concatenate(few)
@@ -254,7 +254,7 @@ def _too_few_of(word: str, few: int) -> str:
 
 
 def _few(rejects: int, variables: int) -> str:
-    """Return what limits the shares."""
+    """Return the limitations of the shares."""
     few = f"From {format_numbers.grouped(rejects)} rejects only: the order of the variables is rough."
     many = f"Only the {MOST_ATTRIBUTED} variables that differ most among the rejects have a share of their own."
     return " ".join(text for holds, text in ((rejects < 50, few), (variables > MOST_ATTRIBUTED, many)) if holds)

@@ -1,8 +1,8 @@
-"""What rejects have in common, and which samples are the worst.
+"""Common properties of rejects, and the worst samples.
 
 For each variable: the difference of its means among rejects and other samples with Welch's (1947) interval, and the
 distance of its two distribution functions (Kolmogorov, Smirnov). With too few rejects the samples nearest to a limit
-take their place, and `RejectCauses.group` says so.
+are used instead, and `RejectCauses.group` says so.
 """
 
 import math
@@ -15,7 +15,7 @@ from scipy.special import kolmogorov
 from reporting.arrays import Array, random_rows
 from reporting.capability.intervals import Interval, welch
 
-FEWEST = 20  # samples of a group to compare
+FEWEST = 20  # fewest samples in each of the compared groups
 TAIL_SHARE = 0.01
 LISTED = 5
 REJECTS, TAIL = "rejects", "least margin"
@@ -23,21 +23,21 @@ REJECTS, TAIL = "rejects", "least margin"
 
 @dataclass(frozen=True)
 class RejectDifference:
-    """How one variable differs between the rejects and the others.
+    """Difference of one variable between the rejects and the other samples.
 
     Attributes
     ----------
     variable : str
     mean, mean_others : float
-        Among rejects and other samples, in the unit of the variable.
+        Means among rejects and among other samples, in the unit of the variable.
     shift : float
         Difference of the means in standard deviations of the variable.
     shift_interval : (float, float)
         Welch's interval of the shift.
     distance : float
-        Kolmogorov's distance of the distribution functions, 0 to 1; a difference in spread shows in it too.
+        Kolmogorov's distance of the distribution functions, 0 to 1; it also detects a difference in spread.
     p_value : float
-        Probability of a distance at least as large without a difference (asymptotic).
+        Probability of a distance at least as large if there is no difference (asymptotic).
     """
 
     variable: str
@@ -51,7 +51,7 @@ class RejectDifference:
 
 @dataclass(frozen=True)
 class RejectCauses:
-    """What the rejects of a response have in common.
+    """Common properties of the rejects of a response.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class RejectCauses:
     rejects : int
         Number of values out of limits.
     differences : tuple of RejectDifference
-        One for each variable, the largest distance first.
+        One difference per variable, the largest distance first.
     """
 
     group: str
@@ -98,7 +98,7 @@ class WorstSample:
 def reject_causes(
     y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None, confidence: float
 ) -> RejectCauses | None:
-    """Return what rejects have in common; None without limits, or with fewer than 20 samples in a group.
+    """Return the common properties of rejects; None without limits, or with fewer than 20 samples in a group.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def reject_causes(
     lsl, usl : float or None
         Limits.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     """
     margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
     if not margins:

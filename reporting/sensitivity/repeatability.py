@@ -1,14 +1,14 @@
-"""How far a response depends on more than its inputs: two runs of the same sample with different steps.
+"""Scatter of a response that its inputs do not cause: two runs of the same sample with different steps.
 
-A run with half the step has the same inputs, and another history of sticking, sliding and impacts. Half the variance of
-the difference of two such runs is the variance that the history alone gives the response, its *scatter*; the mean
-difference is no scatter but what the length of the step does to all runs.
+A run with half the step has the same inputs, but a different history of sticking, sliding and impacts. Half the
+variance of the difference of two such runs is the variance due to the history alone, the *scatter* of the response; the
+mean difference is not scatter, but the effect of the step size on all runs.
 
-The interval of the scatter is that of a variance whose errors follow from the differences' own fourth moment
-(`reporting.capability.precision`), and never narrower than that of normal differences. The interval of its share of the
-response's variance adds the squared distances of both, on a logarithmic scale. Measured coverage of 95 % intervals of
-the share is in ``docs/report.md``; with few pairs, a scatter that only some samples show may be missed altogether:
-`unseen` is the largest share of such samples, of which no pair would be.
+The interval of the scatter is that of a variance whose error is estimated from the fourth moment of the differences
+(`reporting.capability.precision`); it is never narrower than for normal differences. The interval of its share of the
+response's variance adds the squared distances of both intervals on a logarithmic scale. Measured coverage of 95 %
+intervals of the share is in ``docs/report.md``. With few pairs, scatter that only some samples show may be missed
+altogether: `unseen` is the largest share of such samples that may have no pair.
 """
 
 import math
@@ -27,30 +27,30 @@ from reporting.samples import Samples
 from reporting.spec import ReportSpec
 
 FEWEST_PAIRS = 5  # for an interval
-NOTABLE_SHARE = 0.10  # of the variance: as much as makes a variable critical
+NOTABLE_SHARE = 0.10  # of the variance: the threshold of a critical variable
 
 
 @dataclass(frozen=True)
 class Repeatability:
-    """What repeats tell of a response.
+    """Repeatability of a response, from repeated samples.
 
     Attributes
     ----------
     pairs : int
-        Number of samples with a value of both runs.
+        Number of samples with a value from both runs.
     lost : int
-        Number of repeated samples of which one run succeeded and the other did not.
+        Number of repeated samples for which only one of the two runs succeeded.
     sigma : float or None
         Standard deviation of the scatter, in the response's unit; None with less than two pairs.
     sigma_interval : (float, float) or None
-        None with less than five pairs.
+        Interval of `sigma`; None with less than five pairs.
     share, share_interval : float, (float, float), or None
-        Share of the response's variance that is scatter; None where the samples do not stand for production, or the
+        Share of the response's variance that is scatter; None if the samples do not represent production, or the
         response does not vary.
     shift, shift_interval : float, (float, float), or None
-        Mean of the runs with half the step less that of the others, in the response's unit.
+        Mean of the runs with half the step minus that of the others, in the response's unit.
     unseen : float or None
-        Largest share of samples, at this confidence, that may scatter without one of them being among the pairs.
+        Upper confidence bound of the share of samples that scatter although none of the pairs does.
     """
 
     pairs: int
@@ -65,7 +65,7 @@ class Repeatability:
 
     @property
     def removable(self) -> float | None:
-        """Share of the variance that the inputs explain at most: 1 less the scatter."""
+        """Largest share of the variance that the inputs can explain: 1 minus the share of scatter."""
         return None if self.share is None else 1 - self.share
 
 
@@ -77,13 +77,13 @@ def repeatability(
     Parameters
     ----------
     first, second : array, shape (m,)
-        The response in the runs of the campaign and in those with half the step; NaN where a run has no value.
+        The response in the runs of the campaign, and in the runs with half the step; NaN where a run has no value.
     std : float or None
-        Standard deviation of the response over all samples; None if no share is to be told.
+        Standard deviation of the response over all samples; None if no share is wanted.
     std_interval : (float, float) or None
-        Its interval.
+        Interval of `std`.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     """
     both = np.isfinite(first) & np.isfinite(second)
     pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
@@ -93,7 +93,7 @@ def repeatability(
     shape = location_and_shape(difference)
     shift, spread = shape["mean"], shape["std"]
     level = max(float(np.abs(first[both]).max()), float(np.abs(second[both]).max()))
-    if spread <= ROUNDING * level:  # the two runs differ as the values of a constant may
+    if spread <= ROUNDING * level:  # the two runs differ by rounding only
         spread = 0.0
     ratios = _ratios(difference, shape, spread, confidence)
     sigma = spread / math.sqrt(2)
@@ -128,7 +128,7 @@ def _ratios(difference: Array, shape: dict[str, float], spread: float, confidenc
 
 
 def _share_interval(share: float, ratios: Interval, std: float, std_interval: Interval | None) -> Interval:
-    """Return the interval of a share of a variance that is itself known to an interval only."""
+    """Return the interval of a share of a variance that is itself uncertain."""
     low, high = std_interval or (std, std)
     below = math.hypot(math.log(ratios[0]), 2 * math.log(high / std))
     above = math.hypot(math.log(ratios[1]), 2 * math.log(std / low)) if low > 0 else math.inf
@@ -138,20 +138,20 @@ def _share_interval(share: float, ratios: Interval, std: float, std_interval: In
 def repeatabilities(
     repeats: Repeats | None, samples: Samples, drawn: Samples, spec: ReportSpec, confidence: float
 ) -> dict[str, Repeatability]:
-    """Return what repeats tell of each response; empty without repeats.
+    """Return the repeatability of each response; empty without repeats.
 
     Parameters
     ----------
     repeats : Repeats or None
         The repeats.
     samples : Samples
-        All samples; those of importance sampling that are aimed at rejects do not count.
+        All samples; samples that importance sampling aims at rejects are left out.
     drawn : Samples
-        The independent draws, whose variance is that of the production.
+        The independent draws, whose variance represents production.
     spec : ReportSpec
         The responses.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     """
     if repeats is None or not repeats.sample.size:
         return {}

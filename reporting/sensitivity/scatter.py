@@ -10,8 +10,8 @@ from reporting.arrays import Array, random_rows
 from reporting.sensitivity.influence import ResponseSensitivity
 
 STRONGEST = 2
-POINTS, EXTREMES = 800, 25  # drawn in random order, and of the smallest and the largest values each
-GROUPS, FEWEST = 12, 60  # of equal size, over which means are taken; samples from which they are
+POINTS, EXTREMES = 800, 25  # points in random order; points of the smallest values, and as many of the largest
+GROUPS, FEWEST = 12, 60  # groups of equal size for means; fewest samples for them
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,16 @@ class Scatter:
     ----------
     variable : str
     share : float or None
-        Of the response's variance.
+        Share of the response's variance.
     n : int
-        Number of samples with a value of both.
+        Number of samples with a value of both quantities.
     x, y : tuple of float
         Input and response of the points to draw: all samples, or 800 of them in random order and those with the 25
         smallest and largest values.
     slope : float or None
-        Of the straight line through all samples (least squares), in the response's unit per that of the input.
+        Slope of the least-squares line through all samples, in the response's unit per unit of the input.
     mean_x, mean_y : tuple of float
-        Means over twelve groups of equal size, from the smallest inputs to the largest; empty below 60 samples.
+        Means over twelve groups of equal size, from the smallest to the largest inputs; empty below 60 samples.
     """
 
     variable: str
@@ -47,12 +47,12 @@ class Scatter:
 def scatters(
     sensitivity: ResponseSensitivity | None, inputs: Mapping[str, Array], values: Array
 ) -> tuple[Scatter, ...]:
-    """Return a response against its two strongest inputs: by share of the variance, else by correlation.
+    """Return a response against its two strongest inputs, by share of the variance or else by correlation.
 
     Parameters
     ----------
     sensitivity : ResponseSensitivity or None
-        Says which inputs are the strongest, where there are samples enough.
+        Determines the strongest inputs if there are enough samples.
     inputs : mapping of str to array, shape (n,)
         The inputs of the ok samples.
     values : array, shape (n,)
@@ -84,7 +84,7 @@ def scatters(
 
 
 def _correlation(x: Array, y: Array) -> float:
-    """Return the size of the correlation of an input and a response; 0 where it is not defined."""
+    """Return the absolute correlation of an input and a response; 0 if it is undefined."""
     both = np.isfinite(x) & np.isfinite(y)
     x, y = x[both], y[both]
     if x.size < 2 or np.ptp(x) == 0 or np.ptp(y) == 0:
@@ -95,7 +95,7 @@ def _correlation(x: Array, y: Array) -> float:
 
 
 def _shown(y: Array) -> NDArray[np.intp]:
-    """Return the rows to draw, in their order; the same ones for the same values."""
+    """Return the rows to draw, in order; the same values give the same rows."""
     if y.size <= POINTS + 2 * EXTREMES:
         return np.arange(y.size)
     order = np.argsort(y, kind="stable")
@@ -103,7 +103,7 @@ def _shown(y: Array) -> NDArray[np.intp]:
 
 
 def _slope(x: Array, y: Array) -> float | None:
-    """Return the slope of the straight line through points; None where it is not a finite number."""
+    """Return the slope of the straight line through points; None if it is not finite."""
     scale = float(np.max(np.abs(x)))
     with np.errstate(all="ignore"):
         from_middle = (x - x.mean()) / scale

@@ -1,9 +1,9 @@
-"""The Shapley value: a total, divided among players that reach it only together (Shapley 1953).
+"""The Shapley value: the division of a total among players who achieve it together (Shapley 1953).
 
 A player's share is what it adds to the worth of the players before it, averaged over all orders in which the players
 can enter. The worth of a subset of variables is, for example, the share of a response's variance that its variables
-explain; what two variables explain only together is then split between them (Owen 2014). Correlated variables need no
-other definition (Song, Nelson, Staum 2016).
+explain; what two variables explain only together is then split between them (Owen 2014). The definition also holds for
+correlated variables (Song, Nelson, Staum 2016).
 """
 
 import math
@@ -24,7 +24,7 @@ def shapley_values(worth: Array) -> Array:
     Returns
     -------
     array, shape (k, ...)
-        The shares; their sum is the worth of all players less that of none.
+        The shares; their sum is the worth of all players minus that of the empty set.
     """
     k = worth.shape[0].bit_length() - 1
     subsets = np.arange(2**k)

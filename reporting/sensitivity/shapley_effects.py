@@ -1,11 +1,12 @@
-"""What correlated variables explain: Shapley effects of the variance, from the samples at hand.
+"""Shapley effects: shares of the variance that correlated variables explain, from the given samples.
 
-First-order indices of correlated variables overlap, and with opposite signs they hide: of ``z0 + z1`` with correlation
--0.9 each explains next to nothing alone. Shapley effects (Owen 2014; Song, Nelson, Staum 2016) share the variance out:
-the worth of a set of variables is what a regression on their polynomials and products explains of it
-(``Var(E[y | x_S]) / Var(y)``). Part of a variable's share may come to it only through its correlation with another.
-Its *own effect*, what it moves while all others are fixed, tells: it is what the regression loses without the variable,
-over the part of the variable that the others do not determine; of a weighted sum, the squared standardised coefficient.
+First-order indices of correlated variables overlap, and can be hidden by opposite signs: for ``z0 + z1`` with
+correlation -0.9 each variable explains almost nothing alone. Shapley effects (Owen 2014; Song, Nelson, Staum 2016)
+divide the variance: the worth of a set of variables is the share of the variance that a regression on their polynomials
+and products explains (``Var(E[y | x_S]) / Var(y)``). Part of a variable's share may be due only to its correlation with
+another variable. This is shown by its *own effect* with all others fixed: the loss of the regression without the
+variable, divided by the part of the variable that the others do not determine. For a weighted sum it is the squared
+standardised coefficient.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from reporting.sensitivity.shapley import shapley_values
 
 _MOST_DEGREE = 6
 _ROWS_PER_COLUMN = 5
-_MOST_PLACES = 6  # of jumps of one variable, over all responses
+_MOST_PLACES = 6  # largest number of jumps along one variable, over all responses
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,11 @@ class ShapleyEffects:
     share, share_error : array, shape (m, k)
         Shapley effect and its standard error.
     own, own_error : array, shape (m, k)
-        Effect at fixed other variables, as a share of the variance; above 1 where the others compensate it.
+        Effect with all other variables fixed, as a share of the variance; above 1 if the others compensate it.
     interaction, interaction_error : array, shape (m,)
         Share of the variance that is not a sum of functions of single variables.
     remainder, remainder_error : array, shape (m,)
-        Share of the variance that the regression does not explain, and that belongs to no variable here.
+        Share of the variance that the regression does not explain, not attributed to any variable.
     """
 
     share: Array
@@ -131,7 +132,7 @@ class _Regression:
         )
 
     def candidates(self, n: int) -> list[NDArray[np.intp]]:
-        """Return the sets of columns to choose from, those with at least five of n rows a column."""
+        """Return the candidate sets of columns that have at least five of n rows per column."""
         first, pairs = 1 + self.k * self.degree, len(self._pairs())
         products, jumps = first + np.arange(pairs), first + pairs + np.arange(len(self.places))
         nothing = products[:0]
@@ -139,7 +140,7 @@ class _Regression:
             np.concatenate([np.arange(1 + self.k * degree), *more])
             for degree in range(1, self.degree + 1)
             for more in product((nothing, products), (nothing, jumps))
-            if more[1] is nothing or degree == self.degree  # what is left of a jump without its variable is no line
+            if more[1] is nothing or degree == self.degree  # without its variable's polynomial a jump does not fit
         ]
         return [columns for columns in found if columns.size * _ROWS_PER_COLUMN <= n or columns.size == 1 + self.k]
 
@@ -149,7 +150,7 @@ class _Regression:
 
 
 def _jumps(smooth: _Regression, sums: Sums, x: Array, y: Array) -> list[tuple[int, float]]:
-    """Return where the residuals of smooth regressions jump: the clearest places of each variable."""
+    """Return the places where the residuals of smooth regressions jump most clearly, for each variable."""
     candidates = smooth.candidates(int(sums.rows.sum()))
     polynomials = sums.basis(x)
     values = np.hstack([polynomials, smooth.more(x, polynomials)])

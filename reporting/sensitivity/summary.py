@@ -1,7 +1,7 @@
-"""Which variable moves which response, by every measure, from the samples at hand.
+"""The sensitivity of responses to variables, by every measure, from the given samples.
 
 Linear and rank regression (`regression`), first-order Sobol' indices and conditional expectations (`first_order`),
-total-order indices if the samples are a design (`total_order`), what rejects have in common and the worst samples
+total-order indices if the samples are a design (`total_order`), common properties of rejects, and the worst samples
 (`rejects`).
 """
 
@@ -52,22 +52,22 @@ def sensitivity(
     correlations: Sequence[tuple[str, str, float]] | None = None,
     lots: NDArray[np.int64] | None = None,
 ) -> Sensitivity:
-    """Return which variables move each response, by every measure.
+    """Return the sensitivity of each response to the variables, by every measure.
 
     Parameters
     ----------
     variables, responses : mapping of str to array_like, each of shape (n,)
-        Columns of one table; a row counts for a response where all variables and this response are finite.
+        Columns of one table; a row is used for a response if all variables and this response are finite.
     limits : mapping of str to (lsl, usl), optional
-        Limits by response, None where a side is free.
+        Limits by response; None for a side without a limit.
     sample : array of int64, shape (n,), optional
         Numbers of the samples; the row numbers by default.
     confidence : float
-        Of all intervals.
+        Confidence of all intervals.
     known : mapping of str to Known, optional
-        What is known by response beyond these columns: total-order indices of a design, scatter between repeats.
+        Information by response that is not in these columns: total-order indices of a design, scatter of repeats.
     correlations : sequence of (str, str, float), optional
-        The requested rank correlations of the variables. Without it the samples decide whether variables are
+        The requested rank correlations of the variables. If not given, the samples decide whether variables are
         correlated.
     lots : array of int, shape (n,), optional
         Production lot of each sample; the shifts of lots correlate variables by chance.
@@ -168,7 +168,7 @@ def _response(
 
 
 def _of_lots(lots: int | None, n: int) -> tuple[str, ...]:
-    """Return what production lots do to the intervals."""
+    """Return the effect of production lots on the intervals."""
     if lots is None or lots == n:
         return ()
     come = f"The samples of each of the {format_numbers.grouped(lots)} production lots share a shift. The intervals"
@@ -215,7 +215,7 @@ def _notes(measures: Measures, at: int, found: Unexplained, known: Known) -> tup
 
 
 def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, confidence: float) -> tuple[str, ...]:
-    """Return the variables whose interactions explain at least a tenth of the variance, not by chance."""
+    """Return the variables whose interactions explain at least a tenth of the variance, beyond chance."""
     if totals is None:
         return ()
     bars = needed_errors(len(totals.variables), confidence) * totals.interactions_error
@@ -239,7 +239,7 @@ def _only_correlated(influences: tuple[Influence, ...]) -> tuple[str, ...]:
 
 
 def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:
-    """Return which shares are rank-based, and which ones a few samples carry."""
+    """Return which shares are rank-based, and which are carried by a few samples."""
     ranks = [i.variable for i in influences if i.estimator == RANKS and (i.first_order or 0.0) >= CRITICAL_SHARE]
     jumps = f"{', '.join(ranks)}: the response jumps or bends too sharply for a polynomial, so ranks are used."
     few = [
@@ -263,7 +263,7 @@ def _why_nothing(y: Array, variables: int) -> str:
 
 
 def _same_rows(rows: dict[str, NDArray[np.bool_]]) -> list[list[str]]:
-    """Return the names of columns in groups with the same rows."""
+    """Return the names of the columns, grouped by identical rows."""
     groups: dict[bytes, list[str]] = {}
     for name, at in rows.items():
         groups.setdefault(np.packbits(at).tobytes(), []).append(name)

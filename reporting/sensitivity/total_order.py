@@ -1,12 +1,13 @@
-"""Total-order Sobol' indices: what a variable explains with all its interactions, from Saltelli's design.
+"""Total-order Sobol' indices: the share that a variable explains with all its interactions, from Saltelli's design.
 
 A row of the design has k + 2 runs: one of sample A, one of sample B, and k of A with one variable taken from B.
-First-order indices are estimated by Saltelli et al. (2010, table 2 b), total-order ones by Jansen (table 2 f); their
-difference, row by row, is the variable's share of interactions. Standard errors come from the delete-a-group jackknife
-over rows, as if rows were independent; the errors of evenly spread rows are mostly smaller (`docs/sensitivity.md`).
+First-order indices use the estimator of Saltelli et al. (2010, table 2 b), total-order indices that of Jansen (table
+2 f); their difference, row by row, is the share of the variable's interactions. Standard errors come from the
+delete-a-group jackknife over rows, as if rows were independent; the errors of evenly spread rows are mostly smaller
+(`docs/sensitivity.md`).
 
-The runs of a row repeat each other's values: only those of A and B are independent draws, and only they may enter
-other statistics.
+The runs of a row share values: only the runs of A and B are independent draws, and only they may be used for other
+statistics.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from reporting.sensitivity.first_order import jackknife_error
 from reporting.sensitivity.polynomials import GROUPS, total_and_rest
 from reporting.spec import ReportSpec
 
-_LISTED = 5  # missing samples
+_LISTED = 5  # missing samples listed in a message
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class TotalOrder:
     total, total_error : array, shape (k,)
         Share that each variable explains with all its interactions, and its standard error.
     interactions, interactions_error : array, shape (k,)
-        Total-order less first-order index, and its standard error.
+        Total-order minus first-order index, and its standard error.
     """
 
     variables: tuple[str, ...]
@@ -53,12 +54,12 @@ class TotalOrder:
 
 
 def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
-    """Return the independent draws: A and B of a design, what importance sampling draws from the distributions, or all.
+    """Return the independent draws: A and B of a design, the plain runs of importance sampling, or all samples.
 
     Raises
     ------
     ReportError
-        The samples are a design without variables, or of a variable that the campaign does not have.
+        If the samples are a design without variables, or with a variable that the campaign does not have.
     """
     if spec.proposal:
         return samples.where(samples.importance["component"] == 0)
@@ -74,12 +75,12 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
 
 
 def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | str]":
-    """Return the indices of every response, or in words why there are none; empty if there is no design.
+    """Return the indices of every response, or a text that says why there are none; empty without a design.
 
     Raises
     ------
     ReportError
-        The samples are not those of a design.
+        If the samples are not those of a design.
     """
     if not spec.designed:
         return {}
@@ -101,7 +102,7 @@ def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     Parameters
     ----------
     y : array, shape (n (k + 2),)
-        The response, finite, row by row: the runs of A, of B, then of A with each variable of B in turn.
+        The finite response, row by row: the run of A, of B, then of A with each variable taken from B in turn.
     variables : sequence of str
         The k variables, in the order of these runs.
 
@@ -113,7 +114,7 @@ def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     Raises
     ------
     ReportError
-        The values are not those of a design.
+        If the values are not those of a design.
     """
     width = len(variables) + 2
     n, rest = divmod(y.size, width)
@@ -132,14 +133,14 @@ def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     products = np.hstack([np.ones_like(a), a + b, a * a + b * b, b * (mixed - a), (a - mixed) ** 2 / 2])
     sums = total_and_rest(np.array([products[group::GROUPS].sum(axis=0) for group in range(GROUPS)]))
     means = sums[:, 1:] / sums[:, :1]
-    variance = means[:, 1:2] / 2 - (means[:, :1] / 2) ** 2  # of A and B: the other runs repeat their values
+    variance = means[:, 1:2] / 2 - (means[:, :1] / 2) ** 2  # only A and B: the other runs share their values
     first, total = np.split(means[:, 2:] / variance, 2, axis=1)
     estimates = [(share[0], jackknife_error(share)) for share in (first, total, total - first)]
     return TotalOrder(tuple(variables), *estimates[0], *estimates[1], *estimates[2])
 
 
 def _why_none(missing: NDArray[np.intp], requested: int) -> str:
-    """Return which samples have no value, and what to do."""
+    """Return which samples have no value, and a remedy."""
     first = ", ".join(str(sample) for sample in missing[:_LISTED])
     more = f" and {format_numbers.grouped(missing.size - _LISTED)} more" if missing.size > _LISTED else ""
     return (

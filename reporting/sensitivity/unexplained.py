@@ -1,6 +1,6 @@
-"""What is left of a response's variance when every variable has its own effect: scatter, and the rest.
+"""The share of a response's variance that is not explained by single variables: scatter, and the rest.
 
-No sum of functions of single variables follows it. Repeats with half the step measure how much of it is scatter, which
+No sum of functions of single variables explains it. Repeats with half the step measure how much of it is scatter, which
 no input causes; only the rest can be interactions or jumps. `docs/sensitivity.md` has the derivation and its test.
 """
 
@@ -17,14 +17,14 @@ from reporting.sensitivity.total_order import TotalOrder
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a response beyond one run of each sample.
+    """Information about a response beyond one run of each sample.
 
     Attributes
     ----------
     totals : TotalOrder or str, optional
         Total-order indices of a design, or why there are none.
     repeatability : Repeatability, optional
-        What repeats with half the step tell.
+        Repeatability from repeats with half the step.
     """
 
     totals: TotalOrder | str | None = None
@@ -46,11 +46,11 @@ class Unexplained:
     Attributes
     ----------
     share, interval : float, (float, float)
-        All of it; the estimate may lie outside 0 to 1 by chance.
+        The whole share; the estimate may lie outside 0 to 1 by chance.
     scatter, scatter_interval : float, (float, float), or None
-        What of it no input causes; None if it is not measured.
+        The part that no input causes; None if it is not measured.
     rest, rest_interval : float, (float, float), or None
-        Without the scatter: interactions and jumps; None if scatter is not measured.
+        The share without scatter: interactions and jumps; None if scatter is not measured.
     """
 
     share: float
@@ -62,15 +62,15 @@ class Unexplained:
 
     @property
     def most_interactions(self) -> float:
-        """The largest share that interactions may hold."""
+        """The largest possible share of interactions."""
         return self.interval[1] if self.rest_interval is None else self.rest_interval[1]
 
 
 def split(share: float, half: float, known: Known) -> Unexplained:
-    """Return an unexplained share, whose interval has the half width `half`, with its parts.
+    """Return an unexplained share, whose interval has the half width `half`, split into its parts.
 
-    The distance of each end of the rest's interval adds the squared distances of both shares (method of variance
-    estimates recovery: their errors are independent, as repeats are runs of their own).
+    The squared distance to each end of the rest's interval is the sum of the squared distances of both shares (method
+    of variance estimates recovery: their errors are independent, because repeats are separate runs).
     """
     interval = _within(share - half), _within(share + half)
     if known.scatter is None:
@@ -84,19 +84,19 @@ def split(share: float, half: float, known: Known) -> Unexplained:
 def without_scatter(totals: TotalOrder, known: Known, quantile: float) -> TotalOrder:
     """Return total-order indices without the scatter that each of them contains.
 
-    A total-order index is half the mean squared difference of two runs that differ in one variable, over the variance.
-    Each run scatters by itself, so that scatter adds its whole share of the variance to the total-order index of every
-    variable, and to its interactions, but none to the first-order index. A variable whose two runs are equal has no
-    effect, and no scatter is taken off.
+    A total-order index is half the mean squared difference of two runs that differ in one variable, divided by the
+    variance. Each run scatters independently, so scatter adds its whole share of the variance to the total-order index
+    of every variable and to its interactions, but nothing to the first-order index. If the two runs are equal, the
+    variable has no effect and no scatter is subtracted.
 
     Parameters
     ----------
     totals : TotalOrder
-        As estimated.
+        Indices as estimated.
     known : Known
-        The scatter.
+        Information that includes the scatter.
     quantile : float
-        Half the width of intervals in standard errors.
+        Half width of intervals in standard errors.
     """
     if known.scatter is None:
         return totals
@@ -113,7 +113,7 @@ def without_scatter(totals: TotalOrder, known: Known, quantile: float) -> TotalO
 
 
 def note_on(found: Unexplained, known: Known, *, independent: bool) -> str:
-    """Return what an unexplained share of at least a tenth is, and how to learn more; empty for less."""
+    """Return what an unexplained share of at least a tenth means, and how to learn more; empty for smaller shares."""
     if found.share < CRITICAL_SHARE:
         return ""
     text = f"{_percent(found.share)} of the variance does not come from variables acting alone"
@@ -129,7 +129,7 @@ def note_on(found: Unexplained, known: Known, *, independent: bool) -> str:
 
 
 def _advice(known: Known, independent: bool) -> str:
-    """Return how to learn which variables interact."""
+    """Return how to find out which variables interact."""
     if isinstance(known.totals, TotalOrder):
         return "The shares with interactions show which variables cause it."
     if not independent:
@@ -147,5 +147,5 @@ def _percent(share: float) -> str:
 
 
 def _within(value: float) -> float:
-    """Return an estimate of a share, within 0 and 1."""
+    """Return an estimate of a share, clipped to 0 and 1."""
     return min(max(value, 0.0), 1.0)

@@ -1,7 +1,7 @@
-"""Values that repeat: atoms, where a stop or a plateau holds a share of all values, and rounding, which holds none.
+"""Repeated values: atoms, where a stop or a plateau collects a share of all values, and rounded values.
 
-No density describes an atom: the likelihood of a narrow one grows without end. Rounded values repeat too, but about as
-often as their neighbours do.
+No density describes an atom: the likelihood of an ever narrower density grows without bound. Rounded values repeat too,
+but about as often as their neighbours do.
 """
 
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ from scipy.special import pdtrc
 
 from reporting.arrays import Array
 
-# Values closer than this part of their usual distance are equal but for rounding errors.
+# Values closer than this part of their usual distance differ by rounding errors only.
 _EQUAL = 1e-4
-# An atom has so many times the values of its neighbours, more than chance gives in a thousand samples, and among
-# other values at least this share of all.
+# An atom has this many times the values of its neighbours, more than occurs by chance in a thousand samples, and at
+# least this share of all values.
 _RATIO, _CHANCE, _LEAST_SHARE = 2.5, 1e-3, 0.01
-# Neighbours on each side.
+# Number of neighbours on each side.
 _REACH = 2
-# Fewer different values than this are a discrete response.
+# A response with fewer different values than this is discrete.
 FEWEST_VALUES = 10
 
 
 @dataclass(frozen=True)
 class Atom:
-    """A value that a share of all values has.
+    """A value that a considerable share of all values has.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Atom:
     count : int
         Number of values.
     share : float
-        Of all values.
+        Share of all values.
     where : str
-        "lowest", "highest" or "inside": the smallest value, the largest, or one between.
+        "lowest", "highest" or "inside": the smallest value, the largest, or one in between.
     """
 
     value: float
@@ -46,12 +46,12 @@ class Atom:
 
 @dataclass(frozen=True)
 class Ties:
-    """Different values and how often each occurs.
+    """Distinct values and their counts.
 
     Attributes
     ----------
     values : array, shape (m,)
-        Ascending.
+        Distinct values in ascending order.
     counts : array, shape (m,)
     """
 
@@ -60,7 +60,7 @@ class Ties:
 
     @property
     def discrete(self) -> bool:
-        """Whether there are so few different values that no density describes them."""
+        """Whether there are too few distinct values to be described by a density."""
         return self.values.size < FEWEST_VALUES and 2 * self.values.size < self.counts.sum()
 
     def atoms(self) -> tuple[Atom, ...]:
@@ -69,7 +69,7 @@ class Ties:
         if m < 2 * _REACH or m == n:
             return ()
         usual = _neighbours(self.counts)
-        # Without rounding no value has an equal: what a value has beyond one is chance at the rate of its neighbours.
+        # Without rounding all values are distinct: a count above one occurs by chance at the rate of the neighbours.
         rate = np.maximum(usual - 1 + np.sqrt(usual - 1), (n - m) / m)
         proven = (self.counts > 1) & (m * pdtrc(self.counts - 2, rate) < _CHANCE)
         end = np.isin(np.arange(m), (0, m - 1))
@@ -81,7 +81,7 @@ class Ties:
         )
 
     def spread(self) -> Array:
-        """Return the values with equal ones spread evenly over the values that round to theirs."""
+        """Return the values; equal ones are spread evenly over the range that rounds to them."""
         if self.values.size == self.counts.sum():
             return self.values
         gaps = np.diff(self.values) / 2
@@ -93,12 +93,12 @@ class Ties:
 
 
 def ties(ordered: Array) -> Ties:
-    """Return the different values; those that differ by rounding errors alone are one.
+    """Return the distinct values; values that differ by rounding errors only are merged.
 
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending finite values, at least two different ones.
+        Finite values in ascending order, at least two distinct ones.
     """
     quarter, three_quarters = ordered[[ordered.size // 4, (3 * ordered.size) // 4]]
     usual = float(three_quarters - quarter or ordered[-1] - ordered[0]) / ordered.size
@@ -117,7 +117,7 @@ def _neighbours(counts: Array) -> Array:
 
 
 def in_words(atom: Atom) -> str:
-    """Return what an atom is, in one sentence."""
+    """Return a description of an atom in one sentence."""
     percent = f"{100 * atom.share:.3g} % of the values ({atom.count}) are {atom.value:.6g}"
     if atom.where == "inside":
         return f"{percent}, a plateau or a preferred number."

@@ -1,8 +1,8 @@
 """A large sorted sample condensed to a few hundred or thousand weighted values.
 
-Both tails stay as they are, because they decide a capability; between them neighbours are averaged in blocks. The
+Both tails are kept unchanged, because they decide a capability; between them neighbours are averaged in blocks. The
 error of a sum of a smooth function is of second order in the width of a block: a few tenths of a unit of
-log-likelihood at a million values, nearly the same for every family.
+log-likelihood for a million values, nearly the same for every family.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ class Condensed:
     Attributes
     ----------
     values : array, shape (m,)
-        Ascending.
+        Values in ascending order.
     weights : array, shape (m,)
-        Number of values of the sample that each one represents; the sum is n.
+        Number of values of the sample that each value represents; the sum is n.
     n : int
         Size of the sample.
     """
@@ -31,7 +31,7 @@ class Condensed:
     n: int
 
     def mean(self, numbers: Array) -> float:
-        """Return the weighted mean of one number for each value, shape (m,)."""
+        """Return the weighted mean of `numbers`, shape (m,), one for each value."""
         return float(self.weights @ numbers) / self.n
 
     def scaled(self, shift: float, scale: float) -> "Condensed":
@@ -40,14 +40,14 @@ class Condensed:
 
 
 def condense(ordered: Array, most: int) -> Condensed:
-    """Return a sample as at most `most` weighted values; a quarter of them are the extremes at each end.
+    """Return a sample as at most `most` weighted values; a quarter of them are extremes at each end.
 
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending finite values.
+        Finite values in ascending order.
     most : int
-        A multiple of 4.
+        Largest number of weighted values, a multiple of 4.
     """
     n = int(ordered.size)
     if n <= most:
@@ -55,14 +55,14 @@ def condense(ordered: Array, most: int) -> Condensed:
     tail = most // 4
     edges = np.linspace(tail, n - tail, most - 2 * tail + 1).astype(np.int64)
     sizes = np.diff(edges).astype(np.float64)
-    centre = float(ordered[n // 2])  # sums of differences: a large offset costs no digits
+    centre = float(ordered[n // 2])  # sums of differences, so that a large offset costs no digits
     middle = centre + np.add.reduceat(ordered[: n - tail] - centre, edges[:-1]) / sizes
     values = np.concatenate((ordered[:tail], middle, ordered[n - tail :]))
     return Condensed(values, np.concatenate((np.ones(tail), sizes, np.ones(tail))), n)
 
 
 def distance(c: Condensed, cdf: Array) -> float:
-    """Return Kolmogorov's distance: the largest difference of the sample's step function and `cdf` at its values."""
+    """Return Kolmogorov's distance: the largest difference of the sample's step function from `cdf` at its values."""
     below = (np.cumsum(c.weights) - c.weights + (c.weights - 1) / 2) / c.n
     return float(np.max(np.maximum(cdf - below, below + 1 / c.n - cdf)))
 

@@ -1,4 +1,4 @@
-"""The expected share out of limits that stands for a response: that of a normal distribution, where it is one."""
+"""The expected share out of limits of a response, by the normal distribution if the response is normal."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from reporting.shape.tails import TailShare
 
 @dataclass(frozen=True)
 class ExpectedShare:
-    """What share of production to expect out of limits.
+    """Expected share of production out of limits.
 
     Attributes
     ----------
     ppm : float or None
-        In parts per million; None where no estimate is worth a number.
+        Expected share in parts per million; None if no estimate is reliable.
     interval : (float, float) or None
-        Of `ppm`; without it, the range of distributions that the values do not tell from each other.
+        Interval of `ppm`; if `ppm` is None, the range over the distributions that the values do not distinguish.
     by : str
-        What it rests on: "normal", the title of a fitted distribution, "fitted distributions" for a range of several,
-        "Pareto tail"; or "not normal" where nothing is known but the count.
+        Basis of the estimate: "normal", the title of a fitted distribution, "fitted distributions" for a range of
+        several, "Pareto tail"; or "not normal" if only the count is known.
     """
 
     ppm: float | None
@@ -33,16 +33,16 @@ class ExpectedShare:
 def expected_share(
     numbers: Capability, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare], *, normal: bool
 ) -> ExpectedShare | None:
-    """Return the expected share out of limits of a response; None where it has no index.
+    """Return the expected share out of limits of a response; None if it has no index.
 
     Parameters
     ----------
     numbers : Capability
-        Its indices.
+        Indices of the response.
     fits, methods, tails
-        Its estimates without the normal distribution.
+        Estimates of the response without the normal distribution.
     normal : bool
-        The values are not proven to be other than normal.
+        Whether the values may be normal: False if they are proven not to be.
     """
     if numbers.ppm_expected is None:
         return None

@@ -1,8 +1,8 @@
-"""Distributions fitted to a response: all families, those that may be used, and the one that is.
+"""Distributions fitted to a response: all families, those that may be used, and the chosen one.
 
-A family may be used if it passes a test of its fit (`reporting.shape.goodness`). Of these, the one with the smallest
-AIC is no better than a simpler one within `AIC_MARGIN`. The data do not rule out those within `AIC_SUPPORT`: what is
-said of the tails must hold for all of them.
+A family may be used if it passes a test of its fit (`reporting.shape.goodness`). Among these, the family with the
+smallest AIC is considered no better than a simpler one within `AIC_MARGIN`. The data do not rule out the families
+within `AIC_SUPPORT`, so statements on the tails must be valid for all of them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ from reporting.shape.goodness import PRACTICAL
 
 # Burnham, Anderson (2002): a family within 2 of the smallest AIC has substantial support.
 AIC_MARGIN = 2.0
-# Up to here the values do not rule a family out: the 95 % point of the chi-square distribution, and the margin.
+# Up to this difference the values do not rule out a family: the 95 % point of chi-square plus the margin.
 AIC_SUPPORT = 3.84 + AIC_MARGIN
 
 
@@ -31,19 +31,19 @@ class Fits:
     Attributes
     ----------
     fits : tuple of Fit
-        By AIC, smallest first.
+        Fits in ascending order of AIC.
     best : str or None
-        Family chosen: among those that pass and are within `AIC_MARGIN` of the smallest AIC the one with the fewest
-        parameters; of several, the normal one. None if no family passes.
+        Chosen family: the one with the fewest parameters among those that pass and are within `AIC_MARGIN` of the
+        smallest AIC; among several, the normal one. None if no family passes.
     candidates : tuple of str
-        Families that pass and that the data do not rule out, by AIC. Differences of AIC count as those of
+        Families that pass and that the data do not rule out, by AIC. Differences of AIC are scaled to those of
         `PRACTICAL` values.
     atoms : tuple of Atom
-        Values that a share of all values has; then no family is fitted.
+        Atoms of the values; if there are any, no family is fitted.
     refused : dict of str to str
-        Families that were not fitted, and why.
+        Families that were not fitted, with the reason.
     notes : tuple of str
-        How the families were fitted, or why none was or none is used.
+        How the families were fitted, or why none was fitted or is used.
     """
 
     fits: tuple[Fit, ...]
@@ -64,23 +64,23 @@ def fit_families(
     names: Iterable[str] | None = None,
     limits: Sequence[float | None] = (None, None),
 ) -> Fits:
-    """Fit every family that the values allow.
+    """Fit every family that is possible for the values.
 
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values of one response; those that are not finite are left out.
+        Values of one response; values that are not finite are left out.
     bounds : (float, float), optional
         Physical bounds of the response, for the beta distribution.
     names : iterable of str, optional
         Families to fit; all of them if not given.
     limits : (float or None, float or None)
-        Lower and upper limit: a family that contradicts the count of values beyond them does not pass.
+        Lower and upper limit; a family that contradicts the count of values beyond them does not pass.
 
     Raises
     ------
     ReportError
-        `x` is not a series of numbers.
+        If `x` is not a one-dimensional series of numbers.
     """
     values = series(x)
     values = np.sort(values[np.isfinite(values)])
@@ -111,7 +111,7 @@ def fit_families(
 
 
 def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
-    """Return no fits, with the reason."""
+    """Return a result without fits, with the reason."""
     return Fits((), None, (), found, {}, (reason,))
 
 
@@ -124,7 +124,7 @@ def _choose(passing: list[Fit]) -> str | None:
 
 
 def handicap(fit: Fit, fits: Fits) -> float:
-    """Return how much larger AIC is than the smallest of a family that passes, as `PRACTICAL` values would show it."""
+    """Return the excess of AIC over the smallest one of a family that passes, scaled to `PRACTICAL` values."""
     return _handicap(fit, [each for each in fits.fits if each.passes])
 
 

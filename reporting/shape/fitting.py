@@ -1,8 +1,8 @@
 """One family fitted to the values by maximum likelihood.
 
-The search uses the sample condensed to 600 values, the figures of merit 4,000 (`reporting.shape.condensed`): a million
-values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma has the
-divisor n - 1 as everywhere in the report.
+The search uses the sample condensed to 600 values, the goodness of fit 4,000 (`reporting.shape.condensed`), so a
+million values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma
+has the divisor n - 1, as everywhere in the report.
 """
 
 import math
@@ -21,11 +21,11 @@ from reporting.shape.goodness import LEAST_P, bootstrap, tail_misfit
 SEARCHED, JUDGED = 600, 4000
 # Values needed for each parameter.
 VALUES_PER_PARAMETER = 8
-# Below this ratio of sigma and value a family that starts at zero is indistinguishable from a normal one.
+# Below this ratio of sigma to value a family that starts at zero is indistinguishable from a normal distribution.
 LEAST_VARIATION = 0.01
-# A component of a mixture that is narrower than a quarter of the densest part of the values of this share is a spike.
+# A mixture component narrower than a quarter of the shortest range that contains this share of the values is a spike.
 _SPIKE_SHARE, _FEWEST_IN_SPIKE = 0.05, 8
-# A threshold closer to the extreme value, in usual distances of values, is where the likelihood has no maximum.
+# With a threshold closer to the extreme value, in mean distances of values, the likelihood has no maximum.
 _CLOSEST = 0.01
 
 
@@ -38,14 +38,14 @@ class Fit:
     family, title : str
         Key in `reporting.shape.family.families.FAMILIES`, and the name in words.
     parameters : dict of str to float
-        In the unit of the values. Those of a power transformation and of the beta distribution are of the values
-        ``(x - shift) / scale``, with these two beside them.
+        Parameters in the unit of the values. Those of a power transformation and of the beta distribution refer to
+        ``(x - shift) / scale``; shift and scale are then included.
     theta : tuple of float
         Unconstrained parameters, which with shift and scale determine the distribution (see `distribution`).
     covariance : tuple of tuples of float, or None
-        Of theta, from the curvature of the likelihood; None where it is flat.
+        Covariance of theta, from the curvature of the likelihood; None where it is flat.
     shift, scale : float
-        In the unit of the values.
+        Shift and scale in the unit of the values.
     n : int
         Number of values.
     loglik, aic, bic : float
@@ -53,14 +53,14 @@ class Fit:
     ad : float or None
         Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
     ad_p : float or None
-        Its p-value by parametric bootstrap, with the parameters fitted to each resample; above 5,000 values that of a
-        misfit which 5,000 values would show. None where a value is impossible.
+        p-value of `ad` by parametric bootstrap, with the parameters fitted to each resample; above 5,000 values, that
+        of the misfit scaled to 5,000 values. None if a value is impossible under the fit.
     distance : float
         Kolmogorov's distance between sample and distribution: the size of the misfit.
     passes : bool
-        The p-value is at least 0.01 and no counted share contradicts the tails: the fit may be used.
+        Whether the fit may be used: the p-value is at least 0.01 and no counted share contradicts the tails.
     misfit : str
-        Why it may not; else empty.
+        Why it may not be used; else empty.
     """
 
     family: str
@@ -89,7 +89,7 @@ class Fitting:
     ordered : array, shape (n,)
         Ascending values.
     ties : Ties
-        The different ones.
+        The distinct values.
     bounds : (float, float) or None
         Physical bounds.
     limits : (float or None, float or None)

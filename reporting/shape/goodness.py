@@ -1,10 +1,10 @@
 """Whether a fitted distribution may be used: a test of Anderson and Darling by parametric bootstrap, and the tails.
 
-The bootstrap draws samples of n from the fitted distribution, as counts in cells of its probability, fits each by one
-step of Fisher's scoring and measures it as the data were measured. Cells that are narrow in the tails lose nothing of
-the statistic, and the cost does not depend on n.
+The bootstrap draws samples of n values from the fitted distribution, as counts in cells of its probability, fits each
+by one step of Fisher's scoring, and computes its statistic like that of the data. With narrow cells in the tails
+nothing of the statistic is lost, and the cost does not depend on n.
 
-No family is exact, so with enough values every one fails. What a report needs is less: a misfit that would not show in
+No family is exact, so with enough values every one fails. A report requires less: a misfit that is not detectable in
 `PRACTICAL` values, and tails that agree with the counted shares.
 """
 
@@ -18,19 +18,19 @@ from reporting.arrays import Array
 from reporting.shape.family.distributions import ClosedForm, Parameter
 from reporting.shape.family.families import Scaled, Theta
 
-# A fit with a smaller p-value is not used.
+# A fit with a p-value below this is not used.
 LEAST_P = 0.01
-# A misfit that this many values would not show is unimportant.
+# A misfit that is not detectable in this many values is unimportant.
 PRACTICAL = 5000
 # A tail fails if the counted share is proven (at `_TAIL_CHANCE`) to differ by more than this factor.
 TAIL_FACTOR = 1.5
 _TAIL_CHANCE = 0.002
-# Shares where the tails are compared, besides those at the limits; expected counts below the last are not.
+# Shares at which the tails are compared, besides the limits; smaller expected counts than the last are not compared.
 TAIL_SHARES, _FEWEST_EXPECTED = (0.00135, 0.01), 3.0
 _RESAMPLES = 999
 # Fixed, so that the same values always give the same report.
 _SEED = 19540
-# Directions in which the values carry less information than this part of the largest do not count as fitted.
+# Directions with less information than this part of the largest are not treated as fitted.
 _FLATTEST = 1e-7
 _STEP = 1e-4
 
@@ -54,17 +54,17 @@ class Bootstrap:
         self.weights = (self.cells[:-1] + self.cells[1:]) / 2 / (self.edges * (1 - self.edges))
 
     def p_value(self, build: Callable[[Sequence[Parameter]], ClosedForm], theta: Theta, statistic: float) -> float:
-        """Return the share of resamples, each with its own fit, that are as far from their fit as the data.
+        """Return the share of resamples that are at least as far from their own fit as the data are from theirs.
 
         Parameters
         ----------
         build : callable
-            From parameters to the distribution.
+            Function from parameters to the distribution.
         theta : tuple of float
             The fitted parameters.
         statistic : float
-            A^2 of the data. With more than `PRACTICAL` values the part beyond its mean by chance is reduced to that
-            of so many values.
+            A^2 of the data. With more than `PRACTICAL` values, its excess over the expected value is scaled to
+            `PRACTICAL` values.
         """
         slopes = self._slopes(build, theta)
         of_cells = np.diff(slopes, axis=0, prepend=0.0, append=0.0) / self.cells[:, None]
@@ -93,7 +93,7 @@ class Bootstrap:
 
 @lru_cache(maxsize=2)
 def bootstrap(n: int) -> Bootstrap:
-    """Return the resamples of n values; those of the last sizes are kept for the other responses of a report."""
+    """Return the resamples of n values; those of the latest sizes are cached for the other responses of a report."""
     return Bootstrap(n)
 
 
@@ -103,11 +103,11 @@ def tail_misfit(ordered: Array, fitted: Scaled, limits: Sequence[float | None]) 
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending values.
+        Values in ascending order.
     fitted : Scaled
-        In the unit of the values.
+        Fitted distribution in the unit of the values.
     limits : (float or None, float or None)
-        The lower and the upper limit.
+        Lower and upper limit.
     """
     n = int(ordered.size)
     shares = [share for share in TAIL_SHARES if share * n >= _FEWEST_EXPECTED]

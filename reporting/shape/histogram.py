@@ -17,7 +17,7 @@ class Histogram:
     Attributes
     ----------
     edges : tuple of float, length k + 1
-        In the unit of the values. The edge at an upper limit is the next number above it, because a value on the
+        Edges in the unit of the values. The edge at an upper limit is the next number above it, because a value on the
         limit conforms.
     counts : tuple of int, length k
     """
@@ -29,7 +29,7 @@ class Histogram:
 def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
     """Count the values of `x` in equal bins that end at the limits; None without values.
 
-    The width is that of Freedman and Diaconis (1981) within 12 to 60 bins over the data. With both limits it is
+    The width is that of Freedman and Diaconis (1981), limited to 12 to 60 bins over the data. With both limits it is
     adjusted to divide the distance between them.
 
     Parameters
@@ -47,9 +47,9 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
         between = usl - lsl
         if high == low:
             width = between / _MOST
-        elif between > width:  # otherwise the limits become additional edges among wider bins
+        elif between > width:  # otherwise the limits become additional edges between wider bins
             width = between / round(between / width)
-    middle = low - 0.5 * width if high == low else low  # the bar of a constant has the constant in its middle
+    middle = low - 0.5 * width if high == low else low  # the bar of a constant is centred on it
     anchor = lsl if lsl is not None else usl if usl is not None else middle
     first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
     edges: Array = anchor + width * np.arange(first, last + 1, dtype=np.float64)

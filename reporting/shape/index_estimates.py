@@ -1,7 +1,7 @@
-"""What the methods without the normal distribution say of a response, in the scale of Cpk, for its verdict.
+"""Estimates of the methods without the normal distribution, on the scale of Cpk, for the verdict on a response.
 
-Only what is worth believing takes part: a fitted distribution with an interval, a Pareto tail that fits the values
-beyond its threshold, and percentiles of values enough for an interval.
+Only reliable estimates are used: a fitted distribution with an interval, a Pareto tail that fits the values beyond its
+threshold, and percentiles of enough values for an interval.
 """
 
 import math
@@ -20,7 +20,7 @@ from reporting.shape.tails import TailShare
 def index_estimates(
     n: int, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
 ) -> tuple[IndexEstimate, ...]:
-    """Return the estimates of the fitted distribution, the values' own percentiles and the Pareto tails.
+    """Return the estimates from the fitted distribution, the values' own percentiles and the Pareto tails.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def index_estimates(
     fits : Fits
         Fitted distributions.
     methods : iterable of NonnormalIndices
-        Of the chosen distribution and of the values' own percentiles.
+        Indices of the chosen distribution and of the values' own percentiles.
     tails : iterable of TailShare
     """
     best, least, known = fits.of(fits.best), least_ppm(n), tuple(methods)
@@ -43,10 +43,10 @@ _NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
 
 
 def _by_method(method: NonnormalIndices, title: str, least: float, ended: OpenInterval | None) -> IndexEstimate | None:
-    """Return the estimate of a method: its Ppk, or its share where that is too small for a Ppk; None without either.
+    """Return the estimate of a method: its Ppk, or its share if that is too small for a Ppk; None without either.
 
-    A distribution that ends before the limit has no share beyond it, however near its end, and the end itself is
-    fitted. So such a share proves no more than `ended`, the interval of Ppk by the percentiles of the distribution.
+    A distribution that ends before the limit has no share beyond it, however close its end is, and the end itself is
+    fitted. Such a share therefore proves no more than `ended`, the interval of Ppk from the distribution's percentiles.
     """
     source = f"the fitted distribution ({title})" if method.family else "the values' own percentiles (Cnpk)"
     if method.family == "normal":
@@ -67,9 +67,9 @@ def _by_method(method: NonnormalIndices, title: str, least: float, ended: OpenIn
 
 
 def _by_tails(tails: tuple[TailShare, ...], least: float) -> tuple[IndexEstimate, ...]:
-    """Return the estimate of the Pareto tails, that of the worse side; none without a tail that is fitted.
+    """Return the estimate of the Pareto tail of the worse side; empty without a fitted tail.
 
-    A side whose tail is not fitted may be any worse, so then the estimate has no lower end.
+    A side whose tail is not fitted may be worse by any amount, so the estimate then has no lower end.
     """
     known = [tail for tail in tails if tail.interval]
     if not known:
@@ -81,7 +81,7 @@ def _by_tails(tails: tuple[TailShare, ...], least: float) -> tuple[IndexEstimate
 
 
 def _by_tail(tail: TailShare, least: float) -> IndexEstimate:
-    """Return the estimate of a Pareto tail: the share beyond one limit, or a bound of it."""
+    """Return the estimate of a Pareto tail: the share beyond one limit, or a bound on it."""
     assert tail.interval is not None
     low, high = tail.interval
     share = f"at most {ppm(high, least)} ppm"

@@ -2,13 +2,13 @@
 
 - Percentile method (Clements 1989, ISO 22514-2): the 0.135 %, 50 % and 99.865 % quantiles of the fitted distribution
   replace mean and six sigma.
-- Z-score method (Minitab's default): the normal quantiles of the shares of the fitted distribution out of limits.
+- Z-score method (Minitab's default): the normal quantiles of the fitted distribution's shares out of limits.
   After a Box-Cox, Yeo-Johnson or Johnson transformation this is the capability of the transformed values within the
   transformed limits, and the percentiles are the +-3 sigma limits transformed back.
 - Empirical percentiles (Cnpk): quantiles of the values themselves, at the ranks ``p (n + 1)`` (R's type 6).
 
-Intervals of the fitted methods hold for all families that the values do not rule out
-(`reporting.shape.supported_indices`). Those of the empirical method come from exact intervals of the percentiles
+Intervals of the fitted methods cover all families that the values do not rule out
+(`reporting.shape.supported_indices`). Those of the empirical method follow from exact intervals of the percentiles
 (`reporting.shape.order_statistics`).
 """
 
@@ -36,7 +36,7 @@ ENDS = (0.00135, 0.5, 0.99865)
 
 @dataclass(frozen=True)
 class NonnormalIndices:
-    """Indices of one method; None where undefined.
+    """Indices by one method; None where undefined.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class NonnormalIndices:
     family : str or None
         Fitted family; None for the empirical method.
     assumed : str
-        The assumption, in one sentence.
+        Assumption of the method, in one sentence.
     pp, ppk, ppl, ppu : float or None
-        In the place of Cp, Cpk, Cpl, Cpu.
+        Indices that replace Cp, Cpk, Cpl, Cpu.
     pp_interval, ppk_interval, ppl_interval, ppu_interval : (float or None, float or None) or None
-        Two-sided. An end is None where the values set no bound on that side.
+        Two-sided intervals. An end is None if the values give no bound on that side.
     percentiles : (float, float, float) or None
         Quantiles at `ENDS`, in the unit of the values.
     z_lsl, z_usl, z_bench : float or None
@@ -57,10 +57,10 @@ class NonnormalIndices:
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share of the fitted distribution out of limits; None for the empirical method.
     ppm_expected_interval : (float, float) or None
-        Of `ppm_expected`, over all families that the values do not rule out.
+        Interval of `ppm_expected`, over all families that the values do not rule out.
     ppm_range : (float, float) or None
-        The smallest and the largest `ppm_expected` of these families, where they differ by more than a factor of 3:
-        then no single number stands for them.
+        The smallest and the largest `ppm_expected` of these families, if they differ by more than a factor of 3, so
+        that no single number represents them.
     candidates : tuple of str
         Titles of these families.
     notes : tuple of str
@@ -99,7 +99,7 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
     method : str
         "percentile" or "z_score".
     fit : Fit
-        Of `reporting.shape.fits.fit_families`.
+        A fit from `reporting.shape.fits.fit_families`.
     lsl, usl : float or None
         Limits, in the unit of the values.
     """
@@ -129,7 +129,7 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
 
 
 def centred(fit: Fit, theta: Sequence[Parameter] | None = None) -> Scaled:
-    """Return the distribution of ``x - shift``: a large offset of the values costs no digits.
+    """Return the distribution of ``x - shift``, so that a large offset of the values costs no digits.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def less(limit: float | None, shift: float) -> float | None:
 
 
 def indices(method: str, of: Scaled, lsl: float | None, usl: float | None) -> dict[str, Any]:
-    """Return Ppl, Ppu and Pp of a distribution by the percentile or the Z-score method; of b distributions b each."""
+    """Return Ppl, Ppu and Pp of a distribution by the percentile or Z-score method; arrays of b for b distributions."""
     if method == "percentile":
         return _of_percentiles(np.moveaxis(of.ppf(ENDS), -1, 0), lsl, usl)
     z_lsl = None if lsl is None else -normal_quantile(of.cdf([lsl])[..., 0], of.sf([lsl])[..., 0])
@@ -162,21 +162,21 @@ def _beyond(family: str) -> str:
 
 
 def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:
-    """Return the indices from the percentiles of the values themselves (Cnpk), with intervals for any distribution.
+    """Return the indices from the percentiles of the values (Cnpk), with intervals for any distribution.
 
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values; those that are not finite are left out.
+        Values; values that are not finite are left out.
     lsl, usl : float or None
         Limits, in the unit of the values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
 
     Raises
     ------
     ReportError
-        `x` is not a series of numbers.
+        If `x` is not a one-dimensional series of numbers.
     """
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
@@ -202,7 +202,7 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
         intervals = {f"{name}_interval": bounds.get(name) for name in ("pp", "ppl", "ppu")}
         sides = [bounds[name] for name in ("ppl", "ppu") if name in bounds]
         if sides and len(sides) == sum(name in point for name in ("ppl", "ppu")):
-            # The side that is nearer in the sample need not be the nearer one.
+            # The side that is nearer in the sample need not be the nearer side of the process.
             intervals["ppk_interval"] = min(low for low, _ in sides), min(high for _, high in sides)
     return NonnormalIndices(
         "empirical",
@@ -216,7 +216,7 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
 
 
 def _of_percentiles(ends: Array, lsl: float | None, usl: float | None) -> dict[str, Any]:
-    """Return the indices of three percentiles, shape (3,), or of many such triples, shape (3, m)."""
+    """Return the indices from three percentiles, shape (3,), or from m such triples, shape (3, m)."""
     low, median, high = ends
     indices = {}
     if lsl is not None:
@@ -241,7 +241,7 @@ def normal_quantile(share: Array, rest: Array) -> Array:
 
 
 def _of_z(z_lsl: Any, z_usl: Any) -> dict[str, Any]:
-    """Return the indices of the Z-scores."""
+    """Return the indices from the Z-scores."""
     found = {}
     if z_lsl is not None:
         found["ppl"] = z_lsl / 3

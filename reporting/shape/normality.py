@@ -1,7 +1,7 @@
-"""How far a response is from normal, by the size of the departure and not by a p-value.
+"""Departure of a response from normality, judged by its size and not by a p-value.
 
 With 30,000 values a test rejects departures without practical importance; with 20 values it accepts any distribution.
-The verdict therefore rests on the interval of the distance from the normal distribution with the same mean and sigma.
+The verdict is therefore based on the interval of the distance from the normal distribution with equal mean and sigma.
 """
 
 import math
@@ -17,24 +17,24 @@ from reporting.capability.moments import location_and_shape, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
 from reporting.shape.tail_weight import TailWeight, tail_weights
 
-# With a distance up to the first a response counts as normal, above the second as not normal.
+# A response is normal up to the first distance, and not normal above the second.
 CLOSE, FAR = 0.02, 0.05
-# Where the interval of the distance reaches beyond that, a small distance may be chance.
+# If the interval of the distance reaches beyond this, a small distance may be due to chance.
 _OPEN = 0.10
-# Beyond these the normal ppm is a poor estimate, however close the middle is.
+# Beyond these values the normal ppm is a poor estimate, however close the middle of the distribution is.
 SKEWNESS_BAR, KURTOSIS_BAR = 0.5, 1.0
 FEWEST_FOR_WORDS = 20
-# Chance alone does not give a smaller p-value: then it is proven that the response is not normal.
+# A smaller p-value is not due to chance: the response is proven not to be normal.
 PROVEN_P = 0.001
 _MOST_FOR_SHAPIRO = 5000
 _JUDGED = 20_000
-# Measured over six normal responses of 30 to 5,000 values, this calls one of them not normal in 4 to 5 % of campaigns.
+# With six normal responses of 30 to 5,000 values, one of them is called not normal in 4 to 5 % of campaigns (measured).
 DEPARTURE_P = 0.04
 
 
 @dataclass(frozen=True)
 class Normality:
-    """How far a response is from a normal distribution with its mean and sigma.
+    """Departure of a response from the normal distribution with its mean and sigma.
 
     Attributes
     ----------
@@ -45,18 +45,18 @@ class Normality:
     anderson_darling, anderson_darling_p : float or None
         Statistic A^2 and its p-value (D'Agostino, Stephens 1986, mean and sigma estimated).
     distance : float or None
-        Kolmogorov's distance from the normal distribution: the largest difference between the shares below a value.
+        Kolmogorov's distance: the largest difference from the cumulative normal distribution.
     distance_interval : (float, float) or None
         Interval of the true distance, from the band of Dvoretzky, Kiefer, Wolfowitz and Massart (1990).
     skewness, kurtosis : float or None
         G1 and G2 (excess).
     skewness_interval, kurtosis_interval : (float, float) or None
-        From their influence functions, for any distribution.
+        Intervals from the influence functions, valid for any distribution.
     tails : tuple of TailWeight
-        Whether the lower and the upper tail are heavier or lighter than a normal one; empty below 50 values.
+        Whether the lower and the upper tail are heavier or lighter than normal; empty below 50 values.
     p : float or None
-        Probability of a departure at least as clear as the clearest of A^2 and the two tails in a sample of normal
-        values (Bonferroni); None below 8 values.
+        Probability, for a sample of normal values, of a departure at least as clear as the clearest one of A^2 and the
+        two tails (Bonferroni); None below 8 values.
     verdict : str
         "normal", "close to normal", "not normal", "undecided" or "too few values".
     reason : str
@@ -87,11 +87,11 @@ class ProbabilityPlot:
     Attributes
     ----------
     values : tuple of float
-        Ordered values, in their unit: all of a small sample; both tails and a selection of a large one.
+        Ordered values in their unit: all values of a small sample; both tails and a selection of a large one.
     scores : tuple of float
         Normal quantile of each value's median rank ``(i - 0.3) / (n + 0.4)``.
     low, high : tuple of float
-        Pointwise band: where the value of this rank of a normal response with this mean and sigma lies.
+        Pointwise band for the value of this rank of a normal response with this mean and sigma.
     """
 
     values: tuple[float, ...]
@@ -101,22 +101,22 @@ class ProbabilityPlot:
 
 
 def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None) -> Normality:
-    """Return how far the values are from normal.
+    """Return the departure of the values from normality.
 
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values; those that are not finite are left out.
+        Values; values that are not finite are left out.
     confidence : float
-        Of the intervals.
+        Confidence of the intervals.
     worth : float, optional
-        Number of independent values that the values of production lots are worth. The p-value of A^2 supposes
-        independent values and is None then.
+        Effective number of independent values, for values in production lots. The p-value of A^2 assumes independent
+        values and is then None.
 
     Raises
     ------
     ReportError
-        `x` is not a series of numbers.
+        If `x` is not a one-dimensional series of numbers.
     """
     ordered = _ordered(x)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -161,11 +161,11 @@ def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) ->
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values; those that are not finite are left out.
+        Values; values that are not finite are left out.
     most : int
-        A third of them are the extremes at each end.
+        Largest number of points; a third of them are extremes at each end.
     confidence : float
-        Of the pointwise band.
+        Confidence of the pointwise band.
     """
     ordered = _ordered(x)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -194,7 +194,7 @@ def _ordered(x: ArrayLike) -> Array:
 
 
 def _shapiro(z: Array) -> tuple[float | None, float | None]:
-    """Return W and p; None above the number of values for which Royston's (1995) approximation holds."""
+    """Return W and p; None above the number of values for which Royston's (1995) approximation is valid."""
     if z.size > _MOST_FOR_SHAPIRO:
         return None, None
     from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
@@ -216,7 +216,7 @@ def _stephens(statistic: float, n: int) -> float:
 
 
 def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
-    """Return half the width of the intervals of skewness and kurtosis, from their influence functions."""
+    """Return the half widths of the intervals of skewness and kurtosis, from their influence functions."""
     z = sample.values
     g1, b2 = sample.mean(z**3), sample.mean(z**4)
     of_skewness = z**3 - 3 * z - 1.5 * g1 * (z * z - 1) - g1
@@ -227,7 +227,7 @@ def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
 
 
 def _verdict(measures: Normality) -> tuple[str, str]:
-    """Return the word and the sentence."""
+    """Return the verdict and its sentence."""
     assert measures.distance is not None
     assert measures.distance_interval is not None
     assert measures.skewness is not None
@@ -269,6 +269,6 @@ def _tails_in_words(measures: Normality) -> str:
 
 
 def _beyond_bar(measures: Normality) -> bool:
-    """Return whether the interval of skewness or of kurtosis lies beyond its bar."""
+    """Return whether the interval of skewness or kurtosis lies beyond its threshold."""
     intervals = ((measures.skewness_interval, SKEWNESS_BAR), (measures.kurtosis_interval, KURTOSIS_BAR))
     return any(interval and (interval[0] > bar or interval[1] < -bar) for interval, bar in intervals)

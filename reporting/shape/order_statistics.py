@@ -1,8 +1,8 @@
-"""Ranks, quantiles of the values themselves, and what is computed of a few quantiles, with exact intervals.
+"""Ranks, empirical quantiles, and statistics of a few quantiles, with exact intervals.
 
-How many values lie below a quantile of the true distribution is binomial, so that two ordered values enclose it with a
-known probability, whatever the distribution (David, Nagaraja, Order Statistics, section 7.1). A quantile at 0.135 %
-needs values beyond it: there is an interval from `FEWEST` values on, where both its ends lie within the sample.
+The number of values below a quantile of the true distribution is binomial, so two ordered values enclose the quantile
+with a known probability, whatever the distribution (David, Nagaraja, Order Statistics, section 7.1). A quantile at
+0.135 % needs values beyond it: with at least `FEWEST` values both ends of its interval lie within the sample.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ FEWEST = 2731
 
 
 def centred_ranks(values: Array) -> Array:
-    """Return the ranks of values less their mean; equal values have their middle rank.
+    """Return the ranks of values minus their mean; equal values have their average rank.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending.
+        Values in ascending order.
     shares : sequence of float
-        Probabilities p between 0 and 1; beyond the first or last value the quantile is that value.
+        Probabilities p between 0 and 1; a rank beyond the first or last value gives that value.
     """
     low, part = _ranks(ordered.size, shares)
     return _between(ordered[low - 1], ordered[np.minimum(low, ordered.size - 1)], part)
@@ -51,21 +51,21 @@ def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
 def quantile_interval(ordered: Array, share: float, confidence: float) -> Interval | None:
     """Return the two ordered values that enclose a quantile; None if the sample is too small for them.
 
-    Each misses the quantile with at most half of what the confidence leaves.
+    Each end misses the quantile with a probability of at most ``(1 - confidence) / 2``.
 
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending.
+        Values in ascending order.
     share : float
         Probability of the quantile.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
     """
     n, miss = ordered.size, (1 - confidence) / 2
     spread = 10 * np.sqrt(n * share * (1 - share)) + 10
     rank = np.arange(max(int(n * share - spread), 0), min(int(n * share + spread), n) + 1)
-    below = bdtr(rank.astype(np.float64), n, share)  # probability of at most so many values below the quantile
+    below = bdtr(rank.astype(np.float64), n, share)  # probability of at most `rank` values below the quantile
     low = int(rank[np.searchsorted(below, miss, side="right")])
     high = int(rank[np.searchsorted(below, 1 - miss)]) + 1
     if low < 1 or high > n:
@@ -81,24 +81,24 @@ def interval_of_quantiles(
 ) -> dict[str, Interval]:
     """Return intervals of statistics of a few quantiles.
 
-    Each quantile moves alone to both ends of its interval; the moves of a statistic add as squares, up and down by
-    themselves (Zou, Donner 2008).
+    Each quantile is moved alone to both ends of its interval; the resulting changes of a statistic add as squares,
+    upward and downward changes separately (Zou, Donner 2008).
 
     Parameters
     ----------
     ordered : array, shape (n,)
-        Ascending.
+        Values in ascending order.
     shares : sequence of float
-        Probabilities of the quantiles that the statistics need.
+        Probabilities of the quantiles that the statistics use.
     statistics : callable
-        From the quantiles to named numbers.
+        Function from the quantiles to named numbers.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
 
     Returns
     -------
     dict of str to (float, float)
-        By name of the statistic; empty if the sample is too small.
+        Interval by name of the statistic; empty if the sample is too small.
     """
     ends = [quantile_interval(ordered, share, confidence) for share in shares]
     middle = empirical_percentiles(ordered, shares)
@@ -117,7 +117,7 @@ def interval_of_quantiles(
 
 
 def _ranks(n: int, shares: Sequence[float]) -> tuple[NDArray[np.int64], Array]:
-    """Return the rank below each quantile, from 1, and the fraction of the distance to the next rank."""
+    """Return the rank below each quantile, counted from 1, and the fraction of the distance to the next rank."""
     rank = np.clip(np.asarray(shares) * (n + 1), 1.0, float(n))
     low = np.floor(rank).astype(np.int64)
     return low, rank - low

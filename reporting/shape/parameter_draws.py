@@ -1,8 +1,8 @@
-"""Parameters that the values allow, drawn in proportion to their likelihood.
+"""Plausible parameters of a fit, drawn in proportion to their likelihood.
 
-They are drawn from the normal distribution that the curvature of the likelihood suggests, evenly instead of at random,
-and weighted by the likelihood itself (importance sampling), so that what is computed from them may be skewed. Where
-the likelihood is flat, the parameters vary within a bound.
+They are drawn from the normal distribution given by the curvature of the likelihood, evenly instead of at random, and
+weighted by the likelihood itself (importance sampling), so that results computed from them may be skewed. Where the
+likelihood is flat, the parameters vary within a bound.
 """
 
 import numpy as np
@@ -16,18 +16,18 @@ from reporting.shape.family.maximum_likelihood import curvature
 from reporting.shape.fitting import Fit, log_likelihood
 from reporting.shape.goodness import PRACTICAL
 
-# Values that stand for the sample.
+# Number of weighted values that represent the sample.
 CONDENSED = 240
 _DRAWS = 600
-# The draws reach beyond what the curvature suggests by this factor, and at most so far: parameters are of order one.
+# The draws extend beyond the curvature's range by this factor, but at most this far: parameters are of order one.
 _BEYOND, _FARTHEST = 1.4, 1.5
 
 
 def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
-    """Return parameters, shape (draws, k), and their weights, shape (draws,), whose sum is 1.
+    """Return parameters, shape (draws, k), and their weights, shape (draws,), which sum to 1.
 
-    More than `PRACTICAL` values count as so many: a family is a model, and more values do not make its tails surer. A
-    share of the values equal to that of the parameters is spent on fitting them.
+    More than `PRACTICAL` values are weighted as `PRACTICAL` values: a family is a model, and more values do not make
+    its tails more certain. One value per parameter is used up by the fit.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
 
 
 def weighted_interval(values: Array, weights: Array, confidence: float) -> Interval:
-    """Return the quantiles of weighted values that leave out the same share at both ends.
+    """Return the quantiles of weighted values that leave out equal shares at both ends.
 
     Parameters
     ----------
     values, weights : array, shape (m,)
-        The weights have the sum 1; values may be infinite.
+        The weights sum to 1; values may be infinite.
     confidence : float
         Share between the quantiles.
     """
@@ -70,9 +70,10 @@ def weighted_interval(values: Array, weights: Array, confidence: float) -> Inter
 
 
 def _even_normals(count: int, k: int) -> Array:
-    """Return points that fill the standard normal distribution of k dimensions evenly, shape (count, k).
+    """Return points that fill the k-dimensional standard normal distribution evenly, shape (count, k).
 
-    Multiples of the powers of 1/phi, where phi^(k + 1) = phi + 1: the golden ratio for one dimension (Roberts 2018).
+    The points are multiples of the powers of 1/phi with phi^(k + 1) = phi + 1, the golden ratio for k = 1 (Roberts
+    2018).
     """
     phi = 2.0
     for _ in range(40):

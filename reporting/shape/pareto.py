@@ -1,10 +1,10 @@
-"""The generalized Pareto distribution of excesses over a threshold: two estimators, a share, a goodness of fit.
+"""The generalized Pareto distribution of excesses over a threshold: two estimators, a share, a goodness-of-fit test.
 
 Whatever the distribution of a value, its excesses over a high threshold tend to
 ``P(Y > y) = (1 + xi y / sigma)^(-1/xi)`` (Pickands 1975; Balkema, de Haan 1974). For xi < 0 the distribution has an
 end, for xi = 0 it is exponential.
 
-Two estimators serve two purposes, and neither can take the place of the other: the interval of a share beyond a limit
+The two estimators serve different purposes, and neither can replace the other: the interval of a share beyond a limit
 is a profile likelihood, which needs the maximum of the likelihood; Pareto smoothing of weights is calibrated for the
 posterior mean of Zhang and Stephens.
 """
@@ -21,7 +21,7 @@ from reporting.capability.intervals import Interval
 
 # Shapes searched: below -0.5 the likelihood is not regular (the tail ends abruptly), above 0.5 there is no variance.
 SHAPES = (-0.5, 0.75)
-# Below this logarithm of a share a limit is out of reach of any excess, and the profile is flat.
+# Below this logarithm of a share no excess reaches the limit, and the profile is flat.
 _LEAST_LOG_SHARE = -60.0
 _TINY_SHAPE = 1e-6
 # 5 % points of the Cramer-von Mises statistic with both parameters fitted, simulated with 4,500 fits of 200 excesses
@@ -58,13 +58,13 @@ class ParetoFit:
 def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
     """Return the maximum-likelihood fit.
 
-    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993), so that the
+    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993), so the
     search is in one variable.
 
     Parameters
     ----------
     excesses : array, shape (k,)
-        Above 0, not all equal.
+        Excesses above 0, not all equal.
     """
     largest, mean = float(np.max(excesses)), float(np.mean(excesses))
 
@@ -81,13 +81,13 @@ def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
 def posterior_mean_fit(excesses: Array) -> tuple[float, float]:
     """Return shape and scale by the posterior mean of ``-xi / sigma`` over a grid (Zhang and Stephens 2009).
 
-    The shape is drawn towards 0.5 with the weight of ten values, as Pareto-smoothed importance sampling does (Vehtari
+    The shape is shrunk towards 0.5 with the weight of ten values, as in Pareto-smoothed importance sampling (Vehtari
     et al. 2024).
 
     Parameters
     ----------
     excesses : array, shape (k,)
-        Ascending, above 0.
+        Excesses above 0 in ascending order.
     """
     n = excesses.size
     points = 30 + int(math.sqrt(n))
@@ -102,7 +102,7 @@ def posterior_mean_fit(excesses: Array) -> tuple[float, float]:
 
 
 def quantiles(shape: float, scale: float, p: Array) -> Array:
-    """Return the quantiles of probabilities `p`."""
+    """Return the quantiles for the probabilities `p`."""
     if abs(shape) < 1e-12:
         return np.asarray(-scale * np.log1p(-p))
     return np.asarray(scale * np.expm1(-shape * np.log1p(-p)) / shape)
@@ -123,17 +123,17 @@ def loglik(excesses: Array, shape: float, scale: float) -> float:
 def survival_interval(excesses: Array, y: float, fit: ParetoFit, confidence: float) -> Interval:
     """Return the profile-likelihood interval of the share of excesses beyond `y`.
 
-    Unlike a symmetric interval it does not reach below zero for a share of a few ppm.
+    Unlike a symmetric interval, it does not extend below zero for a share of a few ppm.
 
     Parameters
     ----------
     excesses : array, shape (k,)
     y : float
-        In the unit of the excesses.
+        Distance from the threshold, in the unit of the excesses.
     fit : ParetoFit
-        The maximum-likelihood fit to the excesses.
+        Maximum-likelihood fit to the excesses.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
     """
     from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
 
@@ -170,7 +170,7 @@ def critical_cramer_von_mises(shape: float) -> float:
 
 
 def _profile(excesses: Array, y: float, log_share: float) -> float:
-    """Return the largest log-likelihood of a distribution with this share beyond `y`."""
+    """Return the largest log-likelihood of a distribution with the given log-share beyond `y`."""
 
     def at(shape: float) -> float:
         if abs(shape) < _TINY_SHAPE:
@@ -181,7 +181,7 @@ def _profile(excesses: Array, y: float, log_share: float) -> float:
 
 
 def _maximum(f: Callable[[float], float], grid: Array) -> float:
-    """Return where `f` is largest, searched between the neighbours of the best point of an ascending grid."""
+    """Return the maximiser of `f`, searched between the neighbours of the best point of an ascending grid."""
     from scipy.optimize import minimize_scalar  # see `survival_interval`
 
     values = [f(float(point)) for point in grid]

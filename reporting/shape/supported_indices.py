@@ -1,9 +1,9 @@
-"""Non-normal indices with intervals that include the choice of the family.
+"""Non-normal indices with intervals that allow for the choice of the family.
 
-The values seldom tell one family from another, and families that agree on the values disagree on what lies beyond
-them. So an interval holds all parameters of all families that pass, whose log-likelihood, less one for each parameter
-(AIC), is within a bar of the best: half of the chi-square quantile and of `AIC_MARGIN`. A family as good as the best
-contributes an interval of more than the confidence, one at the bar no more than its fit.
+The values seldom distinguish one family from another, and families that agree on the values disagree on the range
+beyond them. An interval therefore covers all parameters of all passing families whose log-likelihood, minus one for
+each parameter (AIC), is within a threshold of the best: half of the chi-square quantile and of `AIC_MARGIN`. A family
+as good as the best contributes an interval of more than the stated confidence, a family at the threshold only its fit.
 """
 
 import math
@@ -26,10 +26,10 @@ from reporting.shape.fitting import Fit
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
 from reporting.shape.parameter_draws import CONDENSED, parameter_draws, weighted_interval
 
-# Families that differ by more in ppm are shown as a range.
+# Families whose ppm differ by more than this factor are shown as a range.
 AGREEMENT = 3.0
-# A larger Z-score, in the scale of an index, is that of a share below the smallest number: then the values rule out
-# none, and the interval has no end.
+# A larger Z-score, on the scale of an index, belongs to a share below the smallest floating-point number: the values
+# then rule out no index, and the interval has no end.
 _FARTHEST = 38.0 / 3
 _ENDS_BEFORE = (
     "The values do not rule out a distribution that ends before a limit, or a share beyond it too small for a number: "
@@ -47,22 +47,22 @@ def supported_indices(
     Parameters
     ----------
     x : array_like, shape (n,)
-        The values that were fitted; those that are not finite are left out.
+        The fitted values; values that are not finite are left out.
     fits : Fits
     lsl, usl : float or None
         Limits, in the unit of the values.
     confidence : float
-        Of the two-sided intervals.
+        Confidence of the two-sided intervals.
 
     Returns
     -------
     tuple of NonnormalIndices
-        None without a family that passes, else one for each method.
+        One for each method; empty if no family passes.
 
     Raises
     ------
     ReportError
-        `x` is not a series of numbers.
+        If `x` is not a one-dimensional series of numbers.
     """
     best = fits.of(fits.best)
     if best is None:
@@ -97,7 +97,7 @@ def supported_indices(
 def _intervals(
     fit: Fit, sample: Condensed, lsl: float | None, usl: float | None, reach: float
 ) -> dict[str, Interval | None]:
-    """Return the intervals of one family by method and index, `reach` normal quantiles to each side."""
+    """Return the intervals of one family by method and index; they extend `reach` normal quantiles to each side."""
     confidence = max(float(2 * ndtr(reach) - 1), 0.0)
     theta, weights = parameter_draws(fit, sample)
     low, high = less(lsl, fit.shift), less(usl, fit.shift)
@@ -118,12 +118,12 @@ def _intervals(
 
 
 def _of_known_shares(z: Array) -> Array:
-    """Return Z-scores in the scale of an index; infinite where the share is too small to be a number."""
+    """Return Z-scores on the scale of an index; infinite if the share is too small for a floating-point number."""
     return np.where(np.abs(z) >= _FARTHEST, np.copysign(np.inf, z), z)
 
 
 def _open(interval: Interval | None) -> OpenInterval | None:
-    """Return an interval with None at an end that lies at infinity."""
+    """Return an interval with None in place of an infinite end."""
     if interval is None:
         return None
     low, high = (end if math.isfinite(end) else None for end in interval)
@@ -131,16 +131,16 @@ def _open(interval: Interval | None) -> OpenInterval | None:
 
 
 def _interval(values: Array, weights: Array, confidence: float) -> Interval | None:
-    """Return the interval of drawn values; None where most have none."""
+    """Return the interval of drawn values; None if most draws have no value."""
     known = ~np.isnan(values)
     total = float(np.sum(weights[known]))
     return weighted_interval(values[known], weights[known] / total, confidence) if total > 0.5 else None
 
 
 def _union(intervals: Iterable[Interval | None]) -> Interval | None:
-    """Return the smallest interval that holds all that there are; None if there is none.
+    """Return the smallest interval that contains all given intervals; None without any.
 
-    After a power transformation the largest or smallest values may have no quantile: such a family has no say.
+    After a power transformation the largest or smallest values may have no quantile: such a family is ignored.
     """
     known = [interval for interval in intervals if interval is not None]
     return (min(low for low, _ in known), max(high for _, high in known)) if known else None

@@ -1,8 +1,8 @@
-"""Which tail of a response is heavier or lighter than a normal one, and whether chance explains it.
+"""Weights of the tails of a response compared with a normal distribution, and whether chance explains the difference.
 
 The weight of a tail is the fourth moment of its side, ``mean(z^4)`` with 0 for values of the other side, relative to
-1.5, that of a normal distribution. Heavy tails are found by it long before a count of far values finds them: of 500
-values of Student's t with 5 degrees of freedom hardly two more lie beyond three sigma than of normal ones.
+1.5, that of a normal distribution. It detects heavy tails long before a count of distant values does: of 500 values of
+Student's t with 5 degrees of freedom hardly two more lie beyond three sigma than of 500 normal values.
 """
 
 import math
@@ -15,22 +15,22 @@ from reporting.shape.condensed import Condensed
 
 NORMAL_WEIGHT = 1.5
 FEWEST = 50
-# A tail is called heavier or lighter from this p on; whether a response departs at all is judged before, over all
+# A tail is called heavier or lighter up to this p-value; whether a response departs at all is decided before, for all
 # responses together.
 DIRECTION_P = 0.01
 
 
 @dataclass(frozen=True)
 class TailWeight:
-    """One tail of a response beside that of a normal distribution with its mean and sigma.
+    """One tail of a response compared with that of a normal distribution with its mean and sigma.
 
     Attributes
     ----------
     side : str
         "below" or "above" the mean.
     weight : float
-        Relative to a normal tail: 1 for a normal one, 2 for that of Student's t with 6 degrees of freedom, 0.6 for a
-        uniform distribution's.
+        Weight relative to a normal tail: 1 for a normal distribution, 2 for Student's t with 6 degrees of freedom, 0.6
+        for a uniform distribution.
     p : float
         Two-sided probability of a weight at least as far from 1 in a sample of normal values.
     word : str
@@ -44,17 +44,17 @@ class TailWeight:
 
 
 def tail_weights(sample: Condensed, worth: float) -> tuple[TailWeight, ...]:
-    """Return the weights of the lower and the upper tail; none below 50 values.
+    """Return the weights of the lower and the upper tail; empty below 50 values.
 
-    In samples of normal values ``weight^(-1/2)`` is close to normal: simulated with 3,000 to 60,000 samples of 50 to
-    20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 hold to a third.
+    In samples of normal values ``weight^(-1/2)`` is approximately normal: simulated with 3,000 to 60,000 samples of 50
+    to 20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 are correct to a third.
 
     Parameters
     ----------
     sample : Condensed
-        Values less their mean, in standard deviations (divisor n - 1).
+        Values minus their mean, in standard deviations (divisor n - 1).
     worth : float
-        Number of independent values that they are worth; n without production lots.
+        Effective number of independent values; n without production lots.
     """
     if worth < FEWEST:
         return ()

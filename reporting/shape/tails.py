@@ -1,4 +1,4 @@
-"""Shares far out in a tail, where too few rejects were counted: a generalized Pareto tail beyond a threshold."""
+"""Shares far out in a tail, with too few rejects to count: a generalized Pareto tail beyond a threshold."""
 
 import math
 from dataclasses import dataclass
@@ -13,37 +13,37 @@ from reporting.capability.moments import ROUNDING, series
 from reporting.capability.shares import PPM
 from reporting.shape import pareto
 
-# Fewer excesses say nothing about the shape; more show the curvature of a normal tail: with 2,000 of 30,000 values the
-# interval of a share of 30 ppm missed it every other time, with 250 as often as stated.
+# Fewer excesses do not determine the shape; more are affected by the curvature of a normal tail: with 2,000 of 30,000
+# values the interval of a share of 30 ppm missed it every other time, with 250 as often as stated.
 FEWEST_EXCESSES, MOST_EXCESSES, LARGEST_SHARE = 50, 250, 0.10
-# Numbers of excesses: the most, and halves of it.
+# How many numbers of excesses are tried: the largest, its half, and so on.
 _THRESHOLDS = 3
-# A model of the tail says nothing of shares below this part of one value: its upper end is never lower.
+# A model of the tail is not used for shares below this part of one value: its upper end is never lower.
 _FARTHEST = 0.01
-# From this number of rejects on the count is better than any model.
+# With this many rejects or more the count is better than any model.
 ENOUGH_REJECTS = 100
 
 
 @dataclass(frozen=True)
 class TailShare:
-    """Share of a response beyond one limit.
+    """Share of a response beyond one limit, from a model of the tail.
 
     Attributes
     ----------
     side : str
         "below" or "above".
     limit : float
-        In the unit of the values.
+        Limit in the unit of the values.
     ppm : float or None
-        Estimate; None where it is refused, or too far beyond the values for a number.
+        Estimate; None if it is refused, or too far beyond the values for a number.
     interval : (float, float) or None
-        Two-sided [ppm]; without an estimate it is an upper bound.
+        Two-sided interval [ppm]; without an estimate it is an upper bound.
     method : str
         "pareto".
     threshold, excesses : float or None, int or None
-        Where the fitted tail begins, and the number of values beyond it.
+        Beginning of the fitted tail, and the number of values beyond it.
     shape, scale : float or None
-        Of the Pareto tail; with a negative shape it has an end.
+        Parameters of the Pareto tail; with a negative shape it has an end.
     effective : float or None
         Always None: the values have equal weights.
     note : str
@@ -67,8 +67,8 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     """Return the share beyond each limit from a generalized Pareto tail.
 
     Tails are fitted beyond several thresholds (250 excesses or a tenth of the values, and halves of that down to 50);
-    those that the Cramer-von Mises statistic rejects at 5 % do not count. The estimate is that of the most excesses.
-    The interval holds those of all thresholds: with many excesses a tail is precise but may still bend, and one
+    those that the Cramer-von Mises statistic rejects at 5 % are ignored. The estimate is that of the most excesses.
+    The interval covers those of all thresholds: with many excesses a tail is precise but may still be curved, and one
     threshold alone missed the share in up to 26 of 100 samples of 2,000. Each combines the profile likelihood of the
     share beyond the limit with the binomial error of the share beyond the threshold, on a logarithmic scale. The upper
     end is at least the share of a hundredth of one value. An estimate below that is not given: then the upper end is a
@@ -77,21 +77,21 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values; those that are not finite are left out.
+        Values; values that are not finite are left out.
     lsl, usl : float or None
         Limits, in the unit of the values.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
 
     Returns
     -------
     tuple of TailShare
-        One for each limit, the lower limit first.
+        One share for each limit, the lower limit first.
 
     Raises
     ------
     ReportError
-        `x` is not a series of numbers.
+        If `x` is not a one-dimensional series of numbers.
     """
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
@@ -188,7 +188,7 @@ def _beyond(excesses: Array, y: float, fit: pareto.ParetoFit, n: int, confidence
 
 
 def _exponential_bound(excesses: Array, y: float, n: int, confidence: float) -> float:
-    """Return the upper end [ppm] of the share beyond a limit at the distance `y` from the threshold of such a tail."""
+    """Return the upper end [ppm] of the share of an exponential tail beyond a distance `y` from the threshold."""
     over, scale = excesses.size / n, y / float(np.mean(excesses))
     _, highest = share_interval(excesses.size, n, confidence)
     of_mean = float(ndtri(0.5 + confidence / 2)) * scale / math.sqrt(excesses.size)

@@ -1,6 +1,6 @@
-"""Intervals that are withheld: those of fitted distributions, percentiles and tails where values come in lots.
+"""Withheld intervals: those of fitted distributions, percentiles and tails if values are in production lots.
 
-They take values for independent. Those of mean, sigma, the indices of them and counted shares allow for lots.
+They assume independent values. Intervals of mean, sigma, their indices and counted shares allow for lots.
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ OF_LOTS = "No interval: it would treat the values of a production lot as indepen
 def without_intervals(
     methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
 ) -> tuple[tuple[NonnormalIndices, ...], tuple[TailShare, ...]]:
-    """Return methods and tails of values in lots: the estimates without their intervals, and why."""
+    """Return methods and tails for values in lots: the estimates without their intervals, with a note on why."""
     return (
         tuple(
             replace(

@@ -1,1 +1,1 @@
-"""What tolerances may become: advice, allocation, worst case, reweighted what-if."""
+"""Choice of tolerances: advice, allocation, worst case, reweighted what-if."""

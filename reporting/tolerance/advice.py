@@ -1,10 +1,10 @@
-"""How far the spread of one variable may grow while every response keeps its target index.
+"""Advice on how much the spread of one variable may grow while every response keeps its target index.
 
 The index at another spread follows from reweighting the campaign's samples, as long as the weights are reliable. Beyond
-that it follows from a polynomial of the variables, where one explains the responses; otherwise the advice ends there.
-Either way the joint distribution changes: the copula of correlated variables stays as it is.
+that range it follows from a polynomial of the variables, if one explains the responses; otherwise the advice ends
+there. In both cases the joint distribution changes, but the copula of correlated variables stays the same.
 
-The interval of a factor holds every factor at which the interval of the index holds the target.
+The interval of a factor contains every factor at which the interval of the index contains the target.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ REWEIGHTING, REGRESSION = "reweighting", "regression"
 MOST_FACTOR, LEAST_FACTOR = 4.0, 0.05
 BY_SAMPLES, BY_BOUNDS, BY_SEARCH = "samples", "bounds", "search"
 _PRECISION = 5e-4  # of a factor
-ADVISED_ROWS = 20_000  # determine a Cpk of 1.33 to 0.6 %
+ADVISED_ROWS = 20_000  # enough to determine a Cpk of 1.33 to 0.6 %
 
 Rows = NDArray[np.intp]
 Widen = Callable[[str, float, Rows], Change]
@@ -32,42 +32,42 @@ Widen = Callable[[str, float, Rows], Change]
 
 @dataclass(frozen=True)
 class Advice:
-    """How far the spread of one variable may change while the others stay as they are.
+    """Advice on the spread of one variable while the others stay as they are.
 
     Attributes
     ----------
     variable : str
     factor : float or None
-        Largest factor on the standard deviation that the variable has, cut at its bounds. Below 1 the spread must
-        shrink for the responses to reach their targets; None: no factor down to `reach` makes them reach their targets.
-        It is never larger than the variable's bounds and the mechanism allow.
+        Largest factor on the standard deviation of the variable (truncated at its bounds). Below 1 the spread must
+        shrink for the responses to reach their targets; None if no factor down to `reach` achieves this. It is never
+        larger than the variable's bounds and the mechanism allow.
     interval : (float or None, float or None)
-        Of the factor; an end is None where the samples do not show it.
+        Interval of the factor; an end is None if the samples do not determine it.
     bounded : bool
-        False if no response is seen to fall below its target up to `reach`: the factor is at least the lower end of its
+        False if no response falls below its target up to `reach`: the factor is then at least the lower end of its
         interval.
     ended_by : str
-        Why an advice that is not bounded ends at `reach`: "samples" (they say nothing of a larger factor), "bounds" (of
-        the variable, or the mechanism, allow none: `limit`), "search" (the largest that is tried); otherwise empty.
+        Why an unbounded advice ends at `reach`: "samples" (they contain no information on a larger factor), "bounds"
+        (of the variable or the mechanism allow no larger factor, see `limit`), "search" (the largest factor tried);
+        otherwise empty.
     reach : float
-        Outermost factor, above or below 1, that could be answered.
+        Farthest factor from 1, above or below, with an answer.
     binding : str or None
         The response that limits the factor, or that misses its target; or "runs without a value".
     cpk : float or None
-        Cpk of that response, at the factor.
+        Cpk of that response at the factor.
     method : str
-        How the index at the factor was found: "reweighting" or "regression".
+        Method for the index at the factor: "reweighting" or "regression".
     effective : float or None
         Effective sample size at the factor; None without reweighting.
     refusal : str
         Why there is no advice; empty if there is.
     limit : str
-        What allows no larger factor than `reach`, where bounds or the mechanism do.
+        What prevents a factor beyond `reach`, if it is the bounds or the mechanism.
     settings : tuple of str
-        What to write in the campaign file for the factor, each ``VARIABLE.KEY=VALUE``, as ``clearcap whatif --set``
-        takes it.
+        Settings of the campaign file for the factor, each ``VARIABLE.KEY=VALUE`` as for ``clearcap whatif --set``.
     below : dict of str to float
-        Cpk at the factor of the responses that miss their targets already, if it makes them worse.
+        Cpk at the factor of responses that already miss their targets, if the factor makes them worse.
     """
 
     variable: str
@@ -96,32 +96,32 @@ def advise(
     confidence: float = 0.95,
     lots: LotLabels | None = None,
 ) -> tuple[Advice, ...]:
-    """Return how far the spread of each variable may grow.
+    """Return the advice on the spread of each variable.
 
     Parameters
     ----------
     responses : mapping of str to array_like, each of shape (n,)
-        Values at each sample, NaN where there is none.
+        Values at each sample, NaN where there is no value.
     limits : mapping of str to (lsl, usl)
-        Responses without limits are ignored.
+        Limits by response; responses without limits are ignored.
     targets : mapping of str to float
         Required Cpk of each response with limits.
     columns : mapping of str to array_like, each of shape (n,)
-        All variables at each sample.
+        Values of all variables at each sample.
     variables : sequence of str
-        Variables that the advice is for.
+        Variables to give advice on.
     widen : callable (variable, factor, rows) -> Change
-        Change of the density at these rows when the standard deviation of the variable is multiplied by the factor.
-        Where the variable's bounds allow no such factor, `Change.spread` is the largest that they do.
+        Change of the density at the rows if the standard deviation of the variable is multiplied by the factor.
+        If the variable's bounds do not allow the factor, `Change.spread` is the largest factor they allow.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
         Production lot of each sample.
 
     Raises
     ------
     ReportError
-        No response has both limits and a target.
+        If no response has both limits and a target.
     """
     rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:ADVISED_ROWS]
     question = asked(responses, limits, targets, columns, rows, confidence, lots)
@@ -137,12 +137,12 @@ def asked(
     confidence: float,
     lots: LotLabels | None,
 ) -> Question:
-    """Return what an advice is asked: the responses with limits, a target and values that vary, at some rows.
+    """Return the question of an advice: responses with limits, a target and varying values, at the given rows.
 
     Raises
     ------
     ReportError
-        There is no such response.
+        If there is no such response.
     """
     limited = {
         name: np.asarray(y, np.float64)[rows]
@@ -166,12 +166,12 @@ def asked(
 
 
 def advise_one(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
-    """Return the factor by reweighting, or by regression where the samples cannot be reweighted so far.
+    """Return the factor by reweighting, or by regression if the samples cannot be reweighted far enough.
 
     Parameters
     ----------
     variable : str
-        The variable that changes, or a name for several that change together.
+        The variable that changes, or a name for several variables that change together.
     question : Question
     widen : callable (factor) -> Change
         See `advise`.
@@ -190,7 +190,7 @@ def advise_one(variable: str, question: Question, widen: Callable[[float], Chang
 def _by_samples(
     variable: str, question: Question, changed: Callable[[float], Change], ends: tuple[float, float]
 ) -> Advice:
-    """Return the factor between the ends that are possible, by reweighting or beyond its reach by regression."""
+    """Return the factor between the given ends, by reweighting, or by regression beyond the reach of reweighting."""
     ended = BY_BOUNDS if ends[1] < MOST_FACTOR else BY_SEARCH
     reweighted = IndexCurve(cache(lambda f: question.reweighted(changed(f))), *ends)
     weighted = _read(variable, reweighted, REWEIGHTING, ends[1], ended)
@@ -204,36 +204,36 @@ def _by_samples(
 
 
 def _end(change: Change, asked: float) -> float:
-    """Return the factor that is possible where one is asked for: between 1 and it."""
+    """Return the possible factor closest to the requested one, between 1 and the requested factor."""
     possible = change.spread or asked
     return min(max(possible, 1.0), asked) if asked > 1 else max(min(possible, 1.0), asked)
 
 
 def _undecided(response: str, reach: float) -> str:
-    """Return why a factor is 1 although the estimate keeps the targets farther."""
+    """Return why a factor is 1 although the estimate keeps the targets at larger factors."""
     words = f"the Cpk interval of {response} already reaches below its target"
     return f"{words}; by the estimate alone all targets hold up to {reach:.3g}" if reach > 1 else words
 
 
 def _refused(variable: str, method: str, refusal: str) -> Advice:
-    """Return that there is no advice."""
+    """Return an advice without a factor, with the reason."""
     return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, refusal)
 
 
 def _farther(modelled: Advice, weighted: Advice, reweighted: IndexCurve) -> bool:
-    """Return whether regression answers beyond the reach of the weights, and does not contradict them within it."""
+    """Return whether regression reaches farther than the weights and does not contradict them within their reach."""
     if weighted.factor is None:
         return modelled.reach < weighted.reach and (modelled.factor is None or modelled.factor <= weighted.reach)
     if modelled.factor is None:
         return False
     if not modelled.bounded:
         return modelled.factor > weighted.factor
-    # within their reach the weights must say the same of the factor: their interval of the index holds the target
+    # within their reach the weights must confirm the factor: their interval of the index contains the target
     return modelled.factor >= weighted.reach or reweighted.at(modelled.factor).low < 0
 
 
 def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str) -> Advice:
-    """Return the advice that a curve gives."""
+    """Return the advice that follows from a curve."""
     if curve.refusal:
         return _refused(variable, method, curve.refusal)
     keeps = curve.now.value >= 0
@@ -243,7 +243,7 @@ def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str
         low = reach if curve.now.low >= 0 else curve.ends[0]
     bounded = value is not None or not keeps
     if value is not None:
-        value *= 1 - _PRECISION  # on the safe side of the crossing
+        value *= 1 - _PRECISION  # to be on the safe side of the crossing
     elif keeps:
         value = max(low, 1.0)
     margin = curve.at(reach if value is None else value)

@@ -1,12 +1,12 @@
-"""Cheapest tolerances with which every response keeps its target Cpk.
+"""Allocation: the cheapest tolerances with which every response keeps its target Cpk.
 
-Making variable i to a tolerance t_i costs what its law or its table says (`reporting.tolerance.cost_laws`). The
-variance of a response is the sum of what the variables contribute, ``sigma_y^2 = rest + sum c_i t_i^2``; it must not
+The cost of a tolerance t_i of variable i is given by its law or table (`reporting.tolerance.cost_laws`). The variance
+of a response is the sum of the contributions of the variables, ``sigma_y^2 = rest + sum c_i t_i^2``; it must not
 exceed ``(distance from the mean to the nearer limit / (3 target))^2``. `reporting.tolerance.cost_optimum` finds the
 optimum and the price of each target, `reporting.tolerance.process_choice` the cheapest processes.
 
 If the campaign's samples can be reweighted to the proposed tolerances, the reweighted mean and sigma correct the
-linear model, and the optimum is computed again until it no longer changes.
+linear model, and the optimum is recomputed until it no longer changes.
 """
 
 import math
@@ -35,16 +35,16 @@ Rescale = Callable[[Mapping[str, float], Rows], Change]
 
 @dataclass(frozen=True)
 class AllocatedResponse:
-    """A response under the proposed tolerances.
+    """A response with the proposed tolerances.
 
     Attributes
     ----------
     response : str
     mean, std, cpk, target : float
     binding : bool
-        The target of this response limits the tolerances.
+        Whether the target of this response limits the tolerances.
     price : float or None
-        Additional cost of a target Cpk higher by 0.01; None where processes are chosen, whose cost has steps.
+        Additional cost of a target Cpk higher by 0.01; None with process tables, whose cost has steps.
     """
 
     response: str
@@ -65,17 +65,17 @@ class Allocation:
     tolerances, factors : dict of str to float
         Proposed tolerances, and their ratio to the present ones; empty if refused.
     cost, cost_now : float or None
-        Of the proposed and of the present tolerances; of a table, a present tolerance costs what the cheapest process
-        costs that is at most as wide, and nothing is known where there is none.
+        Cost of the proposed and of the present tolerances. With a table, a present tolerance has the cost of the
+        cheapest process that is at most as wide; the cost is unknown if there is none.
     processes : dict of str to str
-        Name of the chosen process of each variable that has named ones.
+        Name of the chosen process of each variable with named processes.
     responses : tuple of AllocatedResponse
     method : str
-        "reweighting" if it gave mean and sigma of the responses, else "variance contributions".
+        "reweighting" if mean and sigma of the responses come from it, else "variance contributions".
     effective : float or None
         Effective sample size of the reweighting.
     runs : int
-        Number of runs that confirm the proposal: they determine each Cpk to 5 %.
+        Number of runs to confirm the proposal: they determine each Cpk to 5 %.
     refusal : str
         Why there is no proposal; empty if there is one.
     notes : tuple of str
@@ -112,15 +112,15 @@ def allocate(
     responses : mapping of str to array_like, each of shape (n,), optional
         Values of each sample of the campaign, for the correction by reweighting.
     rescale : callable (factors by variable, rows) -> Change, optional
-        Change of the density at these rows when the standard deviations are multiplied by the factors.
+        Change of the density at the rows if the standard deviations are multiplied by the factors.
     correlated : bool
-        A variable whose tolerance may change is correlated with another. The variance of a response is then no sum of
-        contributions, and a proposal is made only where reweighting gives its mean and sigma.
+        Whether a variable whose tolerance may change is correlated with another. The variance of a response is then not
+        a sum of contributions, and a proposal is made only if reweighting gives mean and sigma.
 
     Raises
     ------
     ReportError
-        A cost, tolerance, bound or target is impossible, or a variable or response is given twice.
+        If a cost, tolerance, bound or target is impossible, or a variable or response is given twice.
     """
     check(variables, requirements)
     optimum = _solve(variables, requirements)
@@ -138,7 +138,7 @@ def _with_reweighting(
     responses: Mapping[str, ArrayLike],
     rescale: Rescale,
 ) -> Allocation:
-    """Correct the model at the optimum and optimise again, until nothing changes or the weights are refused."""
+    """Correct the model at the optimum and optimise again until nothing changes or the weights are refused."""
     effective = None
     columns = {r.response: np.asarray(responses[r.response], np.float64) for r in requirements}
     rows = random_rows(next(iter(columns.values())).size)
@@ -175,7 +175,7 @@ def _of_correlated(proposal: Allocation) -> Allocation:
 def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> Optimum | None:
     """Return the optimum of the linear model; None if no tolerances within their bounds keep every target.
 
-    A locked variable is one process, whatever its law.
+    A locked variable is treated as a single process, whatever its law.
     """
     now = np.array([v.tolerance for v in variables])
     rate = np.array([[r.std**2 * r.shares.get(v.variable, 0.0) for v in variables] for r in requirements]) / now**2
@@ -201,7 +201,7 @@ def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requireme
 def _corrected(
     requirements: Sequence[Requirement], factors: Mapping[str, float], columns: Mapping[str, Array], change: Change
 ) -> tuple[list[Requirement], float] | str:
-    """Return the requirements with reweighted means and variances and the effective sample size, or a refusal."""
+    """Return the requirements with reweighted means and variances, and the effective sample size; or a refusal."""
     limits = {r.response: (r.lsl, r.usl) for r in requirements}
     answers = what_if_all(columns, change, limits)
     corrected = []
@@ -253,18 +253,18 @@ def _proposal(
 
 
 def _total_cost(variables: Sequence[CostedVariable], tolerances: Iterable[float]) -> float | None:
-    """Return the cost of one tolerance of each variable; None if one of them is unknown."""
+    """Return the total cost of one tolerance per variable; None if a cost is unknown."""
     known = [v.cost_of(t) for v, t in zip(variables, tolerances, strict=True)]
     return None if None in known else sum(cost for cost in known if cost is not None)
 
 
 def _process_name(variable: CostedVariable, tolerance: float) -> str:
-    """Return the name of the process that makes a tolerance; may be empty."""
+    """Return the name of the process that achieves a tolerance; may be empty."""
     return next((p.name for p in variable.processes if p.tolerance == tolerance), "")
 
 
 def _allocated(requirement: Requirement, variance: float, price: float | None) -> AllocatedResponse:
-    """Return a response with its variance under the proposed tolerances; `price` is that of a unit of variance."""
+    """Return a response with its variance for the proposed tolerances; `price` is the price of a unit of variance."""
     allowed, target = requirement.allowed, requirement.target
     return AllocatedResponse(
         response=requirement.response,

@@ -1,4 +1,4 @@
-"""What an allocation is asked: variables with costs, responses with targets, and whether the question has an answer."""
+"""The problem of an allocation: variables with costs, responses with targets, and whether it has a solution."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,13 +10,13 @@ from reporting.capability.indices import distance_to_limit
 from reporting.errors import ReportError
 from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
 
-# Shares of a variance may add up to more by rounding only.
+# The sum of shares of a variance may exceed 1 by this rounding error only.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class CostedVariable:
-    """A variable, the cost of its tolerance and what may be changed.
+    """A variable, the cost of its tolerance, and the permitted changes.
 
     Attributes
     ----------
@@ -24,11 +24,11 @@ class CostedVariable:
     tolerance : float
         Present tolerance: any measure proportional to the standard deviation.
     law : PowerLaw, ExponentialLaw or ProcessTable
-        What a tolerance costs.
+        Cost of a tolerance.
     lower, upper : float
         Bounds of the tolerance, 0 < lower <= upper.
     locked : bool
-        The tolerance stays as it is.
+        Whether the tolerance must stay as it is.
     """
 
     variable: str
@@ -40,7 +40,7 @@ class CostedVariable:
 
     @property
     def processes(self) -> tuple[Process, ...]:
-        """Processes to choose from; none if the law is continuous or the tolerance is locked."""
+        """Processes to choose from; empty if the law is continuous or the tolerance is locked."""
         if self.locked or not isinstance(self.law, ProcessTable):
             return ()
         return self.law.between(self.lower, self.upper)
@@ -53,7 +53,7 @@ class CostedVariable:
         return self.processes[0].tolerance if self.processes else self.lower
 
     def cost_of(self, tolerance: float) -> float | None:
-        """Return the cost of a tolerance: in a table, of the cheapest process at most as wide, None without one."""
+        """Return the cost of a tolerance; in a table, of the cheapest process at most as wide, None without one."""
         if isinstance(self.law, ProcessTable):
             process = self.law.at(tolerance)
             return None if process is None else process.cost
@@ -74,8 +74,8 @@ class Requirement:
     target : float
         Required Cpk, above 0.
     shares : mapping of str to float
-        Present share of the variance by variable (first-order index or contribution), 0 to 1, with a sum up to 1; the
-        rest does not depend on the tolerances.
+        Present share of the variance by variable (first-order index or contribution), 0 to 1, with a sum of at most 1;
+        the rest does not depend on the tolerances.
     added : float
         Correction of the variance by reweighting.
     """
@@ -91,7 +91,7 @@ class Requirement:
 
     @property
     def allowed(self) -> float:
-        """Variance at which Cpk is on target; 0 if the mean is out of limits."""
+        """Variance at which Cpk equals the target; 0 if the mean is out of limits."""
         return (max(distance_to_limit(self.mean, self.lsl, self.usl), 0.0) / (3 * self.target)) ** 2
 
     def variance(self, factors: Mapping[str, float]) -> float:
@@ -101,7 +101,7 @@ class Requirement:
 
 
 def check(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> None:
-    """Raise ReportError if no allocation is possible with this input."""
+    """Raise ReportError if the input is invalid for an allocation."""
     if not variables or not requirements:
         raise ReportError("allocation: at least one variable with a cost and one response with limits are needed")
     for kind, names in (
@@ -133,7 +133,7 @@ def check(variables: Sequence[CostedVariable], requirements: Sequence[Requiremen
 
 
 def _no_process(v: CostedVariable) -> str:
-    """Return that a table offers nothing; empty if it does, or if the law is continuous."""
+    """Return that a table offers no process; empty if it does, or if the law is continuous."""
     if not isinstance(v.law, ProcessTable):
         return ""
     if v.locked:
@@ -160,7 +160,7 @@ def _check_shares(r: Requirement) -> None:
 
 
 def infeasible(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> str:
-    """Return which response cannot be kept, its best Cpk, and remedies."""
+    """Return which response cannot reach its target, its best Cpk, and remedies."""
     tightest = {v.variable: v.tightest / v.tolerance for v in variables}
     worst = min(requirements, key=lambda r: r.allowed - r.variance(tightest))
     if worst.allowed == 0:

@@ -1,9 +1,9 @@
-"""What a tolerance costs: reciprocal, power and exponential laws, and tables of processes.
+"""Cost of a tolerance: reciprocal, power and exponential laws, and tables of processes.
 
 The continuous laws are those of the literature on tolerance allocation (Chase and Greenwood 1988, table 1): reciprocal
 ``a + b / t`` (Chase), reciprocal squared ``a + b / t^2`` (Spotts), reciprocal power ``a + b / t^k`` (Sutherland and
-Roth), exponential ``a + b exp(-t / c)`` (Speckhart). All are convex in the square of the tolerance, so that a cheapest
-set is the only one. A table gives the processes that can be chosen, and nothing between them.
+Roth), exponential ``a + b exp(-t / c)`` (Speckhart). All are convex in the square of the tolerance, so the cheapest
+set is unique. A table lists the processes that can be chosen, with nothing between them.
 """
 
 import math
@@ -21,11 +21,11 @@ class PowerLaw:
     Attributes
     ----------
     fixed : float
-        In money.
+        Fixed cost, in money.
     cost : float
-        Above 0, in money times the unit of the tolerance to the power.
+        Coefficient above 0, in money times the unit of the tolerance to the power.
     power : float
-        Above 0; 1 and 2 are usual.
+        Exponent above 0; 1 and 2 are usual.
     """
 
     fixed: float
@@ -37,11 +37,11 @@ class PowerLaw:
         return self.fixed + self.cost * tolerance**-self.power
 
     def saving(self, tolerance: Array) -> Array:
-        """Return by how much the cost falls per unit of tolerance, above 0."""
+        """Return the decrease of the cost per unit of tolerance, above 0."""
         return self.power * self.cost * tolerance ** (-self.power - 1)
 
     def fault(self) -> str:
-        """Return what is impossible about the law; empty if nothing is."""
+        """Return why the law is impossible; empty if it is possible."""
         numbers_fit = math.isfinite(self.fixed) and _positive(self.cost) and _positive(self.power)
         if numbers_fit:
             return ""
@@ -55,9 +55,9 @@ class ExponentialLaw:
     Attributes
     ----------
     fixed, cost : float
-        In money; cost above 0.
+        Coefficients in money; `cost` is above 0.
     scale : float
-        Above 0, in the unit of the tolerance: a tolerance wider by it costs 63 % less.
+        Scale above 0, in the unit of the tolerance: a tolerance wider by `scale` reduces the exponential part by 63 %.
     """
 
     fixed: float
@@ -69,11 +69,11 @@ class ExponentialLaw:
         return np.asarray(self.fixed + self.cost * np.exp(-tolerance / self.scale))
 
     def saving(self, tolerance: Array) -> Array:
-        """Return by how much the cost falls per unit of tolerance, above 0."""
+        """Return the decrease of the cost per unit of tolerance, above 0."""
         return np.asarray(self.cost / self.scale * np.exp(-tolerance / self.scale))
 
     def fault(self) -> str:
-        """Return what is impossible about the law; empty if nothing is."""
+        """Return why the law is impossible; empty if it is possible."""
         if math.isfinite(self.fixed) and _positive(self.cost) and _positive(self.scale):
             return ""
         return f"cost {self.cost:g} and scale {self.scale:g} must be finite and above 0, fixed {self.fixed:g} finite"
@@ -81,7 +81,7 @@ class ExponentialLaw:
 
 @dataclass(frozen=True)
 class Process:
-    """One way to make a variable: the tolerance it reaches, what it costs, and its name."""
+    """One process to make a variable: the tolerance it achieves, its cost and its name."""
 
     tolerance: float
     cost: float
@@ -90,7 +90,7 @@ class Process:
 
 @dataclass(frozen=True)
 class ProcessTable:
-    """Processes of which one is chosen."""
+    """Processes from which one is chosen."""
 
     processes: tuple[Process, ...]
 
@@ -100,7 +100,7 @@ class ProcessTable:
         return min(fine, key=lambda p: (p.cost, p.tolerance), default=None)
 
     def between(self, lower: float, upper: float) -> tuple[Process, ...]:
-        """Return the processes within bounds that no other beats: the wider, the cheaper; the finest first."""
+        """Return the processes within bounds that are not dominated (wider is cheaper), the finest first."""
         within = [p for p in self.processes if lower <= p.tolerance <= upper]
         kept: list[Process] = []
         for process in sorted(within, key=lambda p: (p.tolerance, p.cost)):
@@ -109,7 +109,7 @@ class ProcessTable:
         return tuple(kept)
 
     def fault(self) -> str:
-        """Return what is impossible about the table; empty if nothing is."""
+        """Return why the table is impossible; empty if it is possible."""
         if self.processes and all(_positive(p.tolerance) and math.isfinite(p.cost) for p in self.processes):
             return ""
         return "a table of processes needs at least one, each with a tolerance above 0 and a finite cost"

@@ -8,9 +8,9 @@ import numpy as np
 from reporting.arrays import Array
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw
 
-# Shares of a bound or of the room within which a constraint counts as active.
+# Tolerance, as a share of a bound or of the room, within which a constraint is active.
 _ACTIVE = 1e-7
-# Below this share of the largest saving, a saving has underflowed: it determines no price.
+# A saving below this share of the largest one has underflowed and determines no price.
 _NO_SAVING = 1e-200
 
 ContinuousLaw = PowerLaw | ExponentialLaw
@@ -26,7 +26,7 @@ class Optimum:
     price : array, shape (r,)
         Multiplier of each response: cost saved per unit of additional room.
     gap : float
-        By how much a cheaper set might undercut this one, in money; 0 if this one is proved to be the cheapest.
+        Bound on how much cheaper another set can be, in money; 0 if this one is proved to be the cheapest.
     """
 
     tolerance: Array
@@ -35,26 +35,26 @@ class Optimum:
 
 
 def cheapest(laws: Sequence[ContinuousLaw], rate: Array, room: Array, lower: Array, upper: Array) -> Optimum | None:
-    """Return the cheapest tolerances; None if none within the bounds fit.
+    """Return the cheapest tolerances; None if no tolerances within the bounds satisfy the constraints.
 
-    In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is the only one.
+    In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is unique.
 
     Parameters
     ----------
     laws : sequence of PowerLaw or ExponentialLaw, k of them
-        What a tolerance of each variable costs.
+        Cost law of each variable.
     rate : array, shape (r, k)
-        Variance of each response for a unit of squared tolerance, not negative.
+        Variance of each response per unit of squared tolerance, not negative.
     room : array, shape (r,)
-        Variance each response may have from these variables.
+        Permitted variance of each response due to these variables.
     lower, upper : array, shape (k,)
         Bounds of the tolerances, above 0; equal for a locked variable.
     """
-    from scipy.optimize import minimize  # takes 0.4 s to import, which `import reporting` avoids
+    from scipy.optimize import minimize  # takes 0.4 s, which `import reporting` avoids
 
     if np.any(rate @ lower**2 > room):
         return None
-    # In shares of what the bounds and the room allow each variable alone, everything is of order one.
+    # Scaled by what the bounds and the room allow each variable alone, all quantities are of order one.
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = np.sqrt(np.min(np.where(rate > 0, room[:, None] / rate, np.inf), axis=0))
     most, scale = np.maximum(np.minimum(upper, alone), lower), np.where(room > 0, room, 1.0)
@@ -83,19 +83,19 @@ def cheapest(laws: Sequence[ContinuousLaw], rate: Array, room: Array, lower: Arr
 
 
 def costs(laws: Sequence[ContinuousLaw], tolerance: Array) -> Array:
-    """Return the cost of one tolerance of each variable."""
+    """Return the cost of each variable's tolerance."""
     return np.array([float(law.at(t)) for law, t in zip(laws, tolerance, strict=True)])
 
 
 def _savings(laws: Sequence[ContinuousLaw], tolerance: Array) -> Array:
-    """Return the cost saved per unit of one tolerance of each variable."""
+    """Return the cost saved per unit of each variable's tolerance."""
     return np.array([float(law.saving(t)) for law, t in zip(laws, tolerance, strict=True)])
 
 
 def _prices(tolerance: Array, saving: Array, rate: Array, room: Array, bounds: tuple[Array, Array]) -> Array:
-    """Return the multipliers of the responses from the conditions of Karush, Kuhn and Tucker at the optimum.
+    """Return the multipliers of the responses from the Karush-Kuhn-Tucker conditions at the optimum.
 
-    What a wider tolerance saves is balanced by the active constraints, each with a multiplier that is not negative.
+    The saving of a wider tolerance is balanced by the active constraints, each with a non-negative multiplier.
     """
     from scipy.optimize import nnls  # see `cheapest`
 

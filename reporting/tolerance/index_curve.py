@@ -1,4 +1,4 @@
-"""The least margin of the responses' Cpk over their targets, as a function of the factor on one spread."""
+"""The smallest margin of the responses' Cpk over their targets, as a function of the factor on one spread."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,9 +14,9 @@ from reporting.tolerance.weighted_intervals import LotLabels
 from reporting.tolerance.whatif import WhatIf, too_few, what_if_all
 
 _UP, _DOWN = 1.1, 0.85  # steps of the factor
-_REFINEMENTS = 3  # of a crossing, and of the end of what can be answered
-# No change may make a larger share of runs fail: such a share decides more than any index of the others. Where more do
-# now, not a tenth more.
+_REFINEMENTS = 3  # of a crossing, and of the end of the range with answers
+# No change may make a larger share of runs fail, because this would matter more than any index of the others. If more
+# runs fail already, at most a tenth more may fail.
 MOST_FAILED, _MORE_FAILED = 0.01, 1.1
 FAILURES = "runs without a value"
 ROUNDING = 1e-9  # of a share
@@ -28,16 +28,16 @@ Indices = dict[str, tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Margin:
-    """The least margin over the targets: of Cpk, and of the ends of its interval.
+    """The smallest margin over the targets: of Cpk, and of the ends of its interval.
 
     Attributes
     ----------
     low, value, high : float
-        Each the least of all responses.
+        Margins of lower end, value and upper end, each the smallest over all responses.
     response : str
-        The response with the least margin, or "runs without a value".
+        The response with the smallest margin, or "runs without a value".
     cpk : float or None
-        Its Cpk; None of runs without a value.
+        Cpk of that response; None for runs without a value.
     effective : float or None
         Effective sample size; None without reweighting.
     """
@@ -60,9 +60,9 @@ class Question:
     limits : mapping of str to (lsl, usl)
     targets : mapping of str to float
     columns : mapping of str to array, each of shape (n,)
-        The variables that vary.
+        Values of the varying variables.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
     """
 
@@ -74,7 +74,7 @@ class Question:
     lots: LotLabels | None
 
     def weighted(self, change: Change) -> tuple[Indices, WhatIf] | str:
-        """Return the indices by reweighting and the answer that misses most runs, or why there is none."""
+        """Return the indices by reweighting and the answer with most missing runs, or why there is none."""
         answers = what_if_all(self.responses, change, self.limits, self.confidence, self.lots)
         for answer in answers.values():
             if answer.refusal:
@@ -89,7 +89,7 @@ class Question:
     def reweighted(self, change: Change) -> Margin | str:
         """Return the margin by reweighting, or why there is none.
 
-        Runs without a value have a margin too: their share must not exceed 1 %, or a tenth more than it is now.
+        Runs without a value have a margin too: their share must not exceed 1 %, or 1.1 times the present share.
         """
         found = self.weighted(change)
         if isinstance(found, str):
@@ -99,12 +99,12 @@ class Question:
         return self._least(indices, worst.effective, allowed - (worst.missing or 0.0))
 
     def modelled(self, variable: str, change: Change, factor: float) -> Margin | str:
-        """Return the margin by moving the samples with the responses' polynomials, or why there is none."""
+        """Return the margin by moving the samples with the polynomials of the responses, or why there is none."""
         indices = self.moved(variable, change, factor)
         return indices if isinstance(indices, str) else self._least(indices, None)
 
     def moved(self, variable: str, change: Change, factor: float) -> Indices | str:
-        """Return the indices by moving the samples with the responses' polynomials, or why there is none."""
+        """Return the indices by moving the samples with the polynomials of the responses, or why there is none."""
         moved = {name: np.asarray(x, np.float64) for name, x in change.moved_to(variable).items()}
         if not moved or not moved.keys() <= self.columns.keys():
             return f"{variable} has no density"
@@ -133,7 +133,7 @@ class Question:
 
     @cached_property
     def _surfaces(self) -> dict[str, Surface] | str:
-        """A polynomial of each response, or the name of one that no polynomial explains."""
+        """A polynomial of each response, or the name of a response that no polynomial explains."""
         surfaces = {}
         for name, y in self.responses.items():
             has = np.isfinite(y)
@@ -144,27 +144,27 @@ class Question:
         return surfaces
 
     def _least(self, indices: Indices, effective: float | None, spare: float = math.inf) -> Margin | str:
-        """Return the least margins of responses with the low end, value and high end of Cpk, and of failures."""
+        """Return the smallest margins over the responses' low end, value and high end of Cpk, and over failures."""
         if not indices:
             return "no response has a spread"
         low, value, high = (
             min(ends[level] - self.targets[name] for name, ends in indices.items()) for level in range(3)
         )
-        if spare < min(value, 0.0):  # a share is no index: it counts where it is exceeded
+        if spare < min(value, 0.0):  # a share is not an index: it counts only if it is exceeded
             return Margin(min(low, spare), spare, min(high, spare), FAILURES, None, effective)
         response = min(indices, key=lambda name: indices[name][1] - self.targets[name])
         return Margin(low, value, high, response, indices[response][1], effective)
 
 
 class IndexCurve:
-    """The margin at factors outwards from 1, as far as it can be answered and the targets are not yet crossed.
+    """The margin at factors outwards from 1, until there is no answer or the targets are crossed.
 
     Parameters
     ----------
     ask : callable (factor) -> Margin or str
-        The margin, or why it cannot be answered.
+        Function that returns the margin, or why there is no answer.
     least, most : float
-        Between these factors.
+        Range of the factors.
     """
 
     def __init__(self, ask: Callable[[float], Margin | str], least: float, most: float) -> None:
@@ -185,11 +185,11 @@ class IndexCurve:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The smallest and the largest factor that were answered."""
+        """The smallest and the largest factor with an answer."""
         return min(self._points), max(self._points)
 
     def at(self, factor: float) -> Margin:
-        """Return the margin at a factor, or at the next one nearer to 1 that was answered."""
+        """Return the margin at a factor, or at the nearest factor towards 1 with an answer."""
         margin = self._ask(factor)
         if not isinstance(margin, str):
             return margin
@@ -228,7 +228,7 @@ class IndexCurve:
             inner = outer
 
     def _approach(self, inner: float, outer: float) -> None:
-        """Add the last points before a refusal."""
+        """Add points close to a refusal."""
         for _ in range(_REFINEMENTS):
             middle = math.sqrt(inner * outer)
             margin = self._ask(middle)
@@ -240,6 +240,6 @@ class IndexCurve:
 
 
 def _zero(near: tuple[float, float], far: tuple[float, float]) -> float:
-    """Return where the line through two points (factor, level) is zero, kept off the ends of a lopsided pair."""
+    """Return the factor at which the line through two points (factor, level) is zero, between the two."""
     share = near[1] / (near[1] - far[1]) if near[1] != far[1] else 0.5
     return near[0] + min(max(share, 0.0), 1.0) * (far[0] - near[0])

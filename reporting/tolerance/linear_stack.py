@@ -1,11 +1,11 @@
-"""Worst case and root sum of squares by the slopes of a response, from the samples of one Monte Carlo campaign.
+"""Worst case and root sum of squares from the slopes of a response, using the samples of one Monte Carlo campaign.
 
 This is the stack-up sheet of a drawing office: ``y = y0 + sum s_i (x_i - m_i)``, with m_i the middle of the tolerance
-of variable i and t_i half its width. All parts at their worst end make ``sum |s_i| t_i``; independent parts make
-``sqrt(sum (s_i t_i)^2)``. The slopes s_i are those of the least-squares plane through the samples. It is exact for a
-response that is a weighted sum; how far this one is from it, the share of variance that the plane explains says.
+of variable i and t_i half its width. All parts at their worst end give ``sum |s_i| t_i``; independent parts give
+``sqrt(sum (s_i t_i)^2)``. The slopes s_i are those of the least-squares plane through the samples. The result is exact
+for a response that is a weighted sum; the share of the variance that the plane explains shows the departure from this.
 
-The tolerance of a variable is from its lower to its upper bound. Where it has no bound, it ends at three standard
+The tolerance of a variable extends from its lower to its upper bound. Without a bound it ends at three standard
 deviations from the mean.
 """
 
@@ -20,15 +20,15 @@ from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
 from reporting.spec import VariableSpec
 
-# A plane that leaves more of the variance unexplained gives no worst case to rely on.
+# The worst case of a plane that explains a smaller share of the variance is not reliable.
 LINEAR_SHARE = 0.97
-# Squares and products that explain so much more of the variance, and do so by more than chance, show a curve.
+# Squares and products that explain this much more of the variance, beyond chance, indicate a curved response.
 CURVED_SHARE, _CHANCE = 0.01, 1e-3
 LINEAR, CURVED, OTHER, CONSTANT = "linear", "curved", "not linear", "constant"
 _ROWS = 20_000
 _ROWS_PER_TERM, _LEAST_ROWS = 3, 20
 _ROWS_PER_SQUARE, _MOST_TERMS = 10, 150
-_REACH = 3.0  # standard deviations: where a tolerance without a bound ends
+_REACH = 3.0  # standard deviations at which a tolerance without a bound ends
 _CENTRAL = (0.135, 99.865)  # percentiles that contain as much as mean +- 3 sigma of a normal distribution
 
 Command = Callable[[Mapping[str, float]], str]
@@ -36,7 +36,7 @@ Command = Callable[[Mapping[str, float]], str]
 
 @dataclass(frozen=True)
 class StackedVariable:
-    """What one variable adds to the stack-up of a response.
+    """Contribution of one variable to the stack-up of a response.
 
     Attributes
     ----------
@@ -44,11 +44,11 @@ class StackedVariable:
     lower, upper : float
         Ends of its tolerance, in its unit.
     bounded : bool
-        Both ends are bounds of its distribution; else at least one is three standard deviations from the mean.
+        Whether both ends are bounds of its distribution; else at least one is three standard deviations from the mean.
     slope : float
         Change of the response per unit of the variable.
     half_width : float
-        ``|slope| (upper - lower) / 2``: what its whole tolerance adds to the worst case, in the response's unit.
+        ``|slope| (upper - lower) / 2``: contribution to the worst case, in the response's unit.
     """
 
     variable: str
@@ -61,48 +61,48 @@ class StackedVariable:
 
 @dataclass(frozen=True)
 class LinearStack:
-    """Worst case and root sum of squares by slopes, beside what the samples themselves reached.
+    """Worst case and root sum of squares from slopes, compared with the range of the samples.
 
     Attributes
     ----------
     variables : tuple of StackedVariable
-        In order of what they add, the largest first.
+        Variables by their contribution, the largest first.
     nominal : float
         Value of the plane with every variable in the middle of its tolerance.
     worst : (float, float)
-        Ends with every variable at its worst end: nominal -+ the sum of the half widths.
+        Range with every variable at its worst end: nominal -+ the sum of the half widths.
     rss : (float, float)
-        Ends by the root of the sum of squares of the half widths.
+        Range nominal -+ the root of the sum of squares of the half widths.
     rss_sigma : float
-        Standard deviation by the root of the sum of squares of slope times the variable's own sigma.
+        Standard deviation: root of the sum of squares of slope times the variable's own sigma.
     correlated : bool
-        `rss` and `rss_sigma` use the correlations of the samples, because the campaign asks for correlations. The worst
-        case does not: every combination of ends counts as possible.
+        Whether `rss` and `rss_sigma` use the correlations of the samples, because the campaign requests correlations.
+        The worst case does not: every combination of ends is considered possible.
     sampled : (float, float)
         Smallest and largest value of the samples.
     central : (float, float)
         Percentiles 0.135 and 99.865 of the samples, which contain as much as mean +- 3 sigma of a normal distribution;
-        of few samples they are the smallest and the largest.
+        with few samples they are the smallest and the largest value.
     n : int
         Number of samples with a value.
     explained : float or None
         Share of the variance that the plane explains, adjusted for the number of variables; None without variance.
     explained_curved : float or None
-        The same with squares and products, or squares alone; None where the samples are too few for it.
+        The same with squares and products, or squares alone; None if there are too few samples.
     shape : str
         "linear": the plane explains at least 97 % of the variance, and squares add less than 1 %. "curved": squares and
-        products add 1 % or more, not by chance. "not linear": the plane explains less than 97 %, and no curve is seen.
+        products add 1 % or more, beyond chance. "not linear": the plane explains less than 97 %, and no curve is found.
         "constant": no variance.
     exceeded : bool
-        A sample lies beyond the worst case by slopes, so it is no worst case.
+        Whether a sample lies beyond the worst case from slopes, which is then not the worst case.
     reliable : bool
-        The slopes suffice: the response is linear or constant, and no sample lies beyond the worst case.
+        Whether the slopes suffice: the response is linear or constant, and no sample lies beyond the worst case.
     lowest_corner, highest_corner : dict of str to float
-        Values of the variables at which the plane is lowest and highest: these two runs check it.
+        Values of the variables at which the plane is lowest and highest; these two runs check it.
     lowest_command, highest_command : str
         The commands of these runs.
     within : bool or None
-        The worst case by slopes keeps the limits; None without limits, or if the slopes do not suffice.
+        Whether the worst case from slopes keeps the limits; None without limits, or if the slopes do not suffice.
     """
 
     variables: tuple[StackedVariable, ...]
@@ -140,16 +140,16 @@ def linear_stack(
     Parameters
     ----------
     y : array, shape (n,)
-        The response at each sample; NaN where it has none.
+        The response at each sample; NaN where it has no value.
     columns : mapping of str to array, each of shape (n,)
         The variables at each sample.
     specs : sequence of VariableSpec
-        Their bounds, means and standard deviations.
+        Bounds, means and standard deviations of the variables.
     limits : (lsl, usl)
     correlated : bool
-        The campaign asks for correlations.
+        Whether the campaign requests correlations.
     command : callable (values by variable) -> str
-        The command that simulates these values.
+        Function that returns the command to simulate these values.
     """
     varying = [v for v in specs if v.std > 0]
     has = np.flatnonzero(np.isfinite(y))
@@ -196,14 +196,14 @@ def linear_stack(
 
 
 def tolerance_of(spec: VariableSpec) -> tuple[float, float]:
-    """Return the ends of a variable's tolerance: its bounds, or three standard deviations where it has none."""
-    low, high = (float(f"{spec.mean + sign * _REACH * spec.std:.12g}") for sign in (-1, 1))  # as one writes it
+    """Return the ends of a variable's tolerance: its bounds, or three standard deviations without bounds."""
+    low, high = (float(f"{spec.mean + sign * _REACH * spec.std:.12g}") for sign in (-1, 1))  # as written by hand
     return low if spec.lower is None else spec.lower, high if spec.upper is None else spec.upper
 
 
 @dataclass(frozen=True)
 class _Plane:
-    """The least-squares plane through samples, slopes of shape (k,), and how much of their variance it explains."""
+    """The least-squares plane through samples, with slopes of shape (k,), and its explained share of the variance."""
 
     mean: float
     slopes: Array
@@ -213,7 +213,7 @@ class _Plane:
 
 
 def _plane(y: Array, x: Array) -> _Plane:
-    """Return the plane through samples; variables that do not vary among them have the slope 0."""
+    """Return the plane through the samples; variables that do not vary have the slope 0."""
     n, k = x.shape
     spread = np.where(np.ptp(x, axis=0) > 0, x.std(axis=0), np.inf)
     z, deviation = (x - x.mean(axis=0)) / spread, y - y.mean()
@@ -234,18 +234,18 @@ def _plane(y: Array, x: Array) -> _Plane:
 
 
 def _left(terms: Array, deviation: Array) -> tuple[float, int]:
-    """Return the sum of squares that terms leave unexplained, and its degrees of freedom."""
+    """Return the residual sum of squares of a fit of the terms, and its degrees of freedom."""
     residual = deviation - terms @ np.linalg.lstsq(terms, deviation, rcond=None)[0]
     return float(residual @ residual), terms.shape[0] - terms.shape[1]
 
 
 def _share(left: tuple[float, int], deviation: Array) -> float:
-    """Return the share of the variance that is explained, adjusted for the number of terms; at least 0."""
+    """Return the explained share of the variance, adjusted for the number of terms; at least 0."""
     return max(1.0 - left[0] / left[1] / float(deviation @ deviation) * (deviation.size - 1), 0.0)
 
 
 def _correlations(x: Array) -> Array:
-    """Return the correlation matrix of columns; a column that does not vary is correlated with none."""
+    """Return the correlation matrix of columns; a column that does not vary is uncorrelated with all others."""
     with np.errstate(all="ignore"):
         found = np.nan_to_num(np.corrcoef(x, rowvar=False).reshape(x.shape[1], -1))
     np.fill_diagonal(found, 1.0)
@@ -253,19 +253,19 @@ def _correlations(x: Array) -> Array:
 
 
 def _root(steps: Array, together: Array) -> float:
-    """Return the root of the sum of squares of steps, with their correlations."""
+    """Return the root of the sum of squares of steps, including their correlations."""
     return math.sqrt(max(float(steps @ together @ steps), 0.0))
 
 
 def _around(middle: float, half_width: float) -> tuple[float, float]:
-    """Return both ends of a range."""
+    """Return both ends of a range around its middle."""
     return middle - half_width, middle + half_width
 
 
 def _corner(
     specs: Sequence[VariableSpec], varying: Sequence[VariableSpec], ends: Array, slopes: Array
 ) -> dict[str, float]:
-    """Return the values at which a plane with these slopes is highest; a constant has its own."""
+    """Return the values at which a plane with these slopes is highest; a constant keeps its value."""
     highest = {v.name: float(ends[i, int(slopes[i] > 0)]) for i, v in enumerate(varying)}
     return {v.name: highest.get(v.name, v.mean) for v in specs}
 

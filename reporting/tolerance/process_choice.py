@@ -1,10 +1,10 @@
-"""The cheapest choice of processes, beside continuous tolerances: branch and bound, exact.
+"""The cheapest choice of processes in combination with continuous tolerances, by exact branch and bound.
 
-With a price on each unit of variance the problem falls into one small problem a variable, and the sum of their optima
-is a lower bound of the cost (Lagrange). The prices that make it largest come from the linear programme in which
-processes may be mixed and continuous tolerances take some forty values; any price gives a valid bound, so neither makes
-the result inexact. A branch is a choice of processes for some variables. It is left when its bound reaches the cost of
-the best set so far, or when even the finest processes of the others do not fit.
+With a price on each unit of variance the problem separates into one small problem per variable, and the sum of their
+optima is a lower bound of the cost (Lagrange). The prices that maximise it come from the linear programme in which
+processes may be mixed and continuous tolerances take some forty values; any price gives a valid bound, so these
+approximations do not affect the result. A branch is a choice of processes for some variables. It is abandoned if its
+bound reaches the cost of the best set so far, or if even the finest processes of the other variables do not fit.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from reporting.tolerance.cost_laws import Process
 from reporting.tolerance.cost_optimum import ContinuousLaw, Optimum, cheapest, costs
 
 _GRID = 41  # tolerances of a continuous variable in the linear programme
-# Some ten seconds; beyond, the best set so far is returned with its gap. Continuous tolerances take as long as these.
+# About ten seconds; then the best set so far is returned with its gap. Cost of a continuous optimum in branches.
 _MOST_BRANCHES, _OF_A_CONTINUOUS_OPTIMUM = 200_000, 400
 _ROUNDING = 1e-12
 
@@ -29,17 +29,17 @@ class Programme:
     Attributes
     ----------
     laws : tuple of PowerLaw or ExponentialLaw
-        Of the continuous variables.
+        Laws of the continuous variables.
     lower, upper : array, shape (k,)
         Bounds of their tolerances.
     rate : array, shape (r, k)
-        Variance of each response for a unit of their squared tolerance, not negative.
+        Variance of each response per unit of their squared tolerance, not negative.
     tables : tuple of tuple of Process
-        Processes of each other variable, the finest first, each wider one cheaper.
+        Processes of each other variable, the finest first; each wider process is cheaper.
     table_rate : array, shape (r, d)
-        Like `rate`, of those variables.
+        Like `rate`, for the variables with tables.
     room : array, shape (r,)
-        Variance that each response may have from all these variables.
+        Permitted variance of each response due to all these variables.
     """
 
     laws: tuple[ContinuousLaw, ...]
@@ -52,7 +52,7 @@ class Programme:
 
 
 def cheapest_choice(programme: Programme) -> tuple[Optimum, tuple[Process, ...]] | None:
-    """Return the optimum of the continuous tolerances and the chosen processes; None if nothing fits."""
+    """Return the optimum of the continuous tolerances and the chosen processes; None if no choice fits."""
     search = _Search(programme)
     search.branch((), programme.room, 0.0)
     if search.best is None:
@@ -65,10 +65,10 @@ def cheapest_choice(programme: Programme) -> tuple[Optimum, tuple[Process, ...]]
 
 
 class _Search:
-    """The state of a search: the prices and their bound, and the best set so far."""
+    """The state of a search: the prices, their bound, and the best set so far."""
 
     def __init__(self, programme: Programme) -> None:
-        """Find the prices, and what each process costs above the bound."""
+        """Find the prices, and the cost of each process above the bound."""
         self.programme = programme
         self.loads = [
             np.outer([p.tolerance**2 for p in table], programme.table_rate[:, i])
@@ -123,7 +123,7 @@ class _Search:
 
 def _prices(p: Programme, loads: Sequence[Array]) -> Array:
     """Return the prices of the linear programme; zeros where no mixture fits."""
-    from scipy.optimize import linprog  # takes 0.4 s to import, which `import reporting` avoids
+    from scipy.optimize import linprog  # takes 0.4 s, which `import reporting` avoids
 
     blocks = [
         (np.array([process.cost for process in table]), load) for table, load in zip(p.tables, loads, strict=True)
@@ -145,7 +145,7 @@ def _prices(p: Programme, loads: Sequence[Array]) -> Array:
 
 
 def _least(p: Programme, price: Array) -> float:
-    """Return a lower bound of the cost of the continuous tolerances with prices on their variance.
+    """Return a lower bound of the cost of the continuous tolerances, with prices on their variance.
 
     Cost and priced variance are convex in the squared tolerance u, so between grid points the tangents bound them.
     """

@@ -1,8 +1,8 @@
-"""A response as a polynomial of the variables, for changes that reach beyond the weights of the samples.
+"""A response as a polynomial of the variables, for changes too large for reweighting the samples.
 
-The model moves the samples: where the variables x of a sample become x', its response becomes ``y + g(x') - g(x)``,
-with g the least-squares polynomial. A change of one marginal distribution that keeps the ranks keeps the copula, so
-correlated variables stay correlated as they are. What g leaves unexplained stays with its sample.
+The model moves the samples: if the variables x of a sample become x', its response becomes ``y + g(x') - g(x)`` with
+the least-squares polynomial g. A change of one marginal distribution that keeps the ranks also keeps the copula, so the
+correlation of variables is unchanged. The residual of g stays with its sample.
 """
 
 import math
@@ -16,9 +16,9 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.tolerance.weighted_intervals import LotLabels, by_lot, mean_interval
 
-# A model that leaves more of the variance unexplained is no model of the response.
+# A model that leaves more of the variance unexplained is not used.
 MOST_UNEXPLAINED = 0.03
-# A larger share of samples moved beyond the range of the campaign would rest on extrapolation.
+# With a larger share of samples moved beyond the range of the campaign, the result would be an extrapolation.
 MOST_BEYOND = 0.01
 _ROWS_PER_TERM = 10
 _MOST_TERMS = 150
@@ -32,20 +32,20 @@ class Surface:
     Attributes
     ----------
     y : array, shape (n,)
-        Values at the samples that it was fitted to.
+        Values of the response at the fitted samples.
     x : array, shape (n, k)
-        Standardised variables there.
+        Standardised variables at the fitted samples.
     terms : array, shape (n, terms)
-        Of the polynomial: 1, the variables, and their squares and products if it has them.
+        Terms of the polynomial: 1, the variables, and their squares and products if `quadratic`.
     coefficients : array, shape (terms,)
     inverse : array, shape (terms, terms)
         Inverse of the normal matrix.
     residual : array, shape (n,)
         ``y - g(x)``.
     quadratic : bool
-        With squares and products; else linear.
+        Whether the polynomial has squares and products; else it is linear.
     unexplained : float
-        Share of the variance that it does not explain, adjusted for the number of terms.
+        Unexplained share of the variance, adjusted for the number of terms.
     """
 
     y: Array
@@ -58,7 +58,7 @@ class Surface:
     unexplained: float
 
     def moved(self, to: Mapping[int, Array]) -> tuple[NDArray[np.intp], Array]:
-        """Return which terms change where some standardised variables have other values, and by how much.
+        """Return which terms change if some standardised variables have other values, and by how much.
 
         The change has shape (n, changed terms).
         """
@@ -76,14 +76,14 @@ class Surface:
 
 
 def fit_surface(y: Array, variables: Mapping[str, Array]) -> Surface | None:
-    """Return the polynomial of one response; None if there are too few values or it leaves too much unexplained.
+    """Return the polynomial of one response; None with too few values or too large an unexplained share.
 
     Parameters
     ----------
     y : array, shape (n,)
-        Finite values that vary.
+        Finite values, not all equal.
     variables : mapping of str to array, each of shape (n,)
-        Variables that vary, at the same samples.
+        Varying variables at the same samples.
     """
     x = np.column_stack([(column - column.mean()) / column.std() for column in variables.values()])
     n, k = x.shape
@@ -109,26 +109,26 @@ def moved_cpk(
     confidence: float,
     lots: LotLabels | None,
 ) -> tuple[float, Interval] | None:
-    """Return Cpk with some variables moved, and its interval; None if there is no spread.
+    """Return Cpk with some variables moved, and its interval; None without spread.
 
-    The interval allows for the error of the samples and of the coefficients, and its lower end for an unexplained part
+    The interval allows for the errors of the samples and of the coefficients; its lower end also allows for a residual
     that grows with the variables.
 
     Parameters
     ----------
     surface : Surface
     change : (mapping of int to array of shape (n,), float)
-        New standardised values by number of the variable, and the factor on their standard deviations.
+        New standardised values by index of the variable, and the factor on their standard deviations.
     limits : (lsl, usl)
-        At least one.
+        Limits, at least one.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
     lots : array, shape (n,), or None
         Production lot of each sample.
     """
     to, factor = change
     columns, difference = surface.moved(to)
-    # sums without a matrix product: on so few columns the threads of one would cost more than they save
+    # sums without a matrix product: with so few columns its threads would cost more than they save
     y = surface.y + np.einsum("ij,j->i", difference, surface.coefficients[columns])
     n, mean, std = y.size, float(y.mean()), float(y.std(ddof=1))
     if not std > 0:
@@ -140,7 +140,7 @@ def moved_cpk(
         if limit is not None
     ]
     index, sign = min(sides)
-    slope = (sign / (3 * std) - index * deviation / std**2) / n  # of the index, with each value
+    slope = (sign / (3 * std) - index * deviation / std**2) / n  # derivative of the index with respect to each value
     own = (sign * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std / n
     by_coefficient = surface.inverse[:, columns] @ np.einsum("ij,i->j", difference, slope)
     of_coefficients = np.einsum("ij,j->i", surface.terms, by_coefficient) * surface.residual
@@ -150,7 +150,7 @@ def moved_cpk(
 
 
 def beyond(x: Array, to: Array) -> float:
-    """Return the share of values that were moved beyond the range of the samples."""
+    """Return the share of values moved beyond the range of the samples."""
     return float(np.mean((to < x.min()) | (to > x.max())))
 
 

@@ -4,11 +4,11 @@
 quantiles of the generalized Pareto distribution fitted to them (Pareto smoothing: Vehtari, Simpson, Gelman, Yao,
 Gabry, JMLR 25(72), 2024). Its shape k measures how heavy the tail of weights is; above 0.5 their variance is infinite.
 
-A refusal must not depend on whether the samples happen to show the heavy tail: those that miss it pass, and their
-answers are the wrong ones. The fitted shape scatters by 0.18 with 500 samples; the mean logarithmic excess over the
-fifth largest weight (Hill 1975) scatters by 0.03, but it is too large for a tail that is not Pareto's. So weights are
-refused above ``HILL_BAR`` where the fitted shape exceeds ``CLEAR_TAIL`` too, and in any case above the looser bar
-``min(0.6, 1 - 1 / log10 n)`` on the fitted shape.
+A refusal must not depend on whether the samples happen to contain the heavy tail: samples that miss it would pass, and
+their answers would be wrong. The fitted shape has a standard deviation of 0.18 with 500 samples; the mean logarithmic
+excess of the largest fifth of the weights (Hill 1975) has one of 0.03, but is too large for a tail that is not a
+Pareto tail. Weights are therefore refused above ``HILL_BAR`` if the fitted shape exceeds ``CLEAR_TAIL`` too, and in any
+case if the fitted shape exceeds ``min(0.6, 1 - 1 / log10 n)``.
 """
 
 import math
@@ -22,16 +22,16 @@ from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.shape import pareto
 
-# Weights with a smaller effective sample size, or with a sample of larger weight, do not determine a sigma; nor do
-# samples that the distributions make worth fewer new runs.
+# Weights with a smaller effective sample size, or with a larger single weight, do not determine a sigma; nor do samples
+# that are equivalent to fewer new runs, by the distributions alone.
 LEAST_EFFECTIVE = 100.0
 LARGEST_SHARE = 0.05
 LEAST_WORTH = 30.0
 PARETO_BAR, HILL_BAR, CLEAR_TAIL = 0.6, 0.4, 0.3
 # A smaller probability outside the range of the old distribution changes no share by more than 1 ppm.
 MOST_OUTSIDE = 1e-6
-_LEAST_TAIL = 5  # weights needed to fit a tail
-_NO_TAIL = -math.inf  # shape for equal or too few weights
+_LEAST_TAIL = 5  # fewest weights for the fit of a tail
+_NO_TAIL = -math.inf  # shape if weights are equal or too few
 _HILL_SHARE = 0.2  # of the weights
 
 
@@ -43,22 +43,21 @@ class Change:
     ----------
     log_ratio : array, shape (n,) or (n, k)
         ``log p_new(x_i) - log p_old(x_i)`` of each sample, or of each sample and variable; minus infinity where the
-        new density is zero. An added constant has no effect.
+        new density is zero. A constant offset has no effect.
     outside : float
         Probability of new values outside the range of the old distribution.
     spread : float or None
-        Ratio of the new to the old standard deviation of the changed variable; only `reporting.tolerance.advice` uses
-        it and what follows.
+        Ratio of the new to the old standard deviation of the changed variable; used for advice on tolerances.
     moved : array, shape (n,), or mapping of str to such an array, or None
-        The changed variable's values at the same ranks under the new distribution, if it has a density; of several
-        changed variables by name.
+        Values of the changed variable at the same ranks under the new distribution, if it has a density; by name for
+        several changed variables.
     limit : str
-        Why `spread` is nearer to 1 than was asked for; empty if it is what was asked for.
+        Why `spread` is closer to 1 than requested; empty if it is as requested.
     settings : tuple of str
-        What to write in the campaign file for this change, each ``VARIABLE.KEY=VALUE``.
+        Settings of the campaign file for this change, each ``VARIABLE.KEY=VALUE``.
     worth : float
-        Number of new runs that a sample is worth for the sigma of the changed variable itself, by the two distributions
-        alone; 1 if it is not known.
+        Number of new runs that one sample is equivalent to for the sigma of the changed variable itself, by the two
+        distributions alone; 1 if unknown.
     """
 
     log_ratio: ArrayLike
@@ -70,7 +69,7 @@ class Change:
     worth: float = 1.0
 
     def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
-        """Return the new values by variable, if `variable` is the one that changes where only one does."""
+        """Return the new values by variable; `variable` is the changed one if there is only one."""
         if self.moved is None:
             return {}
         return self.moved if isinstance(self.moved, Mapping) else {variable: self.moved}
@@ -83,7 +82,7 @@ class Weights:
     Attributes
     ----------
     weight : array, shape (n,)
-        Smoothed; the sum is 1.
+        Smoothed weights; the sum is 1.
     effective : float
         Kish's effective sample size, ``1 / sum(w^2)``.
     largest : float
@@ -91,7 +90,7 @@ class Weights:
     pareto_k : float or None
         Shape of the tail of the weights; None if they are equal or too few.
     pareto_k_bar : float
-        Largest shape that is accepted.
+        Largest accepted shape.
     outside : float
         Probability of new values outside the range of the old distribution.
     refusal : str
@@ -113,7 +112,7 @@ def weights(change: Change) -> Weights:
     Raises
     ------
     ReportError
-        A log ratio is NaN or plus infinity (the old density is not zero at a sample), or `outside` is not a
+        If a log ratio is NaN or plus infinity (the old density is never zero at a sample), or `outside` is not a
         probability.
     """
     ratio = np.asarray(change.log_ratio, np.float64)
@@ -149,9 +148,9 @@ def hill_shape(raw: Array) -> float:
 
 
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:
-    """Return the weights with a smoothed tail and the shape of the tail, minus infinity if there is none to fit.
+    """Return the weights with a smoothed tail, and the shape of the tail; minus infinity if there is none to fit.
 
-    The tail holds ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
+    The tail has ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
     """
     count = math.ceil(min(0.2 * raw.size, 3 * math.sqrt(raw.size)))
     if count < _LEAST_TAIL:
@@ -190,10 +189,10 @@ def _refusal(effective: float, largest: float, k: float | None, bar: float, outs
 
 
 def _too_little(n: int, worth: float) -> str:
-    """Return why the weights cannot be used if the distributions themselves say so; empty if they do not.
+    """Return why the weights cannot be used, judged by the distributions themselves; empty if they can.
 
-    No sample shows this: where the variance of the weighted squares is infinite, the samples that miss the tail look
-    well behaved, and their answers are the wrong ones.
+    Samples cannot reveal this: if the variance of the weighted squares is infinite, samples that miss the tail look
+    well behaved, and their answers are wrong.
     """
     if n * worth >= LEAST_WORTH:
         return ""
@@ -204,7 +203,7 @@ def _too_little(n: int, worth: float) -> str:
 
 
 def _heavy_body(raw: Array, k: float) -> str:
-    """Return why the weights cannot be used if their upper fifth shows a heavy tail; empty if they can."""
+    """Return why the weights cannot be used, judged by the tail of their upper fifth; empty if they can."""
     hill = hill_shape(raw)
     if hill > HILL_BAR and k > CLEAR_TAIL:
         return (

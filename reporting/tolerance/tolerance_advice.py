@@ -1,11 +1,11 @@
-"""What the samples advise on tolerances: what must shrink for the responses below their target, and what may grow.
+"""Advice on tolerances from the samples: spreads that must shrink for responses below target, and that may grow.
 
-Three questions, each of one variable while the others stay:
+There are three questions, each on one variable while the others stay as they are:
 
-1. Of each response below the target: how far must the variable's spread shrink to lift it there? And how far must the
+1. For each response below the target: how far must the variable's spread shrink to reach it? And how far must the
    spreads of all variables shrink together?
-2. Of the responses at the target: how far may the variable's spread grow while all of them stay there?
-3. What would that growth make of those below?
+2. For the responses at the target: how far may the variable's spread grow while all of them stay there?
+3. What would be the effect of that growth on the responses below the target?
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,29 +22,29 @@ from reporting.tolerance.reweighting import Change
 from reporting.tolerance.weighted_intervals import LotLabels
 
 ALL_TOGETHER = "all variables together"
-_KEPT_CHANGES = 64  # of one variable, for the next question
-_SAME_INDEX = 1e-3  # a smaller loss of Cpk is no loss
+_KEPT_CHANGES = 64  # changes of one variable cached for the next question
+_SAME_INDEX = 1e-3  # a smaller loss of Cpk is ignored
 
 Rescale = Callable[[Mapping[str, float], Rows], Change]
 
 
 @dataclass(frozen=True)
 class Shortfall:
-    """What lifts one response to its target.
+    """A response below its target, and the changes that lift it there.
 
     Attributes
     ----------
     response : str
     cpk, target : float
-        Its index now, and the one it must have.
+        Present and required Cpk.
     centred : float or None
-        Its Cpk with the mean in the middle between the limits; None with one limit.
+        Cpk with the mean in the middle between the limits; None with one limit.
     alone : tuple of Advice
-        How far the spread of each variable must shrink while the others stay.
+        For each variable, how far its spread must shrink while the others stay.
     together : Advice or None
-        By what factor the spreads of all variables must shrink; None where there is nothing to shrink.
+        Common factor by which the spreads of all variables must shrink; None if there is nothing to shrink.
     text : str
-        What to do, in words.
+        Recommendation in words.
     """
 
     response: str
@@ -58,18 +58,18 @@ class Shortfall:
 
 @dataclass(frozen=True)
 class ToleranceAdvice:
-    """What the samples advise.
+    """Advice on tolerances.
 
     Attributes
     ----------
     kept : tuple of str
-        Responses at their target, which the growth keeps there.
+        Responses at their target, which stay there in spite of the growth.
     growth : tuple of Advice
-        How far the spread of each variable may grow; empty if no response is at its target.
+        For each variable, how far its spread may grow; empty if no response is at its target.
     shortfalls : tuple of Shortfall
         Responses below their target, the worst first.
     note : str
-        Why there is no advice, or what it leaves out.
+        Why there is no advice, or what it omits.
     """
 
     kept: tuple[str, ...] = ()
@@ -80,15 +80,15 @@ class ToleranceAdvice:
 
 @dataclass(frozen=True)
 class AdvisedSamples:
-    """The samples that are asked.
+    """The samples on which the advice is based.
 
     Attributes
     ----------
     responses : mapping of str to array, each of shape (n,)
-        Values of all samples drawn independently, failed ones too; NaN where a run has none.
+        Values of all independently drawn samples, including failed ones; NaN where a run has no value.
     limits : mapping of str to (lsl, usl)
     columns : mapping of str to array, each of shape (n,)
-        The variables.
+        Values of the variables.
     varied : sequence of str
         Variables whose spread may change.
     lots : array, shape (n,), or None
@@ -108,19 +108,19 @@ class AdvisedSamples:
 def tolerance_advice(
     samples: AdvisedSamples, cpks: Mapping[str, float | None], target: float, rescale: Rescale, confidence: float = 0.95
 ) -> ToleranceAdvice:
-    """Return what the samples advise.
+    """Return the advice on tolerances from the samples.
 
     Parameters
     ----------
     samples : AdvisedSamples
     cpks : mapping of str to float or None
-        Cpk of the responses with limits, over the samples with a value; None where it is undefined.
+        Cpk of the responses with limits, over the samples with a value; None if it is undefined.
     target : float
         Cpk that every response must have.
     rescale : callable (factors by variable, rows) -> Change
-        What the standard deviations of some variables, each times a factor, make of these rows.
+        Change of the density at the rows if the standard deviations of some variables are multiplied by factors.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     """
     known = {name: cpk for name, cpk in cpks.items() if cpk is not None}
     if not known:
@@ -145,7 +145,7 @@ def tolerance_advice(
     growth: list[Advice] = []
     questions = {name: question([name]) for name in below}
     of_kept, of_missed = (question(names) if names else None for names in (kept, below))
-    for variable in [*samples.varied, *together]:  # the changes of one variable serve all questions
+    for variable in [*samples.varied, *together]:  # the changes of one variable are used for all questions
         names = free if variable == ALL_TOGETHER else [variable]
         change = lru_cache(_KEPT_CHANGES)(partial(_scaled, rescale, tuple(names), rows))
         for name, asked_of in questions.items():
@@ -165,12 +165,12 @@ def tolerance_advice(
 
 
 def _scaled(rescale: Rescale, names: Sequence[str], rows: Rows, factor: float) -> Change:
-    """Return what one factor on the standard deviations of some variables makes of rows."""
+    """Return the change at rows due to a common factor on the standard deviations of some variables."""
     return rescale(dict.fromkeys(names, factor), rows)
 
 
 def _too_many_failed(failed: float, most: float) -> str:
-    """Return why there is no advice where many runs failed."""
+    """Return why there is no advice if many runs failed."""
     return (
         f"No advice: {100 * failed:.3g} % of the runs have no value, more than {100 * most:.3g} %. They may be "
         "the rejects, and the other runs do not show what tolerances do to them. First find out why they failed."
@@ -180,7 +180,7 @@ def _too_many_failed(failed: float, most: float) -> str:
 def _losses(
     advice: Advice, missed: Question, change: Callable[[float], Change], now: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the Cpk of responses that miss their targets already and that a growth makes worse."""
+    """Return the Cpk of responses that already miss their targets and become worse by a growth."""
     if advice.factor is None or advice.factor <= 1:
         return {}
     changed = change(advice.factor)
@@ -209,7 +209,7 @@ def _remedy(
     alone: Sequence[Advice],
     together: Advice | None,
 ) -> str:
-    """Return what to do for a response below its target, in words."""
+    """Return a recommendation for a response below its target, in words."""
     cpk, target, centred = indices
     words = [f"{name} has Cpk {cpk:.4g}, below {target:g}."]
     lsl, usl = limits

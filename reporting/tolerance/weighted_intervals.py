@@ -1,9 +1,10 @@
-"""Intervals of weighted means and shares that allow for what the weights have not shown.
+"""Intervals of weighted means and shares that allow for unobserved samples of large weight.
 
-Few samples of large weight decide a weighted mean, and those that were not drawn are missing in it. So every interval
-counts one more sample as decisive as the most decisive one (Fay and Feuer 1997 do so for shares). Its width is that of
-Student's t with the degrees of freedom of the contributions' own variance (Satterthwaite), and its ends follow the
-skewness of the contributions by the monotone cubic transformation of Hall (1992).
+A few samples of large weight dominate a weighted mean, and such samples that were not drawn are missing in it. Every
+interval therefore includes one more sample as influential as the most influential one (as Fay and Feuer 1997 do for
+shares). Its width is that of Student's t with the degrees of freedom of the variance of the contributions
+(Satterthwaite), and its ends are corrected for the skewness of the contributions by the monotone cubic transformation
+of Hall (1992).
 """
 
 import math
@@ -15,8 +16,9 @@ from scipy.special import betaincinv, stdtrit
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 
-# Samples show less skewness than their distribution has. With this factor 95 % intervals of mean, sigma and Cpk held
-# in 90 to 100 % of campaigns of 500 and 5,000 samples, one sigma times 0.5 to 1.3; with 1, in 79 to 99 %.
+# The skewness of samples is smaller than that of their distribution. With this factor 95 % intervals of mean, sigma and
+# Cpk covered 90 to 100 % in campaigns of 500 and 5,000 samples with one sigma multiplied by 0.5 to 1.3; with the factor
+# 1, 79 to 99 %.
 UNSEEN_SKEWNESS = 1.5
 _LEAST_FREEDOM = 2.0
 
@@ -24,7 +26,7 @@ LotLabels = NDArray[np.generic]
 
 
 def by_lot(terms: Array, lots: LotLabels | None) -> Array:
-    """Return independent terms: those of one lot share a shift and are added."""
+    """Return independent terms: the terms of one lot share a shift and are added."""
     if lots is None:
         return terms
     _, group = np.unique(lots, return_inverse=True)
@@ -37,7 +39,7 @@ def variance_of_sum(terms: Array) -> float:
 
 
 def _variance(squares: float, count: int) -> float:
-    """Return the variance of the sum of so many terms from the sum of their squares."""
+    """Return the variance of the sum of `count` terms from the sum of their squares."""
     return math.inf if count < 2 else count / (count - 1) * squares
 
 
@@ -49,9 +51,9 @@ def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
     value : float
         The estimate.
     terms : array, shape (m,)
-        What each independent sample, or lot, adds to the error of the estimate: weight times influence function.
+        Contribution of each independent sample, or lot, to the error of the estimate: weight times influence function.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
     """
     squares = float(np.sum(terms**2))
     variance = _variance(squares, terms.size)
@@ -74,19 +76,19 @@ def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
 def share_interval(is_out: NDArray[np.bool_], weight: Array, lots: LotLabels | None, confidence: float) -> Interval:
     """Return the two-sided interval of a weighted share.
 
-    With equal weights it is that of Clopper and Pearson. Without a sample that is out, it is theirs for as many samples
-    as the largest weight goes into 1.
+    With equal weights it is the interval of Clopper and Pearson. If no sample is out, it is their interval for a number
+    of samples of 1 divided by the largest weight.
 
     Parameters
     ----------
     is_out : array of bool, shape (n,)
-        The samples that are counted.
+        Mask of the counted samples.
     weight : array, shape (n,)
-        Weights with the sum 1.
+        Weights that sum to 1.
     lots : array, shape (n,), or None
         Lot of each sample; None for independent samples.
     confidence : float
-        Two-sided.
+        Two-sided confidence.
     """
     upper = 0.5 + confidence / 2
     share = min(float(np.sum(weight[is_out])), 1.0)
@@ -104,15 +106,15 @@ def share_interval(is_out: NDArray[np.bool_], weight: Array, lots: LotLabels | N
 
 
 def _beta(share: float, variance: float, p: float) -> float:
-    """Return the quantile of the beta distribution of a share that was counted with this variance."""
-    if share >= 1 or variance == 0:  # squares of tiny weights underflow: the share is zero
+    """Return a quantile of the beta distribution for a share counted with this variance."""
+    if share >= 1 or variance == 0:  # squares of tiny weights underflow, and the share is zero
         return min(math.floor(share), 1.0)
     count = share**2 / variance
     return float(betaincinv(count, share / variance + 1 - count, p))
 
 
 def _hall(x: float, skewness: float) -> float:
-    """Return the quantile of a studentised mean with the skewness of the sum, given the one without skewness."""
+    """Return the quantile of a studentised mean, corrected for the skewness of the sum."""
     if abs(skewness) < 1e-9:
         return x
     return float((np.cbrt(1 + skewness * (x - skewness / 6)) - 1) / (skewness / 3))

@@ -1,11 +1,11 @@
-"""The capability under other distributions of the variables, from the samples at hand: reweighting.
+"""Capability under other distributions of the variables, by reweighting the given samples.
 
 Every statistic is a smooth function of weighted means, so its error follows from its influence function: sample i adds
-``w_i IF_i`` (delta method). `reporting.tolerance.weighted_intervals` makes intervals of these terms.
+``w_i IF_i`` (delta method). `reporting.tolerance.weighted_intervals` computes intervals from these terms.
 
-A heavy tail of a response's own contributions widens its interval and is no reason to refuse it: the campaigns that
-happened to miss the tail would pass, and their answers are the wrong ones. With refusals above k = 0.5, as few as 20 %
-of the answered intervals held.
+A heavy tail of a response's own contributions widens its interval but is not a reason for a refusal: campaigns that
+happen to miss the tail would pass, and their answers would be wrong. With refusals above k = 0.5, as few as 20 % of the
+remaining intervals covered the true value.
 """
 
 import math
@@ -34,7 +34,7 @@ from reporting.tolerance.weighted_intervals import (
 
 USUAL_CPK = 1.33
 WANTED_HALF_WIDTH = 0.05
-# Above this shape of the tail a mean of so many samples is decided by a few of them (Vehtari et al. 2024).
+# Above this shape of the tail a few samples decide a mean (Vehtari et al. 2024).
 HEAVY_TAIL = 0.7
 
 
@@ -47,7 +47,7 @@ class Estimate:
     value : float
     interval : (float, float)
     effective : float
-        Number of new runs that would give an error as small, at most Kish's effective sample size.
+        Number of new runs that would give the same error, at most Kish's effective sample size.
     """
 
     value: float
@@ -62,21 +62,21 @@ class WhatIf:
     Attributes
     ----------
     n, dropped : int
-        Number of finite values, and of rows without one.
+        Number of finite values, and of rows without a finite value.
     effective, largest : float
         Kish's effective sample size, and the largest weight of a sample.
     pareto_k, pareto_k_bar : float or None
-        Shape of the tail of the weights, and the largest that is accepted.
+        Shape of the tail of the weights, and the largest accepted shape.
     pareto_k_sigma : float or None
         Shape of the tail of the samples' contributions to sigma; None if the weights do not make it heavier.
     outside : float
         Probability of new values outside the range of the old distribution.
     mean, std : Estimate or None
-        In the response's unit.
+        Mean and standard deviation in the response's unit.
     cp, cpl, cpu, cpk : Estimate or None
     ppm, ppm_below, ppm_above : Estimate or None
-        Weighted share out of limits; the upper end of the interval includes `outside`. Where rejects carry small
-        weights, the value may be far below one effective sample: only the upper end of its interval is informative.
+        Weighted share out of limits; the upper end of the interval includes `outside`. If rejects have small weights,
+        the value may be far below one effective sample: then only the upper end of the interval is informative.
     ppm_expected : float or None
         Share out of limits of a normal distribution with the new mean and sigma.
     missing : float or None
@@ -114,7 +114,7 @@ class WhatIf:
 
 @dataclass(frozen=True)
 class _Sampled:
-    """The samples with a value: their weights with the sum 1, lots and effective number."""
+    """The samples with a value: their weights, which sum to 1, lots and effective number."""
 
     weight: Array
     lots: LotLabels | None
@@ -134,20 +134,20 @@ def what_if(
     Parameters
     ----------
     y : array_like, shape (n,)
-        The response at each sample; NaN where it has none.
+        The response at each sample; NaN where it has no value.
     change : Change
         Log ratio of the densities at the same samples.
     lsl, usl : float or None
         Limits, in the response's unit.
     confidence : float
-        Of the intervals, two-sided.
+        Confidence of the intervals, two-sided.
     lots : array, shape (n,), or None
         Production lot of each sample; None for independent samples.
 
     Raises
     ------
     ReportError
-        Response, lots and log ratios differ in length, or a log ratio is not a number.
+        If response, lots and log ratios differ in length, or a log ratio is not a number.
     """
     return _under(np.asarray(y, np.float64), weights(change), (lsl, usl), confidence, lots)
 
@@ -159,7 +159,7 @@ def what_if_all(
     confidence: float = 0.95,
     lots: LotLabels | None = None,
 ) -> dict[str, WhatIf]:
-    """Return `what_if` of every response, with weights that are computed once."""
+    """Return the result of `what_if` for every response; the weights are computed once."""
     w = weights(change)
     return {
         name: _under(np.asarray(column, np.float64), w, (limits or {}).get(name, (None, None)), confidence, lots)
@@ -213,7 +213,7 @@ def too_few(n: int, weight: Array, lots: LotLabels | None) -> str:
 
 
 def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:
-    """Yield what limits the answer."""
+    """Yield the limitations of the answer."""
     if not varies:
         yield "All values are equal: the spread is zero, so there is no index and no expected ppm."
     if k is not None and k > HEAVY_TAIL:
@@ -223,7 +223,7 @@ def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:
 
 
 def _tail_of_sigma(y: Array, weight: Array) -> float | None:
-    """Return the tail's shape of the contributions to the variance; None if the weights do not make it heavier."""
+    """Return the tail shape of the contributions to the variance; None if the weights do not make it heavier."""
     deviation = y - y.mean()
     squares = (deviation - np.sum(weight * deviation)) ** 2
     k, unweighted = pareto_smoothed(weight * squares)[1], pareto_smoothed(squares)[1]
@@ -233,9 +233,9 @@ def _tail_of_sigma(y: Array, weight: Array) -> float | None:
 def _moments(
     y: Array, sampled: _Sampled, lsl: float | None, usl: float | None, confidence: float
 ) -> dict[str, Estimate | None]:
-    """Return mean, sigma and indices with the intervals of their influence functions."""
+    """Return mean, sigma and indices with intervals from their influence functions."""
     weight = sampled.weight
-    origin = y[int(np.argmax(weight))]  # sums over a large offset would lose the digits of the spread
+    origin = y[int(np.argmax(weight))]  # with a large offset, sums would lose the digits of the spread
     mean = float(np.sum(weight * (y - origin))) + float(origin)
     deviation = y - mean
     of_mean = variance_of_sum(by_lot(weight * deviation, sampled.lots))
@@ -265,7 +265,7 @@ def _moments(
 
 
 def _estimate(value: float, influence: Array, sampled: _Sampled, confidence: float) -> Estimate:
-    """Return an estimate with the interval of its influence function."""
+    """Return an estimate with the interval from its influence function."""
     terms = by_lot(sampled.weight * influence, sampled.lots)
     error2 = float(np.sum(terms**2))
     spread = float(np.sum(sampled.weight * influence**2))

@@ -17,13 +17,13 @@ class WorstCase:
     lowest, highest : float or None
         Smallest and largest value, LSL_Y and USL_Y of the paper (eqs. 24, 25).
     nominal, tolerance : float or None
-        Their mean and half their difference, N_Y and T_Y (eqs. 26, 27).
+        Mean and half the difference of the two, N_Y and T_Y (eqs. 26, 27).
     lowest_corner, highest_corner : dict of str to float
-        The inputs there: each variable at an end of its range.
+        Inputs at the extremes: each variable at an end of its range.
     corners, missing : int
-        Number of simulated corners, and of those without a value.
+        Number of simulated corners, and of corners without a value.
     within : bool or None
-        Every corner has a value and keeps the limits; None without limits.
+        Whether every corner has a value and keeps the limits; None without limits.
     """
 
     lowest: float | None
@@ -40,13 +40,13 @@ class WorstCase:
 def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
     """Return the worst case of one response.
 
-    The extremes lie at corners only if the response is monotone in every input. Any other sample, such as the centre,
-    is included; a response that is not monotone may still go farther inside the box.
+    The extremes lie at corners only if the response is monotone in every input. Other samples, such as the centre, are
+    included; a response that is not monotone may still have larger extremes inside the box.
 
     Parameters
     ----------
     y : array, shape (n,)
-        The response at each sample; NaN where it has none.
+        The response at each sample; NaN where it has no value.
     inputs : dict of str to array, each of shape (n,)
         The variables at each sample.
     lsl, usl : float or None
@@ -55,7 +55,7 @@ def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl
     Raises
     ------
     ReportError
-        The columns differ in length.
+        If the columns differ in length.
     """
     y = np.asarray(y, np.float64)
     wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]

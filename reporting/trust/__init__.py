@@ -1,1 +1,1 @@
-"""The trust card: whether the numbers of the report can be relied on."""
+"""The trust card: whether the numbers of the report are reliable."""

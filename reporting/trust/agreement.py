@@ -1,4 +1,4 @@
-"""Whether the estimates agree on the verdicts, and what many statements at once are worth."""
+"""Lines of the trust card on the agreement of estimates, and on the joint confidence of many statements."""
 
 from scipy.special import ndtri
 
@@ -9,7 +9,7 @@ from reporting.trust.check import Check
 
 
 def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
-    """Check that every verdict is certain, and quote what speaks against those that are not."""
+    """Check that every verdict is certain, and quote the evidence against those that are not."""
     judged = [r for r in responses if r.verdict.certain is not None]
     if not judged:
         return Check("Verdicts", "info", "No response has a verdict.")
@@ -24,7 +24,7 @@ def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
 
 
 def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) -> Check:
-    """Say how many of the page's intervals miss by chance, and which verdicts hold all at once."""
+    """State how many of the page's intervals may be wrong by chance, and which verdicts hold jointly."""
     certain = [r for r in responses if r.verdict.certain]
     shares = sum(
         influence.first_order_interval is not None
@@ -55,7 +55,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -> bool:
-    """Return whether the interval of Cpk keeps its class when it is widened to hold for all verdicts together."""
+    """Return whether the interval of Cpk stays in one class if it is widened to hold for all verdicts jointly."""
     c = response.capability
     if c.cpk is None or c.cpk_interval is None:
         return False

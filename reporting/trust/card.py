@@ -1,6 +1,6 @@
 """The lines of the trust card, in reading order.
 
-They check that the campaign is complete, that the simulation keeps its promises in every sample, and that the
+They check that the campaign is complete, that the simulation meets its bounds in every sample, and that the
 statistics support the verdicts.
 """
 
@@ -48,7 +48,7 @@ def trust_checks(
 
 
 def _sampling(spec: ReportSpec, samples: Samples) -> str:
-    """Return what the samples are; in production lots they are not independent."""
+    """Return the description of the samples; samples of a production lot are not independent."""
     if samples.lots is None or spec.design != INDEPENDENT:
         return spec.design.text
     return "Random samples in production lots; those of one lot are not independent of each other."

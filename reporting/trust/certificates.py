@@ -1,4 +1,4 @@
-"""What every run promises: it is computed, it succeeded, it obeyed the laws of contact, it came to rest."""
+"""Lines of the trust card on the runs: each is computed, succeeded, obeyed the laws of contact and came to rest."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from reporting.ok_share import too_few_ok
 from reporting.samples import OK, Samples
 from reporting.trust.check import Check
 
-# Promises for every ok row: relative residual of the friction problem; penetration, by unit.
+# Bounds for every ok row: relative residual of the friction problem; penetration, by unit.
 RESIDUAL_BAR = 1e-6
 PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
 
 
 def complete(requested: int, samples: Samples) -> Check:
-    """Check that every requested sample is done."""
+    """Check that every requested sample is finished."""
     done = samples.sample.size
     text = f"{format_numbers.grouped(done)} of {format_numbers.grouped(requested)} requested samples are computed."
     if done < requested:
@@ -23,7 +23,7 @@ def complete(requested: int, samples: Samples) -> Check:
 
 
 def failures(samples: Samples, min_ok: float) -> Check:
-    """Check that no sample failed, or at least the share `min_ok` is ok, and quote the most frequent failure."""
+    """Check that no sample failed, or at least the share `min_ok` is ok; quote the most frequent failure."""
     done, ok = samples.sample.size, int(np.count_nonzero(samples.ok))
     if done == 0:
         return Check("Failures", "bad", "No sample is computed yet.")
@@ -46,7 +46,7 @@ def failures(samples: Samples, min_ok: float) -> Check:
 
 
 def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | None) -> Check:
-    """Check the largest value of a column of the certificate over the ok samples against its bound."""
+    """Check the largest value of a certificate column over the ok samples against its bound."""
     rows = np.flatnonzero(samples.ok)
     stated = rows[np.isfinite(values[rows])]
     if stated.size == 0:

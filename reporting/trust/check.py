@@ -10,13 +10,13 @@ class Check:
     Attributes
     ----------
     name : str
-        What was checked.
+        Name of the checked property.
     level : str
-        "good"; "attention": read on before you sign; "bad": do not sign; "info": nothing to judge.
+        "good"; "attention" (read on before signing); "bad" (do not sign); "info" (nothing to judge).
     text : str
         The finding in words.
     value : float or None
-        The number of the finding, if it has one.
+        The number of the finding, if there is one.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Whether the statistics support the numbers: enough samples, the same in both halves, none missing, of what shape."""
+"""Lines of the trust card on the statistics: enough samples, agreement of both halves, failures, missing values."""
 
 import math
 
@@ -15,13 +15,13 @@ _NO_PRODUCTION = "The samples do not represent production."
 _TOO_FEW = "Too few samples to compare their halves."
 # Cpk to +-5 % is a usual requirement; at Cpk 1.33 it needs 874 samples.
 WANTED_HALF_WIDTH = 0.05
-# An interval of more than +-25 % tells little of Cpk, whatever class it lies in.
+# An interval wider than +-25 % says little about Cpk, whatever class it lies in.
 LOOSE_HALF_WIDTH = 0.25
-FEW = 3  # responses that a line names
+FEW = 3  # responses named in a line
 
 
 def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:
-    """Check that there are values enough for a verdict, and that the intervals of Cpk are narrow enough for it."""
+    """Check that there are enough values for a verdict, and that the intervals of Cpk are narrow enough."""
     name = "Enough samples"
     indexed = [(r, r.capability) for r in responses if r.capability.cpk is not None]
     if not indexed or not production:
@@ -30,7 +30,7 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     if withheld:
         reason = next(c.interval_reason for _, c in indexed if c.cpk_interval is None)
         return Check(name, "attention", f"No interval for Cpk of {', '.join(withheld)}: {reason}")
-    # A width relative to a Cpk near 0 is meaningless: below 1 it is relative to 1.
+    # A width relative to a Cpk near 0 is meaningless: for a Cpk below 1 it is relative to 1.
     widths = [_width(c) / (2 * max(abs(c.cpk or 0.0), 1.0)) for _, c in indexed]
     at = widths.index(max(widths))
     response, c = indexed[at]
@@ -63,7 +63,7 @@ def _width(numbers: Capability) -> float:
 
 
 def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
-    """Say what production lots mean for the intervals; nothing without lots."""
+    """State the effect of production lots on the intervals; empty without lots."""
     described = [(r.capability.lots, r.spec.name) for r in responses if r.capability.lots is not None]
     if not described:
         return ()
@@ -100,7 +100,7 @@ def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> C
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
-    """Say what Cpk and share of rejects become if every failed sample is a reject."""
+    """State Cpk and share of rejects if every failed sample is counted as a reject."""
     name = "Failures as rejects"
     if samples.ok.all():
         return Check(name, "good" if samples.ok.size else "info", "No sample failed, so nothing changes.")
@@ -115,12 +115,12 @@ def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Sample
 
 
 def _with_failures(response: ResponseAnalysis) -> float:
-    """Return the yield of a response with failures as rejects."""
+    """Return the yield of a response with failures counted as rejects."""
     return response.yield_.share if response.yield_ else 1.0
 
 
 def _as_rejects(response: ResponseAnalysis) -> str:
-    """Return Cpk and share of rejects of a response, without and with failures as rejects."""
+    """Return Cpk and share of rejects of a response, without and with failures counted as rejects."""
     counted, of_yield, cpk = response.nonconforming, response.yield_, response.capability.cpk
     assert counted is not None
     assert of_yield is not None

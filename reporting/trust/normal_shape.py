@@ -1,4 +1,4 @@
-"""Whether the responses are normal, and if not, in which tail, and what that does to the printed ppm."""
+"""Line of the trust card on normality: which responses are not normal, in which tail, and the effect on the ppm."""
 
 from reporting import format_numbers
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT
@@ -7,7 +7,7 @@ from reporting.shape.holm import holm
 from reporting.shape.normality import DEPARTURE_P, PROVEN_P
 from reporting.trust.check import Check
 
-# Below this p a single response would be called not normal.
+# A single response with a p-value below this would be called not normal.
 PERHAPS_P = 0.05
 
 
@@ -52,19 +52,19 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
 
 
 def _proven(response: ResponseAnalysis) -> bool:
-    """Return whether the departure of a response would be beyond chance even among many responses."""
+    """Return whether the departure of a response is beyond chance even among many responses."""
     p = response.normality.anderson_darling_p
     return p is not None and p < PROVEN_P
 
 
 def _departure(response: ResponseAnalysis) -> str:
-    """Return that a response is not normal, how, and what that does to the printed ppm."""
+    """Return a sentence on how a response departs from normal, and the effect on the printed ppm."""
     effects = "; ".join(_effects(response))
     return f"{response.spec.name} is not normal ({_how(response)}){f': {effects}' if effects else ''}."
 
 
 def _how(response: ResponseAnalysis) -> str:
-    """Return how a response departs from normal: by how much, and in which tail."""
+    """Return how much a response departs from normal, and in which tail."""
     shape = response.normality
     tails = [
         f"{'lower' if tail.side == 'below' else 'upper'} tail {tail.word}"
@@ -78,13 +78,13 @@ def _how(response: ResponseAnalysis) -> str:
 
 
 def _equals(p: float) -> str:
-    """Return a p-value with its sign."""
+    """Return a p-value with its relation sign."""
     text = format_numbers.probability(p)
     return text if text.startswith("<") else f"= {text}"
 
 
 def _effects(response: ResponseAnalysis) -> list[str]:
-    """Return what the tails and the count say of the expected ppm, on the sides that have a limit."""
+    """Return what tails and count say about the expected ppm, for the sides with a limit."""
     spec, counted, expected = response.spec, response.nonconforming, response.capability.ppm_expected
     limits = {"below": spec.lsl, "above": spec.usl}
     effects = [
@@ -104,22 +104,22 @@ def _effects(response: ResponseAnalysis) -> list[str]:
 
 
 def _named(some: list[ResponseAnalysis], total: int) -> str:
-    """Return the names of some of the responses with limits, or that they are all."""
+    """Return the names of some of the responses with limits, or a word for all of them."""
     return "Every response with limits" if len(some) == total else ", ".join(r.spec.name for r in some)
 
 
 def _farthest(some: list[ResponseAnalysis]) -> str:
-    """Return the largest upper end of the distances from a normal distribution."""
+    """Return the largest upper end of the intervals of the distance from a normal distribution."""
     return format_numbers.percent(max((r.normality.distance_interval or (0.0, 1.0))[1] for r in some))
 
 
 def _so_few(some: list[ResponseAnalysis]) -> str:
-    """Return the values in words: with production lots, the fewest independent values that those of one are worth."""
+    """Return the number of values in words; with lots, the smallest effective number of independent values."""
     worth = [r.capability.lots.effective for r in some if r.capability.lots is not None]
     return f"values in lots, worth {min(worth):.0f} independent ones," if worth else "so few values"
 
 
 def _smallest_p(some: list[ResponseAnalysis]) -> str:
-    """Return the smallest p of the test by which the responses were judged."""
+    """Return the smallest p-value of the test that judged the responses."""
     smallest = min((r.normality.p for r in some if r.normality.p is not None), default=None)
     return f"smallest p, tails included, {format_numbers.probability(smallest)}"

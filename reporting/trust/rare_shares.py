@@ -1,15 +1,15 @@
-"""Lines of the trust card on rare rejects: whether their shares are known, and whether the weights are right."""
+"""Lines of the trust card on rare rejects: whether their shares are known, and whether the weights are correct."""
 
 from reporting import format_numbers
 from reporting.rare.plain_check import CHECK_BAR
 from reporting.rare.rare_rejects import RareRejects
 from reporting.trust.check import Check
 
-LOOSE = 0.2  # of a share: this much more in regions that no component aims at is worth a warning
+LOOSE = 0.2  # of a share: a larger allowance for regions without an aimed component gives a warning
 
 
 def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:
-    """Return the lines on an importance campaign; none for others."""
+    """Return the lines for an importance-sampling campaign; empty for other campaigns."""
     return () if rare is None else (_known(rare), _agrees(rare))
 
 
@@ -47,7 +47,7 @@ def _known(rare: RareRejects) -> Check:
 
 
 def _agrees(rare: RareRejects) -> Check:
-    """Check weighted shares against counted ones, and the mean weight against 1."""
+    """Check weighted shares against counted shares, and the mean weight against 1."""
     errors = {f"{check.response} {check.side} {check.at:.6g}": abs(check.errors) for check in rare.checks}
     errors["the mean weight and 1"] = abs(rare.mean_weight_errors)
     worst = max(errors, key=errors.__getitem__)

@@ -1,4 +1,4 @@
-"""Whether runs of the same sample with different steps give the same results."""
+"""Line of the trust card on repeats: whether runs of the same sample with different steps agree."""
 
 from reporting import format_numbers
 from reporting.repeats import Repeats
@@ -7,13 +7,13 @@ from reporting.sensitivity.repeatability import FEWEST_PAIRS, NOTABLE_SHARE, Rep
 from reporting.trust.check import Check
 
 NAME = "Repeatability"
-NOTABLE_SHIFT = 0.3  # of the response's sigma: so far the mean may move when the step is halved
+NOTABLE_SHIFT = 0.3  # of the response's sigma: permitted shift of the mean when the step is halved
 _NEXT_TO_NOTHING = 0.001  # of the variance
-_ENOUGH = 60  # pairs, of which one shows a scatter that a twentieth of the samples have
+_ENOUGH = 60  # pairs: enough that one shows a scatter present in a twentieth of the samples
 
 
 def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None) -> Check:
-    """Check how much of the variance of the responses remains when nothing but the step changes."""
+    """Check how much of the variance of the responses remains if only the step changes."""
     remedy = f" {repeats.remedy}" if repeats and repeats.remedy else ""
     if repeats is None or not repeats.planned:
         text = "No sample was repeated with half the step, so the scatter of the results themselves is not known."
@@ -43,7 +43,7 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
 
 
 def _scatter(some: list[tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
-    """Return how much of the variance of some responses is scatter, and what follows."""
+    """Return how much of the variance of some responses is scatter, and the consequences."""
     if not some:
         return []
     shares = [f"{r.spec.name} {_percent(f.share)}{_interval(f)}, sigma {_sigma(r, f)}" for r, f in some]
@@ -62,7 +62,7 @@ def _interval(found: Repeatability) -> str:
 
 
 def _others(rest: list[tuple[ResponseAnalysis, Repeatability]], some: bool) -> list[str]:
-    """Return how much the other responses scatter at most."""
+    """Return the largest scatter of the other responses."""
     known = [(f.share, r, f) for r, f in rest if f.share is not None]
     sentences = []
     if known:
@@ -84,7 +84,7 @@ def _others(rest: list[tuple[ResponseAnalysis, Repeatability]], some: bool) -> l
 
 
 def _is_moved(response: ResponseAnalysis, found: Repeatability) -> bool:
-    """Return whether half the step moves the mean of a response, beyond chance and by more than a little."""
+    """Return whether half the step shifts the mean of a response notably and beyond chance."""
     if found.shift is None or found.shift_interval is None or not response.capability.std:
         return False
     low, high = found.shift_interval
@@ -92,14 +92,14 @@ def _is_moved(response: ResponseAnalysis, found: Repeatability) -> bool:
 
 
 def _shift(response: ResponseAnalysis, found: Repeatability) -> str:
-    """Return that half the step moves the mean of a response."""
+    """Return a sentence on the shift of the mean of a response with half the step."""
     unit = "" if response.spec.unit == "1" else f" {response.spec.unit}"
     shift = f"{format_numbers.significant(found.shift or 0.0)}{unit}"
     return f"Halving the step shifts the mean of {response.spec.name} by {shift}: the step is too long for it."
 
 
 def _lost(repeats: Repeats, found: dict[str, tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
-    """Return how many repeats failed, and of how many samples only one of the two runs succeeded."""
+    """Return how many repeats failed, and for how many samples only one of the two runs succeeded."""
     failed = int(repeats.sample.size - repeats.ok.sum())
     lost = max(f.lost for _, f in found.values())
     if lost:

@@ -1,12 +1,12 @@
-"""Whether the inputs were drawn as they were requested."""
+"""Line of the trust card on the inputs: whether they were drawn as requested."""
 
 from reporting import format_numbers
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.trust.check import Check
 
-# Chance does not put a drawn mean, sigma or correlation more standard errors away from the requested one.
+# A drawn mean, sigma or correlation does not deviate by more standard errors from the requested one by chance.
 INPUT_ERRORS_BAR = 4.0
-# Chance does not give a distribution with a smaller p-value, even in many campaigns with many variables.
+# A distribution does not have a smaller p-value by chance, even in many campaigns with many variables.
 INPUT_P_BAR = 1e-5
 
 

@@ -26,7 +26,7 @@ SETTLINGS = (("drag", False), ("free fall", True))
 
 
 def lines(chosen: list[Play], count: int) -> Iterator[str]:
-    """Yield the lines of the table, with the first samples of the campaign."""
+    """Yield the lines of the table, computed with the first samples of the campaign."""
     began = time.monotonic()
     drawn = clearances(Variant(SHIPPED), count)
     gaps = [{joint: float(x[i]) for joint, x in drawn.items()} for i in range(count)]

@@ -1,11 +1,11 @@
-"""Where along their axes the parts of the C-60 start, and how much play they have there."""
+"""Start positions of the C-60's parts along their axes, and their play there."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 SHIPPED = "on the lower shoulders: as shipped"
 CENTRED = "in the middle: preset centred"
-COVER = 0.1, 0.24, 0.3  # mm: free way of plate, hook and tripping bar to the cover when all lie on their shoulders
+COVER = 0.1, 0.24, 0.3  # mm: free path of plate, hook and tripping bar to the cover when all rest on their shoulders
 FLANGES = ("S4", "S5", "S7", "S8")  # those with a gap of 0 in the published pose
 WAYS = 0.05, 0.1, 0.2  # mm
 WIDEST = 0.3  # mm
@@ -20,16 +20,16 @@ class Play:
     Attributes
     ----------
     name : str
-        The row of the table.
+        Row of the table.
     lifts : tuple of four floats, or "random"
-        How far moving contact, plate, hook and tripping bar start above the published pose, mm; "random": anywhere
-        that the drawn stops leave them, another place in each sample.
+        Heights of moving contact, plate, hook and tripping bar above the published pose at the start, mm; "random":
+        anywhere within the drawn stops, at a different place in each sample.
     opened : dict
-        Flange to the play that it has beyond the drawn one, mm; "random": between 0 and 0.3 mm, in each sample anew.
+        Additional play of each flange beyond the drawn one, mm; "random": between 0 and 0.3 mm, drawn for each sample.
     preset : str, optional
-        Preset of the mechanism that says where parts start.
+        Preset of the mechanism that sets the start positions.
     free_fall : bool
-        Simulated with preset paper too, whose free fall takes longer than the shipped drag.
+        Whether it is also simulated with preset paper, whose free fall takes longer than the shipped drag.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Play:
 
 
 def plays() -> list[Play]:
-    """Return what is compared, the shipped start first."""
+    """Return the compared variants, the shipped start first."""
     top, hook, bar = COVER
     return [
         Play(SHIPPED, free_fall=True),

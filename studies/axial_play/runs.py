@@ -1,4 +1,4 @@
-"""The runs of the study: the numbers of the mechanism that a play changes, and what a run ends with."""
+"""The runs of the study: the numbers of the mechanism that a variant changes, and the responses of a run."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -14,14 +14,14 @@ LIFTED = ("moving_contact", "plate", "hook", "tripping_bar")
 
 
 def run(play: Play, free_fall: bool, sample: int, gaps: Mapping[str, float]) -> dict[str, float]:
-    """Return the responses of one sample with its clearances (mm by joint); none unless its run is ok."""
+    """Return the responses of one sample with its clearances (mm by joint); empty unless the run is ok."""
     values = _c60().preset("paper") if free_fall else {}
     found = simulate(_c60(), values | starts(play, sample) | dict(gaps))
     return found.responses if found.status == "ok" else {}
 
 
 def starts(play: Play, sample: int) -> dict[str, float]:
-    """Return the numbers of the mechanism that differ from the published ones in a sample, by key."""
+    """Return the numbers of the mechanism that differ from the published ones in a sample, by their keys."""
     rng = np.random.default_rng([shipped().seed, sample])
     values = dict(_c60().preset(play.preset)) if play.preset else {}
     lifts = _anywhere(rng) if play.lifts == "random" else play.lifts
@@ -38,7 +38,7 @@ def starts(play: Play, sample: int) -> dict[str, float]:
 
 
 def _anywhere(rng: np.random.Generator) -> tuple[float, float, float, float]:
-    """Return places that are equally likely wherever the drawn stops leave the parts."""
+    """Return random positions, uniform over those that the drawn stops permit."""
     top, hook, bar = COVER
     contact, plate = np.sort(rng.uniform(0, top, 2))
     return float(contact), float(plate), float(rng.uniform(plate, hook)), float(rng.uniform(plate, bar))
@@ -46,5 +46,5 @@ def _anywhere(rng: np.random.Generator) -> tuple[float, float, float, float]:
 
 @lru_cache(maxsize=1)
 def _c60() -> Mechanism:
-    """Return the C-60; reading its file takes longer than some runs."""
+    """Return the C-60; cached, because reading its file takes longer than some runs."""
     return load_mechanism("c60")

@@ -1,6 +1,6 @@
-"""The command: `python -m studies.c60_cad FOLDER` prints what the authors' CAD files say beside `c60.toml`.
+"""The command: `python -m studies.c60_cad FOLDER` compares the authors' CAD files with `c60.toml`.
 
-FOLDER is that of the model Trip_Magnetic of siconos-tutorials, with its folder CAD.
+FOLDER is the folder of the model Trip_Magnetic of siconos-tutorials, which contains the folder CAD.
 """
 
 import argparse
@@ -20,7 +20,7 @@ CONTACTS = "| contact | start gap, mm | c60.toml |\n| --- | --- | --- |"
 
 
 def lines(files: Mapping[str, Sequence[Path]]) -> Iterator[str]:
-    """Yield the lines of the tables of some files, by the body to which each belongs."""
+    """Yield the lines of the tables for some files, given by body."""
     mechanism = load_mechanism("c60")
     there = {body: paths for body, paths in files.items() if paths}
     yield f"{sum(map(len, there.values()))} of {count_listed()} listed files: {', '.join(there) or 'none'}"

@@ -15,7 +15,7 @@ from engine.mechanism import Mechanism
 
 
 def listed_files(folder: Path) -> dict[str, list[Path]]:
-    """Return the authors' files by the body to which they belong, without those that are not there."""
+    """Return the authors' files by body, without missing ones."""
     listed = tomllib.loads(Path(__file__).with_name("files.toml").read_text("utf-8"))
     return {body: [folder / name for name in names if (folder / name).is_file()] for body, names in listed.items()}
 
@@ -26,14 +26,14 @@ def count_listed() -> int:
 
 
 def posed_assembly(files: Mapping[str, Sequence[Path]], mechanism: Mechanism) -> CadAssembly:
-    """Return all files as one assembly of as many parts as there are bodies with a file.
+    """Return all files as one assembly with one part for each body that has a file.
 
     Parameters
     ----------
     files : mapping
         STEP files by body, each in the frame of its body [mm].
     mechanism : Mechanism
-        Says where the bodies are at the start.
+        Mechanism that defines the start pose of the bodies.
 
     Raises
     ------
@@ -61,14 +61,14 @@ def posed_assembly(files: Mapping[str, Sequence[Path]], mechanism: Mechanism) ->
 
 
 def start_pose(mechanism: Mechanism, name: str) -> Placement:
-    """Return where the frame of a body lies."""
+    """Return the placement of the frame of a body at the start."""
     body = mechanism.bodies[name]
     turn = Rotation.from_rotvec(body.angle * np.array(body.axis) / np.linalg.norm(body.axis)).as_matrix()
     return Placement(rotation=turn, translation=np.array(body.origin, float))
 
 
 def _product(path: Path) -> ProductGeometry:
-    """Return all that a file holds as one product, in the frame of the file."""
+    """Return the content of a file as one product, in the frame of the file."""
     assembly = read_step(path)
     whole = ProductGeometry(
         solids=tuple(solid for part in assembly.parts for solid in part.solids),
@@ -93,7 +93,7 @@ def _joined(name: str, products: list[ProductGeometry]) -> TriangleMesh:
 
 
 def _part(name: str, placement: Placement) -> CadPart:
-    """Return a part of which only name and place are needed."""
+    """Return a part with only a name and a placement."""
     return CadPart(
         name=name, product=name, path=(name,), placement=placement, material=None, solids=(), bounds=np.zeros((2, 3))
     )

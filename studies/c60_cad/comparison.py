@@ -1,4 +1,4 @@
-"""What the CAD files say of joints and start gaps, and what a mechanism file says of them."""
+"""Joints and start gaps in the CAD files, compared with those of a mechanism file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -25,21 +25,21 @@ Gaps = dict[str, float]
 
 @dataclass(frozen=True)
 class ComparedJoint:
-    """A joint of the mechanism file beside the pin in a hole that the CAD files have there; lengths in mm.
+    """A joint of the mechanism file and the corresponding pin in a hole of the CAD files; lengths in mm.
 
     Attributes
     ----------
     drawn_radii, given_radii : tuple of float
-        Of the journal, from the CAD files and from the mechanism file.
+        Radii of the journal, from the CAD files and from the mechanism file.
     clearance : float
-        Difference of the radii as drawn, the smallest of the seats.
+        Difference of the drawn radii, the smallest one of the seats.
     bearing_off, journal_off : float
         Distances of the mechanism file's points from the axes in the CAD files.
     rings_inside : bool
-        Whether all rings lie where pin and hole both are.
+        Whether all rings lie where both pin and hole exist.
     drawn_gap, given_gap : float
-        Smallest gap of a ring at the start: the mechanism file's clearance less the offset of the axes in the CAD
-        files; and as a run starts.
+        Smallest gap of a ring at the start: the mechanism file's clearance minus the offset of the axes in the CAD
+        files; and the gap with which a run starts.
     """
 
     name: str
@@ -54,13 +54,13 @@ class ComparedJoint:
 
 
 def start_gaps(mechanism: Mechanism) -> Gaps:
-    """Return the gap of each contact at the start, by its name."""
+    """Return the gap of each contact at the start, by name."""
     assembly = assemble(mechanism)
     return dict(zip(assembly.contact_names, assembly.state.gap.tolist(), strict=True))
 
 
 def compared_joints(assembly: CadAssembly, mechanism: Mechanism) -> tuple[dict[str, ComparedJoint], list[PinInHole]]:
-    """Return the joints of a mechanism that are in the CAD files, and the pins in holes that are none of them.
+    """Return the joints of a mechanism that are in the CAD files, and the pins in holes that match no joint.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def compared_joints(assembly: CadAssembly, mechanism: Mechanism) -> tuple[dict[s
 
 
 def _is_there(assembly: CadAssembly, mechanism: Mechanism, name: str, pin: PinInHole) -> bool:
-    """Return whether a pin in a hole is a joint of the mechanism."""
+    """Return whether a pin in a hole corresponds to a joint of the mechanism."""
     joint = mechanism.joints[name]
     if (joint.sides[0].body, joint.sides[1].body) != (pin.bearing, pin.journal):
         return False
@@ -107,7 +107,7 @@ def _to_line(point: Array, on: Array, along: Array) -> float:
 def _compared(
     assembly: CadAssembly, mechanism: Mechanism, name: str, pin: PinInHole, gaps: Mapping[str, float]
 ) -> ComparedJoint:
-    """Return a joint beside its pin in a hole."""
+    """Return the comparison of a joint with its pin in a hole."""
     joint: Any = mechanism.joints[name]
     placement = assembly.part(joint.sides[0].body).placement
     way = placement.matrix @ np.array(joint.axes[0], float)
@@ -129,9 +129,9 @@ def _compared(
 
 
 def compared_contacts(assembly: CadAssembly, mechanism: Mechanism) -> Iterator[tuple[str, float, float | None]]:
-    """Yield each contact with its gap at the start, and that between the edges and faces of the CAD files there.
+    """Yield each contact with its gap at the start, and the gap between the corresponding edges and faces in CAD.
 
-    The latter is None where the files have no such edge or face, or several.
+    The latter is None if the CAD files have no such edge or face, or several.
     """
     given = start_gaps(mechanism)
     tables = mechanism.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
@@ -148,7 +148,7 @@ def compared_contacts(assembly: CadAssembly, mechanism: Mechanism) -> Iterator[t
 
 
 def _drawn_side(assembly: CadAssembly, contact: Mapping[str, Any], side: str) -> dict[str, Any]:
-    """Return a side of a contact with the primitive of the CAD files; NotOneFace if they do not have exactly one."""
+    """Return a side of a contact with the primitive of the CAD files; raise NotOneFace unless there is exactly one."""
     table = contact[side]
     [kind] = table.keys() - {"body", "within"}
     if table["body"] not in {part.name for part in assembly.parts}:
@@ -166,7 +166,7 @@ def _drawn_side(assembly: CadAssembly, contact: Mapping[str, Any], side: str) ->
     at, given = shape["point" if kind == "plane" else "centre"], shape["normal"]
     flat = contact_side(search, "plane", search.plane(NearPlace(near=at, within=NEAR)), "")["plane"]
     normal, on = np.array(flat["normal"]), np.array(flat["point"])
-    if normal @ np.array(given) < 0:  # a face without a solid has no outside of its own
+    if normal @ np.array(given) < 0:  # a face without a solid has no outside
         normal = -normal
     if kind == "plane":
         return {"body": table["body"], "plane": {"point": on.tolist(), "normal": normal.tolist()}}

@@ -17,7 +17,7 @@ from studies.c60_spread.variants import SHIPPED, Variant, variants
 
 
 def lines(chosen: list[Variant], count: int, mapped: Callable[..., Iterable[dict[str, float]]] = map) -> Iterator[str]:
-    """Yield the lines of the tables of some variants; ``mapped`` simulates their samples as `map` would."""
+    """Yield the lines of the tables of some variants; ``mapped`` is `map` or a parallel substitute for the samples."""
     began = time.monotonic()
     results: dict[str, Responses] = {}
     yield HEAD
@@ -38,7 +38,7 @@ def lines(chosen: list[Variant], count: int, mapped: Callable[..., Iterable[dict
 
 
 def main() -> None:
-    """Run all variants, or those asked for, and print the tables."""
+    """Run all variants, or the requested ones, and print the tables."""
     parser = argparse.ArgumentParser(prog="python -m studies.c60_spread", description=__doc__)
     parser.add_argument("--samples", type=int, default=200, help="default: %(default)s")
     parser.add_argument("--only", default="", metavar="REGEX", help="variants whose name matches, and no others")

@@ -1,4 +1,4 @@
-"""The runs of a variant: clearances of its samples, its mechanism, and what each run ends with."""
+"""The runs of a variant: clearances of its samples, its mechanism, and the responses of each run."""
 
 from functools import lru_cache
 from itertools import combinations
@@ -24,10 +24,10 @@ def shipped() -> CampaignSpec:
 
 
 def clearances(variant: Variant, count: int) -> dict[str, Array]:
-    """Return the clearances of the first samples, in mm: by joint, each of shape (count,).
+    """Return the clearances of the first samples by joint, in mm; each has the shape (count,).
 
-    All variants turn the same uniform numbers into clearances. Correlated ones are a Gaussian copula, and shared ones
-    its limit.
+    All variants transform the same uniform numbers into clearances. Correlated clearances use a Gaussian copula, and
+    shared clearances its limit.
     """
     joints = list(shipped().variables)
     changes: dict[str, Any] = {}
@@ -41,7 +41,7 @@ def clearances(variant: Variant, count: int) -> dict[str, Array]:
 
 
 def mechanism_of(variant: Variant, rng: np.random.Generator) -> Mechanism:
-    """Return the C-60 with the variant's tables, its bodies at random velocities if they have any."""
+    """Return the C-60 with the variant's tables, and with random initial velocities if the variant has any."""
     mechanism = _on_bench(variant.bench)
     tables = variant.tables
     if any(variant.speeds):
@@ -54,13 +54,13 @@ def mechanism_of(variant: Variant, rng: np.random.Generator) -> Mechanism:
 
 @lru_cache(maxsize=2)
 def _on_bench(bench: str | None) -> Mechanism:
-    """Return the C-60, on a bench if it is named; reading its file takes longer than some runs."""
+    """Return the C-60, on a bench if one is named; cached, because reading its file takes longer than some runs."""
     mechanism = load_mechanism("c60")
     return mechanism.on_bench(bench) if bench else mechanism
 
 
 def _moving(mechanism: Mechanism, speeds: tuple[float, float], rng: np.random.Generator) -> dict[str, dict[str, Any]]:
-    """Return the bodies that are not fixed, each component of their velocities normal with mean 0."""
+    """Return the bodies that are not fixed, with normally distributed velocity components of mean 0."""
     linear, angular = speeds
     return {
         name: body.model_dump(by_alias=True, exclude_unset=True)
@@ -72,7 +72,7 @@ def _moving(mechanism: Mechanism, speeds: tuple[float, float], rng: np.random.Ge
 
 
 def run(variant: Variant, sample: int, gaps: dict[str, float]) -> dict[str, float]:
-    """Return the responses of one sample with its clearances, FC-1 being the variant's; none unless its run is ok."""
+    """Return the responses of one sample, with the variant's response as FC-1; empty unless the run is ok."""
     rng = np.random.default_rng([shipped().seed, sample])
     mechanism = mechanism_of(variant, rng)
     values = _on_bench(None).preset("paper") | gaps | variant.values

@@ -1,8 +1,8 @@
 """The tables of the study in Markdown.
 
-Intervals have 95 % confidence, each for itself. They are bias-corrected and accelerated bootstrap intervals (Efron
-1987), which do not take responses as normal. What is compared with the shipped campaign is resampled in pairs: both
-have the same uniform numbers in every sample.
+Each interval has 95 % confidence by itself. They are bias-corrected and accelerated bootstrap intervals (Efron 1987),
+which do not assume normal responses. Comparisons with the shipped campaign are resampled in pairs, because both have
+the same uniform numbers in every sample.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,9 +20,9 @@ HEAD = """\
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
 PLACES = {"N": 3, "mm": 4}  # decimals of a response's mean and sigma
 RESAMPLES = 9999
-FEWEST = 10  # samples of an interval
+FEWEST = 10  # fewest samples for an interval
 
-Responses = Sequence[dict[str, float]]  # one a sample, empty if its run is not ok
+Responses = Sequence[dict[str, float]]  # one per sample, empty if the run is not ok
 Statistic = Callable[..., Array]
 
 
@@ -37,17 +37,17 @@ def mean(x: Array, axis: int = -1) -> Array:
 
 
 def ratio(x: Array, y: Array, axis: int = -1) -> Array:
-    """Return how many times the second sigma is the first."""
+    """Return the second sigma divided by the first."""
     return sigma(y, axis) / sigma(x, axis)
 
 
 def shift(x: Array, y: Array, axis: int = -1) -> Array:
-    """Return how far the second mean is above the first."""
+    """Return the second mean minus the first."""
     return mean(y, axis) - mean(x, axis)
 
 
 def interval(statistic: Statistic, *columns: Array) -> tuple[float, float]:
-    """Return the 95 % interval of a statistic of one column, or of two whose samples belong together."""
+    """Return the 95 % interval of a statistic of one column, or of two columns with paired samples."""
     drawn = bootstrap(
         columns,
         statistic,
@@ -81,19 +81,19 @@ def column(results: Responses, response: str) -> Array:
 
 
 def sigma_table(shipped: Responses, others: dict[str, Responses]) -> list[str]:
-    """Return the lines of the table of sigmas: each response's with preset paper, and how many times that it is."""
+    """Return the lines of the table of sigmas: of each response with preset paper, and the ratios to it."""
     return _comparison("sigma with preset paper", sigma, ratio, "{0:.2f} ({1:.2f} to {2:.2f})", shipped, others)
 
 
 def mean_table(shipped: Responses, others: dict[str, Responses]) -> list[str]:
-    """Return the lines of the table of means: each response's with preset paper, and how far from it they are."""
+    """Return the lines of the table of means: of each response with preset paper, and the differences from it."""
     return _comparison("mean with preset paper", mean, shift, "{0:+.{3}f} ({1:+.{3}f} to {2:+.{3}f})", shipped, others)
 
 
 def _comparison(
     title: str, of_one: Statistic, of_two: Statistic, form: str, shipped: Responses, others: dict[str, Responses]
 ) -> list[str]:
-    """Return the lines of a table with a row for each response and a column for each of the others."""
+    """Return the lines of a table with a row for each response and a column for each other variant."""
     lines = [f"| response | {title} | {' | '.join(others)} |", f"| --- | --- |{' --- |' * len(others)}"]
     for response, unit in RESPONSES.items():
         ours = column(shipped, response)

@@ -1,4 +1,4 @@
-"""The assumptions that the study changes, each a variant."""
+"""The variants of the study: each changes assumptions of the model."""
 
 import tomllib
 from dataclasses import dataclass, field
@@ -14,34 +14,34 @@ SPEEDS = (0.5, 0.05)
 
 @dataclass(frozen=True)
 class Variant:
-    """What differs from the shipped campaign whose clearances close in free fall, as in the paper.
+    """Differences from the shipped campaign whose clearances close in free fall, as in the paper.
 
     Attributes
     ----------
     name : str
-        The row of the table.
+        Row of the table.
     tables : dict
-        Tables over those of the mechanism file, as a test bench has them.
+        Tables that override those of the mechanism file, as in a test bench.
     values : dict
-        Numbers of the mechanism by key.
+        Changed numbers of the mechanism by key.
     varied : dict
-        Inputs that vary beside the clearances: key to standard deviation, a share of its value.
+        Inputs that vary besides the clearances: key and standard deviation, relative to the value.
     speeds : tuple of two floats
         Standard deviations of each body's initial velocity (mm/ms) and angular velocity (rad/ms), per component.
     clearances : dict
-        Distribution of every clearance, as a campaign file has it; the campaign's own if empty.
+        Distribution of every clearance, as in a campaign file; that of the campaign if empty.
     correlation : float
         Rank correlation of every two clearances; with 1 the joints share the clearance of J1.
     bench : str, optional
         Test bench of the mechanism.
     response : str
-        What stands in the place of FC-1.
+        Response used as FC-1.
     step : float, optional
         Fixed step, ms.
     fewer : int
-        A costly one takes every so many-th sample only.
+        For expensive variants: only every `fewer`-th sample is simulated.
     heading : str
-        The column in the tables of all responses; not there if empty.
+        Column in the tables of all responses; omitted if empty.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Variant:
 
 
 def variants() -> list[Variant]:
-    """Return what is compared, the shipped model with preset paper first."""
+    """Return the compared variants, the shipped model with preset paper first."""
     return [Variant(SHIPPED), *_of_the_model(), *_of_the_clearances()]
 
 
@@ -107,7 +107,7 @@ def _of_the_model() -> list[Variant]:
 
 
 def _of_the_clearances() -> list[Variant]:
-    """Return the variants whose clearances depend on each other, or have another distribution."""
+    """Return the variants with dependent clearances or another distribution."""
     rough = _friction(0.3)
     return [
         *(Variant(f"rank correlation {r} of all clearances", correlation=r, heading=f"{r}") for r in (0.3, 0.6, 0.9)),
@@ -137,7 +137,7 @@ def _tables(name: str) -> dict[str, Any]:
 
 
 def _friction(mu: float) -> dict[str, float]:
-    """Set all pairs of materials alike."""
+    """Set the same friction for all pairs of materials."""
     return {f"materials.{pair}.friction": mu for pair in ("steel_plastic", "plastic_plastic", "metal_metal")}
 
 

@@ -1,4 +1,4 @@
-"""The command: `python -m studies.coverage` prints how often each interval of the report holds."""
+"""The command: `python -m studies.coverage` prints the coverage of each interval of the report."""
 
 import argparse
 import os
@@ -20,7 +20,7 @@ from studies.coverage.tables import details, faults, table
 def lines(
     chosen: list[Case], mapped: Callable[..., Iterable[dict[Key, Tally]]] = map, *, detailed: bool = False
 ) -> Iterator[str]:
-    """Yield the lines of the tables of some cases; ``mapped`` computes cases as `map` would."""
+    """Yield the lines of the tables of some cases; ``mapped`` is `map` or a parallel substitute."""
     began = time.monotonic()
     tallies = all_tallies(chosen, mapped)
     for productions in (SHAPES, LOTS, JUMPS, LOTS_IN_TURN, AIMED):
@@ -37,7 +37,7 @@ def lines(
 
 
 def main() -> None:
-    """Repeat all estimates, or those asked for, and print the tables."""
+    """Repeat all estimates, or the requested ones, and print the tables."""
     parser = argparse.ArgumentParser(prog="python -m studies.coverage", description=__doc__)
     parser.add_argument("--share", type=float, default=1.0, help="of the replications; default: %(default)s")
     parser.add_argument("--only", default="", metavar="REGEX", help="estimates whose name matches, and no others")

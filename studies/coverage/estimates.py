@@ -1,6 +1,6 @@
 """The estimates of one response: indices, shares, methods without the normal distribution, tails.
 
-Each function draws one campaign and yields what the report states of it.
+Each function draws one campaign and yields the report's statements on it.
 """
 
 from collections.abc import Iterator
@@ -20,13 +20,13 @@ from studies.coverage.pages import CONFIDENCE, page, warned_of_all, warned_of_no
 from studies.coverage.productions import Production, Truth, distance_from_normal, explained, truth
 
 INFINITE = float("inf")
-# Limits as scores at which normal values are marginal; by its Cpk alone another shape may be capable or not.
+# Limits as scores at which normal values are marginal; another shape may be capable or not, by its Cpk alone.
 JUDGED = (-4.5, 3.5)
 CLASSES = ("not capable", "marginal", "capable")
 
 
 def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the intervals of `reporting.capability` that rest on mean and sigma."""
+    """Yield the intervals of `reporting.capability` that are based on mean and sigma."""
     true, lots = truth(production.shape), production.lot_of(n)
     y = production.draw(n, rng)
     c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, lots)
@@ -68,7 +68,7 @@ def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator
 
 
 def methods(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the intervals that rest on the shape: what a normal distribution expects, and what does without one."""
+    """Yield the intervals based on the shape: shares of a normal distribution, and methods that do without it."""
     true = truth(production.shape)
     (analysed,), card = (found := page(production, production.draw(n, rng), true)).responses, found.trust
     warned, c = warned_of_all(card), analysed.capability
@@ -94,7 +94,7 @@ def methods(production: Production, n: int, rng: np.random.Generator) -> Iterato
 
 
 def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the verdict that calls itself certain, as a class, beside the worse of those by true index and share."""
+    """Yield the class of a certain verdict, and the worse of the true classes by index and by share."""
     true = truth(production.shape, limits=JUDGED)
     analysed = page(production, production.draw(n, rng), true).responses[0].verdict
     right = min(CLASSES.index(class_of(index)) for index in (true.cpk, index_of_share(max(true.below, true.above))))

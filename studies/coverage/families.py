@@ -1,4 +1,4 @@
-"""The estimates that the study repeats: how often, of which productions, and the tallies of all of them."""
+"""The estimates that the study repeats, their productions and numbers of replications, and the tallies of all."""
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +22,7 @@ Key = tuple[str, str, int]  # of a tally: number, production, size
 
 @dataclass(frozen=True)
 class Case:
-    """One estimate of one production and size, so many times.
+    """Replications of one estimate for one production and size.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Case:
     replications: int
 
     def tallies(self) -> dict[Key, Tally]:
-        """Draw and judge all replications; replication r is the same however many there are."""
+        """Draw and judge all replications; replication r does not depend on their number."""
         name = f"{self.estimate.__name__} of {self.production.name}, {self.n}"
         seed = (SEED, zlib.crc32(name.encode()))
         found = tallied(
@@ -48,7 +48,7 @@ class Case:
         return {(number, self.production.name, self.n): tally for number, tally in found.items()}
 
 
-# Replications in the whole study, of each production and size.
+# Replications in the complete study, for each production and size.
 REPLICATIONS: dict[Estimate, int] = {
     indices: 500,
     counts: 500,
@@ -60,7 +60,7 @@ REPLICATIONS: dict[Estimate, int] = {
     products: 300,
     contents: 300,
 }
-# Of some productions only.
+# Estimates for some productions only.
 OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS, OF_VERDICTS = 60, 60, 200, 100, 40
 
 
@@ -81,7 +81,7 @@ def cases(share: float = 1.0) -> list[Case]:
 
 
 def all_tallies(chosen: list[Case], mapped: Callable[..., Iterable[dict[Key, Tally]]] = map) -> dict[Key, Tally]:
-    """Return the tallies of some cases; ``mapped`` computes them as `map` would."""
+    """Return the tallies of some cases; ``mapped`` is `map` or a parallel substitute."""
     found: dict[Key, Tally] = {}
     for tallies in mapped(Case.tallies, chosen):
         found |= tallies

@@ -1,4 +1,4 @@
-"""What became of an interval in each replication, and whether its coverage is what the report promises."""
+"""Outcome of an interval in each replication, and whether its coverage is as stated in the report."""
 
 import re
 from collections import Counter
@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from reporting.capability.intervals import Interval, share_interval
 
 COVERED, LOW, HIGH, WARNED, WITHHELD = "covered", "missed low", "missed high", "warned", "withheld"
-# What 95 % intervals may cover, and how sure the study must be that one does not.
+# Permitted coverage of 95 % intervals, and the confidence required to report a violation.
 LEAST, MOST = 0.92, 0.98
 SURE = 0.99
-# A truth that misses an interval by no more is covered: the index of a variable without effect is 0 but for rounding.
+# A true value outside by no more than this is covered: the index of a variable without effect is 0 except for rounding.
 ROUNDING = 1e-9
-# On normal values in no lots a warning is a false alarm; more of them fail.
+# For normal values without lots a warning is a false alarm; a larger share of them is a fault.
 FALSE_ALARMS = 0.10
-# Intervals that cover at least as often as they say, by their documented construction: from whole numbers of rejects or
+# Intervals whose coverage is at least the stated one by their documented construction: from whole numbers of rejects or
 # values, or over all positions of the mean.
 CONSERVATIVE = re.compile(
     "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint"
@@ -25,17 +25,17 @@ CONSERVATIVE = re.compile(
 
 @dataclass(frozen=True)
 class Statement:
-    """An interval of the page beside the truth.
+    """An interval of the page, and the true value.
 
     Attributes
     ----------
     number : str
-        Row of the table: what the interval is of.
+        Row of the table: the quantity of the interval.
     interval : (float, float) or None
-        None where the page has none.
+        The interval; None if the page has none.
     truth : float
     warned : bool
-        The page says that the interval may not hold.
+        Whether the page warns that the interval may not be valid.
     """
 
     number: str
@@ -44,7 +44,7 @@ class Statement:
     warned: bool = False
 
     def outcome(self) -> str:
-        """Return what became of the interval; it misses low if it ends below the truth."""
+        """Return the outcome of the interval; it misses low if it ends below the true value."""
         if self.interval is None:
             return WITHHELD
         if self.warned:
@@ -74,24 +74,24 @@ class Tally:
 
     @property
     def coverage(self) -> float | None:
-        """Share of them that cover; None without any."""
+        """Share of the answered intervals that cover; None without any."""
         return self.counts[COVERED] / self.answered if self.answered else None
 
     def fault(self, number: str, *, textbook: bool) -> str:
-        """Return what is wrong beyond chance; empty if nothing is.
+        """Return the fault of the interval, if it is beyond chance; empty otherwise.
 
         Parameters
         ----------
         number : str
-            What the interval is of.
+            Quantity of the interval.
         textbook : bool
-            The values are normal, in no lots and many, so that a warning is a false alarm.
+            Whether the values are normal, without lots and numerous, so that a warning is a false alarm.
         """
         low, _ = share_interval(self.counts[WARNED], self.total, SURE)
         if textbook and low > FALSE_ALARMS:
             return "false alarms"
         least_answered, _ = share_interval(self.answered, self.total, SURE)
-        if least_answered <= 1 - LEAST:  # the page warns or withholds: whatever holds, so few are misled
+        if least_answered <= 1 - LEAST:  # mostly warned of or withheld, so few readers are misled
             return ""
         low, high = share_interval(self.counts[COVERED], self.answered, SURE)
         if high < LEAST:

@@ -1,4 +1,4 @@
-"""One synthetic campaign as the report takes it: its samples, its request, and what the page warns of."""
+"""One synthetic campaign in the form that the report takes: samples, request, and warnings of the page."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ CONFIDENCE = 0.95
 
 
 def samples_of(production: Production, y: Array, variables: Array | None = None) -> Samples:
-    """Return values, all of them ok, as the rows of a campaign."""
+    """Return values as the rows of a campaign, all with status ok."""
     n = y.size
     columns = {} if variables is None else dict(zip(VARIABLES, variables.T, strict=True))
     return Samples(
@@ -54,7 +54,7 @@ def page(production: Production, y: Array, true: Truth) -> Analysis:
 
 
 def warned_of_all(card: tuple[Check, ...]) -> bool:
-    """Return whether the trust card says that no interval is supported by such samples."""
+    """Return whether the trust card says that the samples support no interval."""
     return any(
         (check.name == "Sampling" and check.level != "info")
         or (check.name == "Production lots" and "are needed" in check.text)
@@ -63,6 +63,6 @@ def warned_of_all(card: tuple[Check, ...]) -> bool:
 
 
 def warned_of_normal(card: tuple[Check, ...]) -> bool:
-    """Return whether the trust card says that shares of a normal distribution are, or may be, off."""
+    """Return whether the trust card says that shares of a normal distribution are, or may be, wrong."""
     (shape,) = (check for check in card if check.name == "Shape")
     return shape.level in ("attention", "bad") or "may be off" in shape.text

@@ -1,8 +1,8 @@
-"""Productions of known truth: a response of some shape, in lots or without, and what is true of it.
+"""Productions with known true values: a response of some shape, with or without lots.
 
-Every response is ``value(w)``, a rising function of a standard normal score w, so a share below a value is a normal
-one, and moments are integrals over scores. The score is a weighted sum of independent normal variables, so the truth
-of first-order indices and of changed variables is an integral over scores as well.
+Every response is ``value(w)``, an increasing function of a standard normal score w, so a share below a value is a
+normal probability, and moments are integrals over scores. The score is a weighted sum of independent normal variables,
+so the true first-order indices, and the true values for changed variables, are integrals over scores as well.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from engine.arrays import Array
 
 SIZES = (50, 500, 5000)
-# Shares of the score's variance that the variables X1, X2, ... account for.
+# Shares of the score's variance due to the variables X1, X2, ...
 SHARES = (0.5, 0.3, 0.15, 0.05, 0.0)
 VARIABLES = tuple(f"X{i + 1}" for i in range(len(SHARES)))
 _SCORES = np.linspace(-13.0, 13.0, 5201)
@@ -26,7 +26,7 @@ Curve = Callable[[Array], Array]
 
 
 def _of(distribution: stats.rv_continuous) -> Curve:
-    """Return a distribution's value at normal scores, each from the nearer tail."""
+    """Return the function from normal scores to values of a distribution, computed from the nearer tail."""
 
     def value(score: Array) -> Array:
         lower = score < 0
@@ -39,7 +39,7 @@ def _of(distribution: stats.rv_continuous) -> Curve:
 
 
 def _two_normals(apart: float) -> Curve:
-    """Return the values of two equal normal distributions at a distance in their sigmas."""
+    """Return the function from scores to values of a mixture of two normal distributions, `apart` sigmas apart."""
     x = np.linspace(-25.0, 0.0, 4001)
     lower = stats.norm.ppf(stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1))
     interpolated = PchipInterpolator([*lower, *-lower[-2::-1]], [*x, *-x[-2::-1]])
@@ -58,7 +58,7 @@ CURVES: dict[str, Curve] = {
 
 @dataclass(frozen=True)
 class Production:
-    """What is produced.
+    """A production of values.
 
     Attributes
     ----------
@@ -69,11 +69,11 @@ class Production:
     lots : int
         Number of production lots; 0 for independent values.
     between : float
-        Sigma of the lots' shifts over sigma within a lot.
+        Sigma of the shifts of lots, relative to sigma within a lot.
     growth : float
-        Size of a lot over that of the lot before it.
+        Size of a lot relative to the previous lot.
     jump : float
-        What the response gains where the first variable is above 1; only its first-order indices are known.
+        Increase of the response if the first variable is above 1; then only first-order indices are known.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Production:
         return np.asarray(np.searchsorted(ends, np.arange(n), side="right"))
 
     def variables(self, n: int, rng: np.random.Generator, lot: np.ndarray | None = None) -> Array:
-        """Return n draws of the normal variables, shape (n, variables); each shares a shift within a lot."""
+        """Return n draws of the normal variables, shape (n, variables); values of a lot share a shift."""
         lot = self.lot_of(n) if lot is None else lot
         own = rng.standard_normal((n, len(SHARES)))
         if lot is None:
@@ -106,7 +106,7 @@ class Production:
         return np.asarray((own + shift[lot]) / np.hypot(1.0, self.between))
 
     def values(self, variables: Array) -> Array:
-        """Return the response at draws of the variables."""
+        """Return the response for draws of the variables."""
         return CURVES[self.shape](variables @ np.sqrt(SHARES)) + self.jump * (variables[:, 0] > 1)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
@@ -124,7 +124,7 @@ LOTS = (
     Production("1 lot", "normal", 1),
     Production("20 lots, lognormal", "lognormal", 20),
 )
-# Productions whose samples come in until a stopping rule is sure.
+# Productions that are sampled until a stopping rule ends them.
 LOTS_IN_TURN = (
     *(Production(f"{shape}, in turn", shape) for shape in ("normal", "lognormal", "t5")),
     Production("lots of 50", "normal", 100),
@@ -135,7 +135,7 @@ LOTS_IN_TURN = (
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a production whose score has another sigma than 1, or 1.
+    """True values of a production whose score has any sigma.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class Truth:
 
     @property
     def cpk(self) -> float:
-        """Smaller of the two."""
+        """Smaller one of `cpl` and `cpu`."""
         return min(self.cpl, self.cpu)
 
     @property
@@ -190,7 +190,7 @@ LIMITS = (-3.5, 3.0)
 
 @lru_cache(maxsize=256)
 def moments(shape: str, spread: float = 1.0) -> tuple[float, float]:
-    """Return mean and sigma of a shape whose score has the sigma ``spread``."""
+    """Return mean and sigma of a shape whose score has a sigma of ``spread``."""
     values = CURVES[shape](spread * _SCORES)
     mean = float(values @ _DENSITY)
     return mean, float(np.sqrt((values - mean) ** 2 @ _DENSITY))
@@ -198,7 +198,7 @@ def moments(shape: str, spread: float = 1.0) -> tuple[float, float]:
 
 @lru_cache(maxsize=256)
 def truth(shape: str, spread: float = 1.0, limits: tuple[float, float] = LIMITS) -> Truth:
-    """Return what is true of a shape whose score has the sigma ``spread``, with limits at scores of sigma 1."""
+    """Return the true values of a shape whose score has a sigma of ``spread``, with limits at scores of sigma 1."""
     mean, std = moments(shape, spread)
     usual_mean, usual_std = moments(shape)
     lsl, low, median, high, usl = CURVES[shape](np.array([limits[0], -3.0 * spread, 0.0, 3.0 * spread, limits[1]]))
@@ -234,7 +234,7 @@ def first_order(production: Production) -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def explained(shape: str, share: float) -> float:
-    """Return the share of a shape's variance that is explained by a part of its score with this share of variance."""
+    """Return the share of a shape's variance explained by a part of its score with the share `share` of variance."""
     _, std = moments(shape)
     scores, density = _SCORES[::10], 10 * _DENSITY[::10]
     both = np.sqrt(share) * scores[:, None] + np.sqrt(1 - share) * scores[None, :]
@@ -245,7 +245,7 @@ def explained(shape: str, share: float) -> float:
 
 @lru_cache(maxsize=16)
 def distance_from_normal(shape: str) -> float:
-    """Return the largest difference between the shares below a value of a shape and of a normal distribution."""
+    """Return the largest difference between the cumulative distributions of a shape and of a normal distribution."""
     mean, std = moments(shape)
     differences = stats.norm.cdf(_SCORES) - stats.norm.cdf((CURVES[shape](_SCORES) - mean) / std)
     return float(np.abs(differences).max())

@@ -1,4 +1,4 @@
-"""The yield of a product of two responses, what each response costs of it, and what contains a share of one."""
+"""The yield of a product of two responses, the loss by each response, and tolerance intervals."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ from studies.coverage.productions import CURVES, LIMITS, SHARES, Production, sha
 SECOND = "second"
 CONTENTS = (0.95, 0.9973)
 _WEIGHTS = np.sqrt(SHARES)
-# The second response has the first one's variables in another order.
+# The second response uses the variables of the first one in another order.
 _SECOND_WEIGHTS = _WEIGHTS[[2, 0, 1, 3, 4]]
 
 
@@ -42,7 +42,7 @@ def products(production: Production, n: int, rng: np.random.Generator) -> Iterat
 
 @lru_cache(maxsize=1)
 def shares() -> tuple[float, float]:
-    """Return the yield of both responses together, and the part of the rejects that is due to each of them."""
+    """Return the yield of both responses together, and the part of the rejects due to each of them."""
     correlation = float(_WEIGHTS @ _SECOND_WEIGHTS)
     together = multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], abseps=1e-10)
     low, high = LIMITS
@@ -51,7 +51,7 @@ def shares() -> tuple[float, float]:
 
 
 def contents(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield what each tolerance interval says that it contains, at least, beside the share that it contains."""
+    """Yield the share that each tolerance interval claims to contain at least, and the share that it contains."""
     y = production.draw(n, rng)
     found = tolerance_intervals(y, normality(y, CONFIDENCE), CONFIDENCE, production.lot_of(n))
     for claim in found.claims:

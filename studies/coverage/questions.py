@@ -1,4 +1,4 @@
-"""What moves the response, what if a variable varied more or less, and how two campaigns differ."""
+"""Sensitivity of the response, what-if for the spread of a variable, and the comparison of two campaigns."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -18,7 +18,7 @@ from studies.coverage.productions import SHARES, VARIABLES, Production, first_or
 
 FACTORS = (0.5, 0.8, 1.3)
 OTHER_SPREAD, OTHER_SHIFT = 1.1, 0.2
-# Indices of both sides now, and the one to keep.
+# Present indices of both sides, and the index to keep.
 PRESENT, TARGET = (1.7, 1.5), 1.33
 
 
@@ -37,7 +37,7 @@ def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator
 
 
 def changes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the intervals of a response under another sigma of the first variable."""
+    """Yield the intervals of a response for another sigma of the first variable."""
     now = truth(production.shape)
     x = production.variables(n, rng)
     y = production.values(x)
@@ -82,7 +82,7 @@ def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator
 
 @lru_cache(maxsize=16)
 def largest_factor(shape: str) -> float:
-    """Return the factor on the first variable's sigma at which the index of a shape is the target."""
+    """Return the factor on the first variable's sigma at which the index of a shape equals the target."""
     mean, std = moments(shape)
 
     def excess(factor: float) -> float:
@@ -99,7 +99,7 @@ def _change(x: Array, factor: float) -> Change:
 
 
 def _spread(factor: float) -> float:
-    """Return the sigma of the score where that of the first variable is multiplied by a factor."""
+    """Return the sigma of the score if that of the first variable is multiplied by a factor."""
     return float(np.sqrt(1 + SHARES[0] * (factor**2 - 1)))
 
 
@@ -109,7 +109,7 @@ def _interval(estimate: Estimate | None) -> tuple[float, float] | None:
 
 
 def differences(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the intervals of the comparison with a campaign whose values are shifted and spread."""
+    """Yield the intervals of the comparison with a campaign whose values are shifted and scaled."""
     true = truth(production.shape)
     mine, theirs = production.draw(n, rng), production.draw(n, rng)
     theirs = true.mean + OTHER_SHIFT * true.std + OTHER_SPREAD * (theirs - true.mean)

@@ -1,4 +1,4 @@
-"""Shares of a few ppm from importance sampling, well aimed and badly."""
+"""Shares of a few ppm from importance sampling, well aimed and badly aimed."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,7 +16,7 @@ from studies.coverage.productions import SHARES, VARIABLES, Production, truth
 
 # Limits as scores: 0.48 ppm below, 1.0 ppm above.
 FAR = (-4.9, 4.75)
-# Scores of the response around which each of the campaigns draws.
+# Scores of the response around which each campaign draws.
 AIMS = {
     "aimed well": (-4.9, 4.75),
     "aimed too near": (-3.5, 3.5),
@@ -63,7 +63,7 @@ def rare_shares(production: Production, n: int, rng: np.random.Generator) -> Ite
 
 
 def _proposal(centres: tuple[float, ...]) -> Proposal:
-    """Return a proposal with a component around each of these scores of the response, and a wide one around none."""
+    """Return a proposal with a component around each of the given scores of the response, and a wide component."""
     components = [
         Component(share=0.7 / len(centres), shift={name: a * centre for name, a in _WEIGHTS.items()})
         for centre in centres

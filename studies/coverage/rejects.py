@@ -1,4 +1,4 @@
-"""Which variable costs which part of the rejects."""
+"""Attribution of the rejects to variables."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -12,7 +12,7 @@ from studies.coverage.outcomes import Statement
 from studies.coverage.pages import CONFIDENCE
 from studies.coverage.productions import SHARES, VARIABLES, Production
 
-# Nearer limits than elsewhere, as scores: 2.9 % of the samples are rejects.
+# Closer limits than in the other modules, as scores: 2.9 % of the samples are rejects.
 NEAR = (-2.5, 2.0)
 
 
@@ -31,8 +31,8 @@ def attributions(production: Production, n: int, rng: np.random.Generator) -> It
 def parts() -> tuple[float, ...]:
     """Return each variable's Shapley effect on the event that a sample is a reject.
 
-    What a subset of variables explains is the covariance of that event for two samples that share these variables: two
-    normal scores whose correlation is the subset's part of the variance.
+    The share explained by a subset of variables is the covariance of the event for two samples that share these
+    variables: two normal scores whose correlation is the subset's part of the variance.
     """
     k = len(SHARES)
     members = np.arange(2**k)[:, None] >> np.arange(k) & 1
@@ -41,7 +41,7 @@ def parts() -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def _explained(correlation: float) -> float:
-    """Return the correlation of the event for two scores with a correlation."""
+    """Return the correlation of the event for two scores with the given correlation."""
     low, high = NEAR
     inside = float(norm.cdf(high) - norm.cdf(low))
     if correlation > 1 - 1e-9:

@@ -1,4 +1,4 @@
-"""The interval with which a stopping rule ends a campaign: whether it holds although the rule chose the moment."""
+"""The interval at which a stopping rule ends a campaign: its coverage although the rule chose the moment."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ HALF_WIDTHS = {"cpk": 0.1, "mean": 0.1, "std": 0.1}
 
 
 class _Unitless:
-    """What a stopping rule reads of a mechanism whose response is no length, angle, force or torque."""
+    """Stand-in for a mechanism, for a stopping rule: its response is not a length, angle, force or torque."""
 
     simulation = None
 
@@ -36,7 +36,7 @@ class _Unitless:
 
 @dataclass(frozen=True)
 class _Planned:
-    """What a stopping rule reads of a plan."""
+    """Stand-in for a plan, for a stopping rule."""
 
     spec: CampaignSpec
     mechanism: "_Unitless"
@@ -44,7 +44,7 @@ class _Planned:
 
 @dataclass(frozen=True)
 class _Rows:
-    """What a stopping rule reads of a store."""
+    """Stand-in for the rows of a store, for a stopping rule."""
 
     values: Array
 
@@ -55,7 +55,7 @@ class _Rows:
 
 
 def stops(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the interval at the end of a campaign that stops when sure, after n samples at the latest."""
+    """Yield the interval at the end of a campaign with a stopping rule, after n samples at the latest."""
     true = truth(production.shape)
     rows = _Rows(production.draw(n, rng))
     for statistic, value in (("cpk", true.cpk), ("mean", true.mean), ("std", true.std)):
@@ -71,7 +71,7 @@ def stops(production: Production, n: int, rng: np.random.Generator) -> Iterator[
 
 
 def _spec(production: Production, n: int, true: Truth, statistic: str) -> CampaignSpec:
-    """Return a campaign with this stopping rule."""
+    """Return a campaign with a stopping rule on the given statistic."""
     half_width = HALF_WIDTHS[statistic] * (1.0 if statistic == "cpk" else true.std)
     variable: dict[str, Any] = {"distribution": "normal", "mean": 0.0, "std": 1.0}
     if production.lots:

@@ -7,7 +7,7 @@ from studies.coverage.families import Key
 from studies.coverage.outcomes import COVERED, HIGH, LOW, WARNED, WITHHELD, Tally
 from studies.coverage.productions import Production
 
-# Rows of the short table, each of the numbers whose whole name matches.
+# Rows of the short table, each for the numbers whose full name matches.
 GROUPS = {
     "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
     "joint Cpk": "Cpk, joint",
@@ -30,10 +30,10 @@ GROUPS = {
     "at the stop: Cpk, mean, sigma": "at the stop: .*",
     "rare rejects": "rare, .*",
 }
-# Production and least number of values of which the report should warn nobody; but it may say of a share far out in a
-# tail that so few values do not exclude another shape.
+# Production and smallest number of values for which the report should not warn; but for a share far out in a tail it
+# may say that so few values do not exclude another shape.
 TEXTBOOK, CAUTIONED = ("normal", 500), ("Z.bench", "ppm expected, normal")
-# From this share on the table says how many intervals are warned of or withheld; and only that, above the other.
+# Shares of warned or withheld intervals above which the table shows this share as well, or nothing else.
 SOME, NEARLY_ALL = 0.05, 0.92
 
 
@@ -56,10 +56,10 @@ def table(tallies: dict[Key, Tally], productions: Sequence[Production]) -> Itera
 
 
 def cell(found: dict[Key, Tally]) -> str:
-    """Return the least and the largest coverage of some numbers in percent; bold where one of them is at fault.
+    """Return the smallest and the largest coverage of some numbers in percent; bold if one of them has a fault.
 
-    Of a number that is nearly always warned of or withheld no coverage is counted; ``w`` is the largest share of the
-    others that is.
+    The coverage of a number that is nearly always warned of or withheld is left out; ``w`` is the largest share of
+    warned or withheld intervals of the others.
     """
     stated = [tally for tally in found.values() if tally.answered >= (1 - NEARLY_ALL) * tally.total]
     if not stated:
@@ -74,7 +74,7 @@ def cell(found: dict[Key, Tally]) -> str:
 
 
 def details(tallies: dict[Key, Tally]) -> Iterator[str]:
-    """Yield a table with a row for each case: the counts of all outcomes, and what is at fault."""
+    """Yield a table with a row for each case: the counts of all outcomes, and the fault."""
     outcomes = (COVERED, LOW, HIGH, WARNED, WITHHELD)
     yield f"| interval of | production | n | {' | '.join(outcomes)} | fault |"
     yield f"| --- | --- | --- |{' --- |' * (len(outcomes) + 1)}"
@@ -84,13 +84,13 @@ def details(tallies: dict[Key, Tally]) -> Iterator[str]:
 
 
 def faults(tallies: dict[Key, Tally]) -> dict[Key, str]:
-    """Return what is at fault, by number, production and size."""
+    """Return the faults by number, production and size."""
     found = {key: _fault(key, tally) for key, tally in tallies.items()}
     return {key: text for key, text in found.items() if text}
 
 
 def _fault(key: Key, tally: Tally) -> str:
-    """Return what is wrong with the intervals of a number, of a production and a size; empty if nothing is."""
+    """Return the fault of the intervals of a number, for a production and a size; empty without a fault."""
     number, production, n = key
     textbook = production == TEXTBOOK[0] and n >= TEXTBOOK[1] and number not in CAUTIONED
     return tally.fault(number, textbook=textbook)

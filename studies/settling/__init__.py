@@ -1,5 +1,5 @@
-"""How the C-60 should come to rest: what a settling costs, and how far its result is an accident of its steps.
+"""Comparison of settlings of the C-60: their cost, and the dependence of the result on the steps.
 
-A mechanism with friction rests where its history left it. Each settling closes the clearances of the same samples with
-four lengths of steps; where it leaves a sample must not depend on them. Nothing is chosen by the paper's numbers.
+The rest position of a mechanism with friction depends on its history. Each settling closes the clearances of the same
+samples with four step sizes; the rest position must not depend on them. Nothing is chosen by the paper's numbers.
 """

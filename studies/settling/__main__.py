@@ -19,7 +19,7 @@ from studies.settling.tables import COSTS, Endings, cost_row, distance_table, me
 
 
 def lines(chosen: list[Settling], count: int, mapped: Callable[..., Iterable[Ending]] = map) -> Iterator[str]:
-    """Yield the lines of the tables of some settlings; ``mapped`` simulates their samples as `map` would."""
+    """Yield the lines of the tables of some settlings; ``mapped`` is `map` or a parallel substitute for the samples."""
     began = time.monotonic()
     drawn = clearances(Variant(SHIPPED), count)
     found: dict[str, Endings] = {}
@@ -47,7 +47,7 @@ def lines(chosen: list[Settling], count: int, mapped: Callable[..., Iterable[End
 
 
 def main() -> None:
-    """Run all settlings, or those asked for, and print the tables."""
+    """Run all settlings, or the requested ones, and print the tables."""
     parser = argparse.ArgumentParser(prog="python -m studies.settling", description=__doc__)
     parser.add_argument("--samples", type=int, default=200, help="default: %(default)s")
     parser.add_argument("--only", default="", metavar="REGEX", help="settlings whose name matches, and no others")

@@ -1,4 +1,4 @@
-"""The runs of a settling: the C-60 with its phases and steps, and what a run ends with."""
+"""The runs of a settling: the C-60 with its phases and steps, and the result of a run."""
 
 import time
 from collections.abc import Mapping
@@ -15,10 +15,10 @@ HALVINGS = range(4)  # the steps are divided by 1, 2, 4 and 8
 
 
 class Ending(NamedTuple):
-    """What a run ends with."""
+    """Result of a run."""
 
     status: str
-    responses: dict[str, float]  # none unless it is ok
+    responses: dict[str, float]  # empty unless the run is ok
     steps: int
     iterations: int
     simulated: float  # ms
@@ -26,7 +26,7 @@ class Ending(NamedTuple):
 
 
 def run(settling: Settling, gaps: Mapping[str, float], halvings: int = 0) -> Ending:
-    """Return what a run ends with, of a sample with its clearances (mm by joint) and steps halved so many times."""
+    """Return the result of a sample with its clearances (mm by joint) and steps halved `halvings` times."""
     mechanism = mechanism_of(settling)
     steps = settling.steps(halvings)
     values = {
@@ -43,6 +43,6 @@ def run(settling: Settling, gaps: Mapping[str, float], halvings: int = 0) -> End
 
 @lru_cache(maxsize=2)
 def mechanism_of(settling: Settling) -> Mechanism:
-    """Return the C-60 that comes to rest in this way; reading its file takes longer than some runs."""
+    """Return the C-60 with this settling; cached, because reading its file takes longer than some runs."""
     data = load_mechanism("c60").model_dump(by_alias=True, exclude_unset=True)
     return mechanism_from(with_bench(data, "study", Bench.model_validate(settling.tables())), settling.name)

@@ -1,4 +1,4 @@
-"""The settlings that the study compares: phases with their drag, and steps."""
+"""The settlings that the study compares: drag of their phases, and steps."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,33 +8,33 @@ FREE_FALL = "free fall, as in the paper"
 CHOSEN = "drag 10, then 2: as shipped"
 CONTINUED = "as shipped, then on without drag"
 WINDOWS = ("as shipped, window 0.1", "as shipped, window 3")
-LIMIT = "drag 20, steps from 0.008, travel 0.004"  # of strong drag: what more drag and shorter steps hardly change
+LIMIT = "drag 20, steps from 0.008, travel 0.004"  # beyond it, more drag and shorter steps hardly matter
 
 
 @dataclass(frozen=True)
 class Settling:
-    """A way to rest, whatever the mechanism file says.
+    """A settling, independent of that in the mechanism file.
 
     Attributes
     ----------
     name : str
-        The row of the tables.
+        Row of the tables.
     drag : tuple of float
-        Rate of the drag in each phase, 1/ms: while the latch is held, when it is free, and in phases that follow.
+        Rate of the drag in each phase, 1/ms: with the latch held, with the latch free, and in further phases.
     step, longest : float
-        The shortest and the longest step, ms.
+        Shortest and longest step, ms.
     travel : float
-        How far a contact point may move in a step longer than the shortest, mm.
+        Permitted travel of a contact point in a step longer than the shortest one, mm.
     theta : float
-        Where in a step loads and contacts are taken.
+        Position within a step at which loads and contacts are evaluated.
     window : float
-        How long nothing may move for a phase to end, ms.
+        Time without motion that ends a phase, ms.
     held : float, optional
-        The latch is held for so long, ms; else until rest.
+        Time for which the latch is held, ms; until rest if not given.
     free : bool
-        The latch is never held; the first phase is the one with the latch free.
+        Whether the latch is never held, so that the first phase has the latch free.
     fewer : int
-        Only every so many-th sample is simulated.
+        Only every `fewer`-th sample is simulated.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Settling:
     fewer: int = FEWER
 
     def tables(self) -> dict[str, Any]:
-        """Return the tables over those of the mechanism file, as a test bench has them."""
+        """Return the tables that override those of the mechanism file, as in a test bench."""
         names = ("free", "rest") if self.free else ("hold", "free", "rest")
         phases: list[dict[str, Any]] = [
             {"name": name, "damping": rate} for name, rate in zip(names, self.drag, strict=False)
@@ -63,7 +63,7 @@ class Settling:
         }
 
     def steps(self, halvings: int) -> dict[str, Any]:
-        """Return the keys of [simulation] that tell the steps, all of them halved so many times."""
+        """Return the step keys of [simulation], with all steps halved `halvings` times."""
         share = 0.5**halvings
         return {
             "step": share * self.step,
@@ -72,7 +72,7 @@ class Settling:
 
 
 def settlings() -> list[Settling]:
-    """Return what is compared, the paper's free fall first."""
+    """Return the compared settlings, the paper's free fall first."""
     steps = (2e-3, 4e-3, 8e-3, 1.6e-2, 3.2e-2)
     return [
         Settling(FREE_FALL, fewer=1),
@@ -84,7 +84,7 @@ def settlings() -> list[Settling]:
 
 
 def _with_coarse_steps() -> list[Settling]:
-    """Return the settlings with drag and theta 1 whose shortest step is 0.016 ms, and what they are compared with."""
+    """Return the settlings with drag, theta 1 and a shortest step of 0.016 ms, and those they are compared with."""
     weak = Settling("drag 5, theta 1, steps from 0.016", (5.0, 5.0), step=1.6e-2, theta=1.0)
     chosen = replace(weak, name=CHOSEN, drag=(10.0, 2.0))
     return [

@@ -1,7 +1,7 @@
 """The tables of the study in Markdown: costs, scatter between steps, means, and distances from another settling.
 
-Scatter: the standard deviation between the four runs of one sample, as the root mean square over the samples. Its
-share is that of the variance over the samples. Samples with a run that is not ok count in the share of ok runs only.
+Scatter is the standard deviation between the four runs of one sample, as the root mean square over the samples. Its
+share refers to the variance over the samples. Samples with a run that is not ok enter the share of ok runs only.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ COSTS = """\
 
 
 def cost_row(name: str, endings: Endings) -> str:
-    """Return a line of the table of costs: means over the runs with the settling's own steps."""
+    """Return a line of the table of costs, which are means over the runs with the settling's own steps."""
     own = [runs[0] for runs in endings.values()]
     good = np.array([[run.status == "ok" for run in runs] for runs in endings.values()])
     steps, iterations, simulated, spent = np.mean([run[2:] for run in own], axis=0)
@@ -31,7 +31,7 @@ def cost_row(name: str, endings: Endings) -> str:
 
 
 def values(endings: Endings, samples: Iterable[int]) -> dict[str, Array]:
-    """Return each response of some samples, of shape (samples, lengths of steps); NaN where a run is not ok."""
+    """Return each response of some samples, shape (samples, step sizes); NaN where a run is not ok."""
     runs = [endings[sample] for sample in samples]
     return {
         response: np.array([[run.responses.get(response, np.nan) for run in those] for those in runs])
@@ -45,13 +45,13 @@ def sigma(x: Array) -> float:
 
 
 def scatter(x: Array) -> float:
-    """Return the standard deviation between the steps, the root mean square over samples; x: (samples, steps)."""
+    """Return the standard deviation between step sizes, as root mean square over samples; x: (samples, step sizes)."""
     complete = x[np.isfinite(x).all(axis=1)]
     return float(np.sqrt(np.mean(np.var(complete, axis=1, ddof=1))))
 
 
 def drift(x: Array) -> float:
-    """Return how far the mean with the shortest steps is above that with the settling's own steps."""
+    """Return the mean with the shortest steps minus the mean with the settling's own steps."""
     return float(np.nanmean(x[:, -1] - x[:, 0]))
 
 
@@ -65,7 +65,7 @@ def scatter_table(all_endings: Mapping[str, Endings]) -> list[str]:
 
 
 def mean_table(all_endings: Mapping[str, Endings]) -> list[str]:
-    """Return the lines of the table of means, and of their drift from the settling's steps to the shortest."""
+    """Return the lines of the table of means and of their drift from the settling's own steps to the shortest ones."""
 
     def cell(x: Array, places: int) -> str:
         return f"{np.nanmean(x[:, 0]):.{places}f} {drift(x):+.{places}f}"
@@ -74,9 +74,9 @@ def mean_table(all_endings: Mapping[str, Endings]) -> list[str]:
 
 
 def distance_table(all_endings: Mapping[str, Endings], other: str, halvings: int) -> list[str]:
-    """Return the lines of the table of distances from another settling with its steps halved so many times.
+    """Return the lines of the table of distances from another settling with its steps halved `halvings` times.
 
-    Root mean square of the difference of one sample, and in brackets that of the means.
+    Each cell has the root mean square of the differences of single samples, and in brackets the mean difference.
     """
 
     def cell(x: Array, places: int) -> str:

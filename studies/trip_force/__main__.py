@@ -15,7 +15,7 @@ from studies.trip_force.tables import GRIDS, MAP, Tried, grid_row, map_rows, ver
 
 
 def lines(chosen: Mapping[str, Sequence[Assumptions]]) -> Iterator[str]:
-    """Yield the lines of the tables of some grids: the first one set by set, and all of them."""
+    """Yield the lines of the tables of some grids: one of the sets of the grid `MAPPED`, and one of all grids."""
     began = time.monotonic()
     tried: dict[str, Tried] = {}
     rows = []
@@ -33,7 +33,7 @@ def lines(chosen: Mapping[str, Sequence[Assumptions]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Run all grids, or those asked for, and print the tables."""
+    """Run all grids, or the requested ones, and print the tables."""
     parser = argparse.ArgumentParser(prog="python -m studies.trip_force", description=__doc__)
     parser.add_argument("--only", default="", metavar="REGEX", help="grids whose name matches, and no others")
     asked = parser.parse_args()

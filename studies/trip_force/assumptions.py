@@ -1,4 +1,4 @@
-"""What the study assumes in the place of what no source tells: grids, and sets drawn from a box."""
+"""The study's assumptions on properties that no source gives: grids, and sets drawn from a box."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -11,13 +11,13 @@ from scipy.stats import qmc
 LATCH = (0.01, 0.03, 0.06, 0.1, 0.2, 0.3)
 PUBLISHED_BUMPS = (0.45, 0.47, 0.48, 0.499)  # mm: radii of the public CAD; with 0.5 the bump overlaps the hook's nose
 BENCHES = ("trip_pin", "trip_lamage")
-DRAWN = 128  # sets drawn from the box
+DRAWN = 128  # number of sets drawn from the box
 MAPPED = "friction of the latch"  # the grid whose sets have a table of their own
 
 
 @dataclass(frozen=True)
 class Assumptions:
-    """One set; the values here are the shipped ones.
+    """One set of assumptions; the defaults are the shipped values.
 
     Attributes
     ----------
@@ -29,17 +29,17 @@ class Assumptions:
     torque : float
         Closing torque of a spring on the tripping bar, N mm.
     stiffness : float
-        By how much more that spring closes for each rad by which the bar opens against the plate, N mm.
+        Increase of the closing torque per rad of opening of the bar relative to the plate, N mm.
     preload : float
-        Preload of A3, rad. With the shipped one the contact force of the paper's other test agrees.
+        Preload of A3, rad. With the shipped value the contact force of the paper's other test agrees.
     bump_radius : float
-        Radius of the bump, mm; smaller is a deeper latch.
+        Radius of the bump, mm; a smaller radius gives a deeper latch.
     bench : str
-        Where the pin pushes: ``trip_pin`` in its hole, ``trip_lamage`` at the spot face.
+        Place where the pin pushes: ``trip_pin`` in its hole, ``trip_lamage`` at the spot face.
     held : bool
-        The pin is held across and does not give way.
+        Whether the pin is guided laterally and does not give way.
     preset : str
-        How the parts come to rest before the test: with the shipped drag if empty.
+        Preset for the settling before the test; the shipped drag if empty.
     """
 
     latch: float = 0.3
@@ -59,16 +59,16 @@ class Assumptions:
 
     @property
     def published(self) -> bool:
-        """Whether the latch is as deep as one of the public CAD variants makes it."""
+        """Whether the latch is as deep as in one of the public CAD variants."""
         return self.bump_radius in PUBLISHED_BUMPS
 
     @property
     def at_spot_face(self) -> bool:
-        """Whether the pin pushes at the spot face, and not in its hole as the paper's does."""
+        """Whether the pin pushes at the spot face, and not in its hole as in the paper."""
         return self.bench == "trip_lamage"
 
     def changes(self) -> str:
-        """Return what differs from the shipped values, for a table."""
+        """Return the differences from the shipped values as text for a table."""
         return (
             ", ".join(_told(self, field.name) for field in fields(self) if _differs(self, field.name)) or "as shipped"
         )
@@ -105,14 +105,14 @@ def grids() -> dict[str, list[Assumptions]]:
 
 
 def deeper() -> Iterator[Assumptions]:
-    """Yield sets whose bump is smaller than any published one."""
+    """Yield sets with a bump smaller than any published one."""
     yield from _of(latch=(0.01, 0.03, 0.06), torque=(0.0, 1.0, 2.0, 3.0), bump_radius=(0.3, 0.35))
 
 
 def box(count: int) -> Iterator[Assumptions]:
-    """Yield sets of a scrambled Sobol sequence (seed 2018): every friction, a spring, a public bump, either side.
+    """Yield sets of a scrambled Sobol' sequence (seed 2018): every friction, a spring, a public bump, either side.
 
-    Friction of the latch is from 0.01 to 0.1, as more takes too much force; all others are from 0.03 to 0.3.
+    Friction of the latch is from 0.01 to 0.1, because more requires too much force; all others are from 0.03 to 0.3.
     """
     names = ("latch", "bump", "bar", "pin", "flanges", "plastics", "steel")
     for u in qmc.Sobol(len(names) + 4, rng=np.random.default_rng(2018)).random(count):
@@ -129,7 +129,7 @@ def box(count: int) -> Iterator[Assumptions]:
 
 
 def _of(**values: tuple[float | str | bool, ...]) -> list[Assumptions]:
-    """Return the sets with every combination of some values."""
+    """Return the sets with every combination of the given values."""
     return [replace(SHIPPED, **dict(zip(values, chosen, strict=True))) for chosen in product(*values.values())]  # type: ignore[arg-type]
 
 
@@ -138,6 +138,6 @@ def _everywhere(mu: float) -> Assumptions:
 
 
 def _others() -> Iterator[Assumptions]:
-    """Yield sets whose latch has one friction, and everything else another."""
+    """Yield sets with one friction for the latch and another for all other contacts."""
     for latch, mu in product(LATCH, (0.03, 0.1)):
         yield replace(_everywhere(mu), latch=latch)

@@ -1,4 +1,4 @@
-"""The runs of the study: the C-60 on the bench with its contacts in groups, and what the pin shows."""
+"""The runs of the study: the C-60 on the bench with its contacts in groups, and the results at the pin."""
 
 import copy
 from functools import lru_cache
@@ -11,23 +11,23 @@ from engine.mechanism import Mechanism
 from engine.mechanism.models import mechanism_from
 from studies.trip_force.assumptions import Assumptions
 
-THRESHOLDS = (0.02, 0.05, 0.1, 0.2, 0.5)  # N: where the pin is said to touch; the bench takes 0.1
+THRESHOLDS = (0.02, 0.05, 0.1, 0.2, 0.5)  # N: forces at which the pin is considered to touch; the bench uses 0.1
 GROUPS = {"latch": ("C4",), "bump": ("C5",), "flanges": ("S1", "S2", "S4", "Sx", "S5", "S12", "S11", "S8", "S7")}
 FRICTION = {"latch", "bump", "bar", "pin", "flanges"}
-NO_TORQUE = 1e-9  # N mm: keeps the spring in the mechanism, whose structure is compiled once
+NO_TORQUE = 1e-9  # N mm: keeps the spring in the mechanism, so that its structure is compiled only once
 
 
 class Push(NamedTuple):
-    """What a test of the tripping force shows."""
+    """Result of a test of the tripping force."""
 
     status: str
-    force: float  # N: the largest before release
-    at_peak: dict[float, float]  # mm from touching to the largest force, by the force that counts as touching
+    force: float  # N: largest force before release
+    at_peak: dict[float, float]  # mm from touching to the largest force, by the force that defines touching
     release: dict[float, float]  # mm from touching to release
 
 
 def run(assumed: Assumptions) -> Push:
-    """Return what the pin shows with a set of assumptions; NaN where the latch did not hold or never let go."""
+    """Return the result with a set of assumptions; NaN if the latch did not hold or never released."""
     mechanism = bench(assumed.bench, assumed.held)
     shipped = load_c60()
     presets = shipped.preset("prototype") | (shipped.preset(assumed.preset) if assumed.preset else {})
@@ -53,13 +53,13 @@ def run(assumed: Assumptions) -> Push:
 
 @lru_cache(maxsize=1)
 def load_c60() -> Mechanism:
-    """Return the C-60; reading its file takes longer than some runs."""
+    """Return the C-60; cached, because reading its file takes longer than some runs."""
     return load_mechanism("c60")
 
 
 @lru_cache(maxsize=4)
 def bench(name: str, held: bool) -> Mechanism:
-    """Return a bench of the C-60 whose contacts have materials of their own, with a spring on the tripping bar."""
+    """Return a bench of the C-60 with a material for each group of contacts, and a spring on the tripping bar."""
     data = load_c60().on_bench(name).model_dump(by_alias=True, exclude_unset=True)
     data["materials"] |= {group: {"friction": 0.3, "restitution": 0.0} for group in FRICTION}
     for contact, table in data["contacts"].items():
@@ -88,7 +88,7 @@ def bench(name: str, held: bool) -> Mechanism:
 
 
 def _hold(data: dict[str, Any]) -> None:
-    """Guide the pin along Y while it pushes, in the place of a guide that lets it give way across."""
+    """Guide the pin along Y while it pushes, instead of a guide that allows it to give way laterally."""
     push = data["motions"]["push"]
     data["motions"]["across"] = push | {
         "along": {"direction": [1.0, 0.0, 0.0]},

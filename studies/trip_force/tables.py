@@ -8,10 +8,10 @@ import numpy as np
 from studies.trip_force.assumptions import Assumptions
 from studies.trip_force.runs import THRESHOLDS, Push
 
-FORCE, AT_PEAK, RELEASE = 1.87, 0.27, 0.42  # N, mm, mm: the paper's simulation; the peak's place it measured only
+FORCE, AT_PEAK, RELEASE = 1.87, 0.27, 0.42  # N, mm, mm: the paper's simulation; AT_PEAK is measured
 SHIPPED_THRESHOLD = 0.1
 NEAR = 0.2  # share of the force within which distances are compared
-MATCH = 0.1  # largest deviation of a set that gives all three
+MATCH = 0.1  # largest deviation of a set that reproduces all three
 
 Tried = Sequence[tuple[Assumptions, Push]]
 
@@ -26,9 +26,9 @@ GRIDS = f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}"
 
 
 class Miss(NamedTuple):
-    """How far a set is from the three published numbers, with the force that counts as touching."""
+    """Deviation of a set from the three published numbers, with the force that defines touching."""
 
-    deviation: float  # the largest of the three, as a share of what is published
+    deviation: float  # the largest of the three, relative to the published numbers
     threshold: float  # N
     assumed: Assumptions
     force: float
@@ -37,7 +37,7 @@ class Miss(NamedTuple):
 
 
 def misses(tried: Tried, thresholds: Iterable[float] = THRESHOLDS) -> list[Miss]:
-    """Return how far each set is from what is published, with each way to read a touch; the nearest first."""
+    """Return the deviations of each set for each definition of touching, the smallest first."""
     found = []
     for assumed, push in tried:
         for limit in thresholds:
@@ -49,7 +49,7 @@ def misses(tried: Tried, thresholds: Iterable[float] = THRESHOLDS) -> list[Miss]
 
 
 def map_rows(tried: Tried) -> list[str]:
-    """Return a line for each set of a grid that changes the latch's friction only."""
+    """Return a line for each set of a grid that changes only the friction of the latch."""
     return [
         f"| {assumed.latch:g} | {push.force:.2f} | {push.at_peak[SHIPPED_THRESHOLD]:.3f} "
         f"| {push.release[SHIPPED_THRESHOLD]:.3f} | {push.release[0.02]:.3f} | {push.release[0.5]:.3f} |"
@@ -58,7 +58,7 @@ def map_rows(tried: Tried) -> list[str]:
 
 
 def grid_row(name: str, tried: Tried) -> str:
-    """Return the line of a grid: what it reaches, and its nearest miss whatever counts as touching."""
+    """Return the line of a grid: its ranges, and its nearest miss for any definition of touching."""
     pushes = [push for _, push in tried if np.isfinite(push.force)]
     forces = [push.force for push in pushes]
     near = [push.release[SHIPPED_THRESHOLD] for push in pushes if abs(push.force / FORCE - 1) < NEAR]
@@ -70,7 +70,7 @@ def grid_row(name: str, tried: Tried) -> str:
 
 
 def miss_cells(miss: Miss) -> list[str]:
-    """Return what a set gives, how far that is from the published numbers, and the set."""
+    """Return the results of a set, their deviation from the published numbers, and the set."""
     return [
         f"{miss.force:.2f}, {miss.at_peak:.3f}, {miss.release:.3f}",
         f"{100 * miss.deviation:.0f} %",
@@ -79,7 +79,7 @@ def miss_cells(miss: Miss) -> list[str]:
 
 
 def verdict(grids: Mapping[str, Tried]) -> list[str]:
-    """Return the lines that tell which sets give all three numbers, apart for sets as published and for others."""
+    """Return lines on which sets give all three numbers, separately for published sets and for others."""
     every = list({assumed: (assumed, push) for tried in grids.values() for assumed, push in tried}.values())
     lines = []
     for what, tried in (
@@ -94,6 +94,6 @@ def verdict(grids: Mapping[str, Tried]) -> list[str]:
 
 
 def _span(x: Sequence[float], places: int) -> str:
-    """Return the least and the largest of some numbers."""
+    """Return the smallest and the largest of some numbers as text."""
     good = [value for value in x if np.isfinite(value)]
     return f"{min(good):.{places}f} to {max(good):.{places}f}" if good else "none"

@@ -1,1 +1,1 @@
-"""Families of distributions: closed forms, what their parameters mean, and where a likelihood is largest."""
+"""Families of distributions: closed forms, parameters in the unit of the values, and maximum likelihood."""

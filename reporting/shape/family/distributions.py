@@ -1,8 +1,8 @@
 """Distributions in closed form.
 
-A fit evaluates them some thousand times with other parameters, and `scipy.stats` takes fifty times as long: it builds
-and checks an object for each set of parameters. Parameters are numbers, or arrays of shape (b, 1): then each function
-of m values returns b distributions at once, shape (b, m).
+A fit evaluates them a few thousand times with different parameters, and `scipy.stats` takes fifty times as long,
+because it builds and checks an object for each set of parameters. Parameters are numbers, or arrays of shape (b, 1);
+then each function of m values returns the results of b distributions at once, shape (b, m).
 """
 
 import math
@@ -48,7 +48,7 @@ def normal_after(score: Function, log_slope: Function, inverse: Function) -> Clo
     Parameters
     ----------
     score, log_slope, inverse : callable
-        Score of a value, logarithm of its derivative, value of a score.
+        Functions that return the score of a value, the logarithm of its derivative, and the value of a score.
     """
     return ClosedForm(
         logpdf=lambda z: log_slope(z) - 0.5 * score(z) ** 2 - _HALF_LOG_2PI,
@@ -155,7 +155,7 @@ def beta(a: Parameter, b: Parameter) -> ClosedForm:
 
 
 def folded_normal(mean: Parameter, std: Parameter) -> ClosedForm:
-    """Return the distribution of the magnitude of a normal value; with mean 0 it is the half-normal distribution."""
+    """Return the distribution of the absolute value of a normal variable; with mean 0, the half-normal distribution."""
     slope = -np.log(std) - _HALF_LOG_2PI
 
     def cdf(z: Array) -> Array:
@@ -186,7 +186,7 @@ def logistic(mean: Parameter, scale: Parameter) -> ClosedForm:
 
 
 def student_t(mean: Parameter, scale: Parameter, freedom: Parameter) -> ClosedForm:
-    """Return Student's t distribution, shifted and stretched."""
+    """Return Student's t distribution, shifted and scaled."""
     half = (np.asarray(freedom) + 1) / 2
     constant = special.gammaln(half) - special.gammaln(half - 0.5) - 0.5 * np.log(np.pi * freedom) - np.log(scale)
     return ClosedForm(
@@ -198,7 +198,7 @@ def student_t(mean: Parameter, scale: Parameter, freedom: Parameter) -> ClosedFo
 
 
 def laplace(median: Parameter, scale: Parameter) -> ClosedForm:
-    """Return Laplace's distribution: exponential to both sides."""
+    """Return Laplace's distribution: exponential on both sides."""
 
     def below(z: Array) -> Array:
         half = 0.5 * np.exp(-np.abs(z - median) / scale)
@@ -213,7 +213,7 @@ def laplace(median: Parameter, scale: Parameter) -> ClosedForm:
 
 
 def largest_extreme(mode: Parameter, scale: Parameter) -> ClosedForm:
-    """Return Gumbel's distribution of the largest of many values; mirrored, it is that of the smallest."""
+    """Return Gumbel's distribution of the largest of many values; mirrored, it is the distribution of the smallest."""
 
     def log_density(z: Array) -> Array:
         u = (z - mode) / scale
@@ -248,7 +248,7 @@ def two_normals(share: Parameter, mean1: Parameter, std1: Parameter, mean2: Para
 
 
 def _bisect(cdf: Function, p: Array, low: Array, high: Array) -> Array:
-    """Return where `cdf` is `p`, between `low` and `high`, by bisection."""
+    """Return the points between `low` and `high` at which `cdf` is `p`, by bisection."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         under = cdf(middle) < p

@@ -1,8 +1,8 @@
-"""Families of distributions that may describe a response, simplest first, for shifted and scaled values.
+"""Families of distributions for a response, simplest first, in terms of shifted and scaled values.
 
 A family maps unconstrained parameters theta to a distribution of ``z = (x - shift) / scale``. Every theta is valid, so
-a fit needs no constraints, and the curvature of the likelihood gives the errors. The family decides how shift and
-scale are chosen: positive families leave zero at zero, bounded ones put the smallest and largest value at -1 and 1.
+a fit needs no constraints, and the curvature of the likelihood gives the errors. The family determines how shift and
+scale are chosen: positive families keep zero at zero, bounded ones put the smallest and largest value at -1 and 1.
 """
 
 import math
@@ -30,7 +30,7 @@ from reporting.shape.family.parameter_units import (
 
 Theta = tuple[float, ...]
 
-# With more degrees of freedom a t distribution is normal.
+# With more degrees of freedom a t distribution is practically normal.
 _MOST_FREEDOM = 6.0
 
 
@@ -43,7 +43,7 @@ class Scaled:
     base : ClosedForm
         Distribution of z.
     shift, scale : float
-        In the unit of x; a negative scale mirrors the distribution.
+        Shift and scale in the unit of x; a negative scale mirrors the distribution.
     """
 
     base: ClosedForm
@@ -61,7 +61,7 @@ class Scaled:
             return np.asarray((self.base.cdf if self.scale > 0 else self.base.sf)(self._z(x)))
 
     def sf(self, x: ArrayLike) -> Array:
-        """Return the probability of values above x, exact where it is tiny."""
+        """Return the probability of values above x, accurate even if it is tiny."""
         with np.errstate(all="ignore"):
             return np.asarray((self.base.sf if self.scale > 0 else self.base.cdf)(self._z(x)))
 
@@ -84,17 +84,17 @@ class Family:
     name, title : str
         Key in `FAMILIES`, and the name in words.
     parameters : mapping of str to callable
-        How each parameter reads in the unit of the values, by name and in the order of theta: from (its theta, shift,
-        scale).
+        Functions of (its theta, shift, scale) that return each parameter in the unit of the values, by name and in the
+        order of theta.
     frame : str
         How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
         values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
     build : callable
-        From theta to the distribution of z. Arrays of shape (b, 1) in the place of numbers give b distributions.
+        Function from theta to the distribution of z; arrays of shape (b, 1) instead of numbers give b distributions.
     start : callable
-        From the condensed values of z to the theta where the search starts.
+        Function from the condensed values of z to the theta at which the search starts.
     framed : bool
-        The parameters are those of z, so shift and scale belong to them.
+        Whether the parameters are those of z, so that shift and scale belong to them.
     """
 
     name: str
@@ -113,7 +113,7 @@ class Family:
 
 
 def _exp(value: Parameter) -> Parameter:
-    """Return ``exp(value)``, bounded in case a search diverges."""
+    """Return ``exp(value)``, bounded in case the search diverges."""
     if isinstance(value, float):
         return math.exp(min(max(value, -40.0), 40.0))
     return np.asarray(np.exp(np.clip(value, -40.0, 40.0)))

@@ -1,10 +1,10 @@
-"""Maximum of a likelihood of a few unconstrained parameters, and the covariance of the estimates.
+"""Maximisation of a likelihood of a few unconstrained parameters, and the covariance of the estimates.
 
-Newton's method with differences, damped, is kept in the place of `scipy.optimize` on purpose. Some families have no
-maximum: their likelihood rises towards a limit, as Johnson's do on normal values. There this search stops after 50
-bounded steps. scipy's BFGS and trust-region methods need two to four times as many evaluations, or stop earlier on the
-same slope; for a regular maximum the log-likelihoods agree to 1e-3 and better. All points that a step needs are
-evaluated at once.
+A damped Newton method with finite differences is used instead of `scipy.optimize` on purpose. Some families have no
+maximum: their likelihood rises towards a limit, as Johnson's families do for normal values. In that case this search
+stops after 50 bounded steps. scipy's BFGS and trust-region methods need two to four times as many evaluations, or stop
+earlier on the same slope; for a regular maximum the log-likelihoods agree to 1e-3 or better. All points that a step
+needs are evaluated at once.
 """
 
 import math
@@ -22,18 +22,18 @@ Likelihood = Callable[[Array], Array]
 # Step of a central difference that balances rounding and curvature of a log-likelihood.
 _STEP = 1e-4
 _ITERATIONS, _HALVINGS = 50, 30
-# Step lengths that are tried at once.
+# Step lengths tried at the same time.
 _AT_ONCE = 6
-# Parameters are logarithms or of order one: a longer step leaves the range where the curvature holds.
+# Parameters are logarithms or of order one: a longer step leaves the range where the curvature is valid.
 _LONGEST = 2.0
-# The search ends when a step is expected to gain less log-likelihood.
+# The search ends when the expected gain of a step in log-likelihood is smaller.
 _CLIMB = 1e-9
-# Curvatures below this share of the largest count as this share.
+# Curvatures below this share of the largest are raised to this share.
 _FLATTEST = 1e-9
 
 
 def maximise(loglik: Likelihood, start: Theta) -> Theta | None:
-    """Return where `loglik` is largest; None if it is not finite at `start`.
+    """Return the maximiser of `loglik`; None if `loglik` is not finite at `start`.
 
     Newton's method with central differences. Where the likelihood is not concave, the magnitudes of the curvatures are
     used; a step is halved until the likelihood rises.
@@ -41,7 +41,7 @@ def maximise(loglik: Likelihood, start: Theta) -> Theta | None:
     Parameters
     ----------
     loglik : callable
-        From points, shape (p, k), to the log-likelihood of each, infinite or NaN for impossible parameters.
+        Function from points, shape (p, k), to the log-likelihood of each; infinite or NaN for impossible parameters.
     start : tuple of float, length k
     """
     theta = np.asarray(start, dtype=np.float64)
@@ -118,5 +118,5 @@ def _derivatives(loglik: Likelihood, centre: Array, middle: float) -> tuple[Arra
 
 @cache
 def _pairs(k: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return each pair of two of k parameters, the later one first: finding them takes longer than a likelihood."""
+    """Return the index pairs of k parameters, the later one first; cached, as finding them outlasts a likelihood."""
     return np.tril_indices(k, -1)

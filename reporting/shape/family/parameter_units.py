@@ -1,7 +1,7 @@
-"""How a parameter of ``z = (x - shift) / scale`` reads in the unit of x.
+"""Conversion of a parameter of ``z = (x - shift) / scale`` to the unit of x.
 
-Each function takes the unconstrained parameter, the shift and the scale. Positive parameters are searched as
-logarithms.
+Each function takes the unconstrained parameter, the shift and the scale. The unconstrained form of a positive parameter
+is its logarithm.
 """
 
 import math
@@ -11,12 +11,12 @@ Reading = Callable[[float, float, float], float]
 
 
 def plain(value: float, shift: float, scale: float) -> float:
-    """Return a number without unit."""
+    """Return a dimensionless number."""
     return value
 
 
 def ratio(value: float, shift: float, scale: float) -> float:
-    """Return a positive number without unit."""
+    """Return a positive dimensionless number."""
     return math.exp(value)
 
 
@@ -36,7 +36,7 @@ def of_log(value: float, shift: float, scale: float) -> float:
 
 
 def below(value: float, shift: float, scale: float) -> float:
-    """Return the end below the values, or for a mirrored family that above them."""
+    """Return the end below the values, or for a mirrored family the end above them."""
     return shift - scale * (1.0 + math.exp(value))
 
 
