@@ -45,8 +45,10 @@ class RowOrder:
     p : float
         Of the most conspicuous of the three, corrected for their number: in at most this share of stable processes the
         order is as conspicuous by chance.
+    seen : str
+        What is conspicuous; empty if p is not below `FALSE_ALARMS`.
     finding : str
-        What is wrong and what to do, in sentences; empty if p is not below `FALSE_ALARMS`.
+        What is wrong and what to do, in sentences; empty like `seen`.
     """
 
     n: int
@@ -54,6 +56,7 @@ class RowOrder:
     trend: float
     between: float
     p: float
+    seen: str
     finding: str
 
 
@@ -82,11 +85,11 @@ def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | N
     between = sum(group.sum() ** 2 / group.size for group in groups) / squares
     p_groups = float(chdtrc(len(groups) - 1, (n - 1) * between))
     p = min(_TESTS * min(p_neighbours, p_trend, p_groups), 1.0)
-    finding = ""
+    seen = finding = ""
     if p < FALSE_ALARMS:
         seen = _seen((p_neighbours, neighbours), (p_trend, trend), (p_groups, between))
         finding = _finding("values" if lots is None else "lots", p, seen)
-    return RowOrder(n, neighbours, trend, float(between), p, finding)
+    return RowOrder(n, neighbours, trend, float(between), p, seen, finding)
 
 
 def _means(x: Array, lots: NDArray[np.generic]) -> Array:
