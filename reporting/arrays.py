@@ -1,4 +1,4 @@
-"""The type of the report's arrays, and the random order in which it takes the samples."""
+"""The type of the report's arrays, their ranks, and the random order in which it takes the samples."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,3 +25,20 @@ def random_rows(n: int) -> NDArray[np.intp]:
     array of int, shape (min(n, 200000),)
     """
     return np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS]
+
+
+def centred_ranks(values: Array) -> Array:
+    """Return the ranks of values less their mean; equal values have their middle rank.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        Finite.
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    middle = np.cumsum(counts) - 0.5 * (counts - 1)  # of the ranks that equal values share; the first rank is 1
+    return np.asarray(middle[place] - 0.5 * (values.size + 1))

@@ -162,8 +162,8 @@ def _response(
         notes.append("The campaigns have different limits; each index uses those of its own campaign.")
     base = ResponseComparison(
         mine.name, mine.unit, a.size, b.size,
-        capability(a, mine.lsl, mine.usl, mine.target, confidence, a_lots),
-        capability(b, their.lsl, their.usl, their.target, confidence, b_lots),
+        capability(a, mine.lsl, mine.usl, mine.target, confidence, a_lots, ordered=False),
+        capability(b, their.lsl, their.usl, their.target, confidence, b_lots, ordered=False),
     )  # fmt: skip
     fields: dict[str, object] = {}
     if a.size < 2 or b.size < 2:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
-from reporting.arrays import Array
+from reporting.arrays import Array, centred_ranks
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
-from reporting.shape.order_statistics import centred_ranks
 from reporting.spec import ReportSpec, VariableSpec
 
 _FEWEST = 30

@@ -143,7 +143,9 @@ def analyse_response(
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     lots = None if samples.lots is None else samples.lots[samples.ok]
     try:
-        numbers = capability(values, spec.lsl, spec.usl, spec.target, confidence, batches, lots)
+        numbers = capability(
+            values, spec.lsl, spec.usl, spec.target, confidence, batches, lots, ordered=request.ordered
+        )
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
     x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]

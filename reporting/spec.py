@@ -149,6 +149,9 @@ class ReportSpec:
     designed : tuple of str, or None
         The k variables of Saltelli's design, in order; None if the samples are not such a design. Sample s belongs
         to row s // (k + 2). s % (k + 2) is the run within the row: 0 of A, 1 of B, 2 + j of A with variable j of B.
+    ordered : bool
+        Whether the rows are in the order in which parts were made, so that a drift over them means something. Samples
+        that are drawn by their numbers have no such order.
     min_ok : float
         Smallest share of ok samples among the finished ones for which there are verdicts; 0 to 1.
     proposal : tuple of ProposalPart
@@ -193,6 +196,7 @@ class ReportSpec:
     drawing: MechanismDrawing | None = None
     drawing_note: str = ""
     min_ok: float = 0.99
+    ordered: bool = True
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would be treated as independent."""

@@ -67,7 +67,7 @@ def test_limits():
         f"{expression.LONGEST} characters, {expression.DEEPEST} levels",
         f"{data_files.LARGEST_FILE // 10**6} MB, {data_formats.MOST_ROWS} rows, {data_formats.MOST_COLUMNS} columns,"
         f" {data_formats.LARGEST_DECODED >> 30} GiB to decode it",
-        f"{cad.file_bytes >> 20} MiB; a process of its own reads it, with {cad.memory_bytes >> 30} GiB of memory and"
+        f"{cad.file_bytes >> 20} MiB; a separate process reads it, with {cad.memory_bytes >> 30} GiB of memory and"
         f" {cad.seconds} s",
         f"{named_files.MOST_FILES} files, {named_files.LARGEST_TOTAL // 10**6} MB in all",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",

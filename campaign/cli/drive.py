@@ -130,7 +130,7 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
         response = plan.spec.responses.get(name)
         lsl, usl, target = response.limits() if response else (None, None, None)
         values = leveled(plain[name].drop_null().to_numpy(), *resolution(plan.mechanism, name))
-        c = capability(values, lsl=lsl, usl=usl, target=target)
+        c = capability(values, lsl=lsl, usl=usl, target=target, ordered=False)
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
         if "log_weight" in columns and c.ppm_observed is not None:
             ppm = f"{_weighted_ppm(rows, name, lsl, usl):.3g}"

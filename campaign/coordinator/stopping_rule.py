@@ -173,7 +173,7 @@ def _interval(
     from reporting.capability.shares import nonconforming
 
     lsl, usl, target = limits.limits()
-    c = capability(x, lsl=lsl, usl=usl, target=target, confidence=rule.confidence, batches=lots)
+    c = capability(x, lsl=lsl, usl=usl, target=target, confidence=rule.confidence, batches=lots, ordered=False)
     if rule.statistic == "ppm":
         counted = nonconforming(x, lsl, usl, rule.confidence, lots=lots)
         return (None, "there is no value") if counted is None else ((counted.total.ppm, counted.total.interval), "")

@@ -177,6 +177,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         production_batch_column=BATCH if _has_production_batches(plan) else "",
         stop=_stopping_rule(plan, store),
         design=Design(sampler.production, sampler.report),
+        ordered=False,
         corners=sampler.corners,
         designed=sampler.designed(spec),
         proposal=_proposal(spec),

@@ -58,7 +58,10 @@ def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
         return spreads.change(factors, _variables(plan, samples, rows))
 
     with _advice_errors(plan):
-        cpks = {name: capability(samples[name], lsl=pair[0], usl=pair[1]).cpk for name, pair in limits.items()}
+        cpks = {
+            name: capability(samples[name], lsl=pair[0], usl=pair[1], ordered=False).cpk
+            for name, pair in limits.items()
+        }
         if all(cpk is None for cpk in cpks.values()):
             raise ReportError("no response has limits and values that vary; give limits to at least one")
         responses, most_failed = {name: samples[name] for name in limits}, 1 - plan.spec.failures.min_ok

@@ -4,18 +4,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from campaign.inputs.distributions.empirical import Empirical
 from campaign.spec.load import Campaign
 from engine import EngineError, check, set_values
 from engine.mechanism import Mechanism
 from engine.preflight import Caution, cautions
 from engine.preflight.step_trial import step_caution
+from reporting.capability.row_order import row_order
 
 
 def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
-    """Yield the cautions of `clearcap mechanism check` with all variables at their medians, and one for a long step.
+    """Yield the cautions of `clearcap mechanism check` with all variables at their medians, and those of the campaign.
 
-    A fixed step that the campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter
-    steps are tried too.
+    Measured values that a variable draws again in any order must come from a stable process. A fixed step that the
+    campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter steps are tried too.
 
     Parameters
     ----------
@@ -24,10 +26,28 @@ def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
     """
     mechanism, settings = _typical(campaign), campaign.spec.simulation
     yield from cautions(mechanism)
+    yield from _drifting_values(campaign)
     if settings.step is not None:
         caution = step_caution(mechanism, settings.step, settings.horizon)
         if caution:
             yield caution
+
+
+def _drifting_values(campaign: Campaign) -> Iterator[Caution]:
+    """Yield the measured values that drift from row to row, or resemble their neighbours."""
+    for name, variable in campaign.spec.variables.items():
+        if isinstance(variable, Empirical) and variable.values:
+            order = row_order(np.array(variable.values))
+            if order is not None and order.finding:
+                yield Caution(
+                    f"variables.{name}",
+                    None,
+                    "1",
+                    f"the measured values are not in random order: {order.seen}; in the order of production that means"
+                    " that the process was not stable, and that they say little about what it will make",
+                    "",
+                    "find the cause and measure again; if the rows were sorted, it means nothing",
+                )
 
 
 def _typical(campaign: Campaign) -> Mechanism:

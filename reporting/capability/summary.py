@@ -19,6 +19,7 @@ from reporting.capability.intervals import Interval
 from reporting.capability.lots import Lots, describe_lots, independent
 from reporting.capability.moments import location_and_shape, series
 from reporting.capability.notes import NO_WITHIN, NOT_NORMAL, why_missing
+from reporting.capability.row_order import RowOrder, row_order
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
 
@@ -73,6 +74,8 @@ class Capability:
         The production lots of the values; None if the values are independent.
     within : Within or None
         Indices with the sigma within production batches; None without batches.
+    order : RowOrder or None
+        Whether the values drift or resemble their neighbours; None where their order means nothing, or too few differ.
     notes : tuple of str
         Why a number is None, and cautions.
     """
@@ -126,6 +129,7 @@ class Capability:
     interval_reason: str = ""
     lots: Lots | None = None
     within: Within | None = None
+    order: RowOrder | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -137,13 +141,16 @@ def capability(
     confidence: float = 0.95,
     batches: ArrayLike | None = None,
     lots: ArrayLike | None = None,
+    *,
+    ordered: bool = True,
 ) -> Capability:
     """Return the capability of the values `x` against their limits.
 
     Parameters
     ----------
     x : array_like, shape (n,)
-        Values of one response; values that are not finite are left out and counted.
+        Values of one response, in the order in which the parts were made; values that are not finite are left out and
+        counted.
     lsl, usl : float, optional
         Lower and upper specification limit, in the unit of `x`; None for a side without a limit.
     target : float, optional
@@ -155,6 +162,10 @@ def capability(
         shift, so the intervals are based on the differences between batches.
     lots : array_like, shape (n,), optional
         Groups of batches that share no shift, if values of different batches may share one. Default: `batches`.
+
+    ordered : bool
+        Whether the order of the values means something. If it does, a note says where they drift or resemble their
+        neighbours, because the intervals are too narrow then. False for values that are sorted, or drawn at random.
 
     Returns
     -------
@@ -186,6 +197,7 @@ def capability(
             method = choose_method(finite, location.get("kurtosis"), described)
             fence = Fence(lsl, usl, target, confidence)
             intervals = index_intervals(method, finite, location.get("kurtosis"), fence, lot_of)
+        order = row_order(finite, lot_of) if ordered and spread is not None else None
         within_batches = None
         if groups is not None and spread is not None:
             within_batches = within(finite, groups[is_finite], lsl, usl, confidence)
@@ -210,9 +222,11 @@ def capability(
         interval_reason=method.reason,
         lots=described,
         within=within_batches,
+        order=order,
         notes=(
             *why_missing(finite, int(values.size), std, (lsl, usl, target)),
             *([] if method.normal or (lsl is None and usl is None) else [NOT_NORMAL]),
+            *([order.finding] if order is not None and order.finding else []),
             *([NO_WITHIN] if groups is not None and spread is not None and within_batches is None else []),
         ),
     )

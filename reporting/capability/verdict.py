@@ -64,7 +64,7 @@ class CapabilityVerdict:
         or "no verdict" (too few values, too many failed samples, or samples that do not represent production).
     certain : bool or None
         Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
-        contradicts; None without a verdict.
+        contradicts; never where the values drift. None without a verdict.
     by : str
         The estimate that decides: "index", or the one that overrules it; empty without a verdict.
     reasons : tuple of str
@@ -134,6 +134,8 @@ def verdict(
     if counted is not None and decides is of_index:
         reasons += _excluded(capability, counted)
     reasons += changed_by_failures(counted, word)
+    if capability.order is not None and capability.order.finding:
+        reasons.append(capability.order.finding)
     if not reasons:
         reasons += _unsupported(further, word)
     overruled_only = decides is not of_index and len(reasons) == 1

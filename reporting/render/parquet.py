@@ -74,7 +74,7 @@ def _numbers() -> list[str]:
     """Return the names of the columns with numbers; an interval has two columns."""
     names: list[str] = []
     for field in fields(Capability):
-        if field.name in ("within", "lots", "notes", "confidence"):
+        if field.name in ("within", "lots", "order", "notes", "confidence"):
             continue
         names += [f"{field.name}_low", f"{field.name}_high"] if "interval" in field.name else [field.name]
     return [*names, *_OTHERS]

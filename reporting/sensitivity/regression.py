@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from reporting.arrays import Array
+from reporting.arrays import Array, centred_ranks
 from reporting.sensitivity.first_order import jackknife_error
 from reporting.sensitivity.polynomials import Sums
 from reporting.sensitivity.shapley import shapley_values
-from reporting.shape.order_statistics import centred_ranks
 
 MOST_SHARED = 10  # variables; all 2^10 subsets are fitted
 # Below this unexplained share of its variance a variable is a linear combination of the others.

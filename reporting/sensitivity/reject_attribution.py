@@ -27,11 +27,10 @@ from scipy.special import expit, ndtri, stdtrit
 from threadpoolctl import threadpool_limits
 
 from reporting import format_numbers
-from reporting.arrays import Array, random_rows
+from reporting.arrays import Array, centred_ranks, random_rows
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.sensitivity.shapley import shapley_values
-from reporting.shape.order_statistics import centred_ranks
 
 FEWEST_REJECTS = 10
 MOST_ATTRIBUTED = 8  # variables; all 2^8 subsets are fitted

@@ -163,7 +163,7 @@ def repeatabilities(
     for response in spec.responses:
         y = drawn.values[response.name][drawn.ok]
         lots = None if drawn.lots is None else drawn.lots[drawn.ok]
-        numbers = capability(y, confidence=confidence, lots=lots)
+        numbers = capability(y, confidence=confidence, lots=lots, ordered=False)
         known = (numbers.std, numbers.std_interval) if spec.design.production else (None, None)
         first = np.where(pool.ok, pool.values[response.name], np.nan)[at[there]]
         second = np.where(repeats.ok, repeats.values[response.name], np.nan)[there]

@@ -18,22 +18,6 @@ from reporting.capability.intervals import Interval
 FEWEST = 2731
 
 
-def centred_ranks(values: Array) -> Array:
-    """Return the ranks of values minus their mean; equal values have their average rank.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-
-    Returns
-    -------
-    array, shape (n,)
-    """
-    from scipy.stats import rankdata  # takes 1 s to import, which `import reporting` avoids
-
-    return np.asarray(rankdata(values) - 0.5 * (values.size + 1))
-
-
 def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
     """Return the quantiles at the ranks ``p (n + 1)``, interpolated between neighbours (R's type 6).
 

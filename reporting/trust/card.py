@@ -12,7 +12,14 @@ from reporting.spec import ReportSpec
 from reporting.trust.agreement import many_statements, verdicts_hold
 from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
 from reporting.trust.check import Check
-from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values, production_lots
+from reporting.trust.evidence import (
+    converged,
+    enough_samples,
+    failures_as_rejects,
+    missing_values,
+    production_lots,
+    row_order,
+)
 from reporting.trust.normal_shape import normal_shape
 from reporting.trust.requested_inputs import drawn_as_requested
 
@@ -35,6 +42,7 @@ def trust_checks(
         verdicts_hold(responses),
         *([many_statements(responses, confidence)] if design.production else []),
         converged(responses, production=design.production),
+        *(row_order(responses) if design.production else ()),
         *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
         failures(samples, spec.min_ok),
         failures_as_rejects(responses, samples),

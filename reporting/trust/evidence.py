@@ -5,6 +5,7 @@ import math
 from reporting import format_numbers
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
+from reporting.capability.row_order import FALSE_ALARMS
 from reporting.capability.summary import Capability
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, class_of
 from reporting.response import ResponseAnalysis
@@ -97,6 +98,20 @@ def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> C
         f"{text}, too much for chance: something changed during the campaign.",
         drifts[name],
     )
+
+
+def row_order(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
+    """Say where the values drift from row to row, or resemble their neighbours; nothing where their order is chance."""
+    name, tested = "Order of the rows", [(r.spec.name, r.capability.order) for r in responses if r.capability.order]
+    if not tested:
+        return ()
+    found = [f"{response}: {order.finding}" for response, order in tested if order.finding]
+    least = min(order.p for _, order in tested)
+    if not found:
+        text = "No response drifts from row to row, and neighbours do not resemble each other beyond chance"
+        return (Check(name, "good", f"{text} (smallest p {format_numbers.probability(least)}).", least),)
+    alarm = f"By chance alone this is said of {100 * FALSE_ALARMS:.0f} % of stable responses."
+    return (Check(name, "attention", f"{' '.join(found)} {alarm}", least),)
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:

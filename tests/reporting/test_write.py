@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, is_dataclass, replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -190,6 +190,7 @@ def test_json_holds_every_number_of_the_analysis(campaign) -> None:
         assert written["spec"]["lsl"] == r.spec.lsl
         for name, value in vars(r.capability).items():
             if name not in ("lsl", "usl", "target"):
+                value = asdict(value) if is_dataclass(value) else value
                 expected = list(value) if isinstance(value, tuple) else value
                 assert written["capability"][name] == expected, name
         assert written["histogram"]["counts"] == list(r.histogram.counts)

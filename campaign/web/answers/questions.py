@@ -133,7 +133,7 @@ def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | No
     """Return the bins of a response with and without weights."""
     values, limits = columns.values[response], limits_of(plan)[response]
     finite = np.isfinite(values)
-    bins, now = histogram(values[finite], *limits), capability(values, *limits)
+    bins, now = histogram(values[finite], *limits), capability(values, *limits, ordered=False)
     after = None
     if bins and found and not found.refusal:
         weight = found.weight[finite]

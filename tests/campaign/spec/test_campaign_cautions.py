@@ -32,6 +32,17 @@ def test_a_variable_in_another_unit():
     assert warned() == []
 
 
+def test_measured_values_that_drift():
+    """They are drawn again in any order, as if the process had been stable; sorted or not, the reader decides."""
+    drifting = [5e-4 + 1e-6 * i + 2e-5 * (-1) ** i for i in range(80)]
+    measured = {"distribution": "empirical", "values": drifting}
+    (text,) = warned(variables={"J1": measured})
+    assert text.startswith("variables.J1: the measured values are not in random order: they rise from row to row (rank")
+    assert text.endswith("; find the cause and measure again; if the rows were sorted, it means nothing")
+    shuffled = [drifting[(37 * i) % 80] for i in range(80)]
+    assert warned(variables={"J1": measured | {"values": shuffled}}) == []
+
+
 @pytest.mark.parametrize("name", campaign_names())
 def test_no_shipped_campaign_is_warned_of(name):
     """They are as they should be."""

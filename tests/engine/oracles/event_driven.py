@@ -1,7 +1,9 @@
 """The slider-crank by events: minimal coordinates between impacts (DOP853), Newton's law with friction at each.
 
-The slider's angle stays zero, for both corners of a side touch at once, so the crank's and the rod's angle are left.
-Nothing of this is shared with the engine: no time steps, no active sets, no joints to hold.
+Bounces on a face come ever closer, until the slider slides along it; there the force on it is the multiplier of one
+more constraint, and it leaves where that force ends. The slider's angle stays zero, for both corners of a side touch at
+once, so the crank's and the rod's angle are left. Nothing of this is shared with the engine: no time steps, no active
+sets, no joints to hold.
 """
 
 import numpy as np
@@ -11,6 +13,7 @@ from scipy.integrate import solve_ivp
 L1, L2, CLEARANCE = 0.153, 0.306, 1e-3  # m
 M1, M2, M3, J1, J2 = 0.038, 0.038, 0.076, 7.4e-5, 5.9e-4  # kg, kg m2
 RESTITUTION, FRICTION, GRAVITY = 0.4, 0.01, 9.81
+REBOUND = 2e-3  # m/s: after a slower one the slider stays on the face; what would follow rises by less than 0.1 um
 
 Array = NDArray[np.float64]
 
@@ -46,17 +49,73 @@ def after_impact(y: Array) -> Array:
     return np.concatenate([th, w - (1 + RESTITUTION) * (normal @ w) / (normal @ change) * change])
 
 
+def flight(t: float, y: Array) -> tuple[Array, Array]:
+    """Return times and states (n, 4) of free motion until the slider reaches a face."""
+    reach = [lambda _, y, s=s: s * height(y[:2]) - CLEARANCE for s in (-1, 1)]
+    for event in reach:
+        event.terminal, event.direction = True, 1
+    found = solve_ivp(rates, (t, t + 0.1), y, "DOP853", events=reach, rtol=1e-12, atol=1e-14, max_step=1e-5)
+    return found.t, found.y.T
+
+
 def run(impacts: int) -> tuple[Array, Array, Array]:
     """Return times and states (n, 4) up to the given number of impacts, and the times of these."""
-    t, y = 0.0, np.array([0.0, 0.0, 150.0, -75.0])
-    times, states, hits = [np.zeros(1)], [y[None]], []
+    y = np.array([0.0, 0.0, 150.0, -75.0])
+    times, states = [np.zeros(1)], [y[None]]
     for _ in range(impacts):
-        reach = [lambda _, y, s=s: s * height(y[:2]) - CLEARANCE for s in (-1, 1)]
-        for event in reach:
-            event.terminal, event.direction = True, 1
-        free = solve_ivp(rates, (t, t + 0.1), y, "DOP853", events=reach, rtol=1e-12, atol=1e-14, max_step=1e-5)
-        t, y = free.t[-1], after_impact(free.y[:, -1])
-        times.append(free.t[1:])
-        states.append(free.y[:, 1:].T)
-        hits.append(t)
-    return np.concatenate(times), np.concatenate(states), np.array(hits)
+        flown, path = flight(times[-1][-1], y)
+        times.append(flown[1:])
+        states.append(path[1:])
+        y = after_impact(path[-1])
+    return np.concatenate(times), np.concatenate(states), np.array([flown[-1] for flown in times[1:]])
+
+
+def force_on_face(y: Array, side: float) -> tuple[Array, float]:
+    """Return the rates of y while the slider slides along a face, and the normal force that this takes [N].
+
+    The gap ``c - side height`` stays zero, and so do its rates: one more equation, with the force as its unknown.
+    """
+    th, w = y[:2], y[2:]
+    normal, along = -side * np.array([L1, L2]) * np.cos(th), -np.array([L1, L2]) * np.sin(th)
+    push = np.linalg.solve(mass_matrix(th), normal - FRICTION * np.sign(along @ w) * along)
+    free = rates(0.0, y)[2:]
+    curving = side * np.array([L1, L2]) * np.sin(th) @ w**2
+    force = -(normal @ free + curving) / (normal @ push)
+    return np.concatenate([w, free + force * push]), float(force)
+
+
+def slide(t: float, y: Array, side: float) -> tuple[Array, Array]:
+    """Return times and states (n, 4) of the motion along a face until its force ends."""
+
+    def leaves(_: float, y: Array) -> float:
+        return force_on_face(y, side)[1]
+
+    leaves.terminal, leaves.direction = True, -1
+    found = solve_ivp(
+        lambda _, y: force_on_face(y, side)[0], (t, t + 0.1), y, "DOP853", events=leaves, rtol=1e-12, atol=1e-14,
+        max_step=1e-5,
+    )  # fmt: skip
+    return found.t, found.y.T
+
+
+def bounce_and_slide(end: float) -> tuple[Array, Array, list[tuple[float, float]]]:
+    """Return times and states (n, 4) up to `end` [s] at least, and when each slide began and ended.
+
+    A flight or a slide that has begun by then is followed to its end.
+    """
+    y = np.array([0.0, 0.0, 150.0, -75.0])
+    times, states, slides = [np.zeros(1)], [y[None]], []
+    while times[-1][-1] < end:
+        flown, path = flight(times[-1][-1], y)
+        y = after_impact(path[-1])
+        times.append(flown[1:])
+        states.append(path[1:])
+        side = float(np.sign(height(y[:2])))
+        if -side * (np.array([L1, L2]) * np.cos(y[:2])) @ y[2:] > REBOUND:
+            continue
+        slid, path = slide(flown[-1], y, side)
+        y = path[-1]
+        times.append(slid[1:])
+        states.append(path[1:])
+        slides.append((float(slid[0]), float(slid[-1])))
+    return np.concatenate(times), np.concatenate(states), slides

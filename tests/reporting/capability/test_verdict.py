@@ -21,7 +21,7 @@ def spread(n: int, cpk: float, rejects: int = 0) -> np.ndarray:
 
 def judged(x, lsl=None, usl=None, others=(), **how):
     """Return the verdict on values."""
-    c = capability(x, lsl, usl)
+    c = capability(x, lsl, usl, ordered=False)
     return verdict(c, nonconforming(np.asarray(x), lsl, usl, 0.95), others, **how)
 
 
@@ -145,14 +145,14 @@ def test_failures_take_certainty_where_as_many_rejects_would_prove_a_worse_class
     """A failed sample has no value: it may be a reject, and is none for sure."""
     x = spread(finished - failed, 1.0)
     share = objector("tail", 1.4, 1.6, math.inf)
-    found = verdict(capability(x, -5.0, 5.0), nonconforming(x, -5.0, 5.0, 0.95, failed), [share])
+    found = verdict(capability(x, -5.0, 5.0, ordered=False), nonconforming(x, -5.0, 5.0, 0.95, failed), [share])
     assert (found.word, found.certain, found.by) == (word, certain, "index")
     assert any(f"{failed} of " in reason and "If they were rejects" in reason for reason in found.reasons) != certain
 
 
 def test_failures_cannot_make_the_worst_class_worse() -> None:
     x = spread(1_000, 1.0)
-    found = verdict(capability(x, -1.5, 1.5), nonconforming(x, -1.5, 1.5, 0.95, 100))
+    found = verdict(capability(x, -1.5, 1.5, ordered=False), nonconforming(x, -1.5, 1.5, 0.95, 100))
     assert (found.word, found.certain, found.reasons) == ("not capable", True, ())
 
 

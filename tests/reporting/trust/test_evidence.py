@@ -1,7 +1,10 @@
 """The card's lines on failures and on the number of samples."""
 
 import re
+from dataclasses import replace
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
 from reporting.analysis import Analysis
@@ -27,8 +30,6 @@ def test_few_values_are_not_enough_whatever_class_their_interval_lies_in(n: int,
 
 def _with_limits(spec, responses, far: float):
     """Return the spec with only these responses, their limits moved so far out that each is capable for sure."""
-    from dataclasses import replace
-
     moved = tuple(replace(r, lsl=r.lsl - far, usl=r.usl + far) for r in responses)
     return replace(spec, responses=moved)
 
@@ -51,3 +52,20 @@ def test_failures_are_bad_where_they_leave_no_verdict(failed: int, level: str) -
     found = line(analysis_of(c60_table(200, failed), c60_spec(200)), "Failures")
     assert found.level == level
     assert ("because less than 99\u00a0% of the samples are ok (failures.min_ok)" in found.text) == (level == "bad")
+
+
+def test_rows_that_drift_are_told_and_those_of_a_campaign_have_no_order() -> None:
+    """A table of measured parts is in the order in which they were made; samples that clearcap draws have none."""
+    table, spec = c60_table(300), c60_spec(300)
+    assert line(analysis_of(table, spec), "Order of the rows").level == "good"
+    place = table.schema.get_field_index("FC-2")
+    rising = table.set_column(place, table.schema.field(place), pa.array(np.sort(table["FC-2"].to_numpy())))
+    found = analysis_of(rising, spec)
+    told = line(found, "Order of the rows")
+    assert told.level == "attention"
+    assert told.text.startswith("FC-2: The values are not in random order (p < 0.0001): they rise from row to row")
+    assert "By chance alone this is said of 1 % of stable responses." in told.text
+    (response,) = (r for r in found.responses if r.spec.name == "FC-2")
+    assert response.verdict.certain is False
+    drawn = analysis_of(rising, replace(spec, ordered=False))
+    assert not any(check.name == "Order of the rows" for check in drawn.trust)

@@ -1,0 +1,144 @@
+"""Whether values in the order in which parts were made look like those of a stable process.
+
+Capability and its intervals take the order for accidental. Measured parts have one: tools wear, shifts and batches of
+material differ, and neighbours resemble each other. Three tests of the ranks, so of any distribution, ask whether the
+order is accidental; each sees what the others overlook:
+
+- neighbours: serial correlation of each value with the next (Wald and Wolfowitz 1943, on ranks);
+- trend: rank correlation with the place (Spearman);
+- groups: differences between groups of consecutive values, as many groups as values in each (Kruskal and Wallis 1952).
+
+Mean and variance of the first two are exact for any ties. Neighbours that differ too much (a machine that is readjusted
+after each part) make intervals too wide, not too narrow, and raise no alarm.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, ndtr
+
+from reporting.arrays import Array, centred_ranks
+
+# At most this share of stable processes raises an alarm. Measured: see docs/report.md, "Order of the rows".
+FALSE_ALARMS = 0.01
+# Fewer values, or lots, show only what is plain to see; of fewer different ones the tests raise too many alarms.
+FEWEST, FEWEST_DIFFERENT = 20, 5
+_TESTS = 3
+
+
+@dataclass(frozen=True)
+class RowOrder:
+    """What the order of the values says of the process that made them.
+
+    Attributes
+    ----------
+    n : int
+        Number of values, or of lots.
+    neighbours : float
+        Rank correlation of each value with the next one.
+    trend : float
+        Rank correlation of the values with their place.
+    between : float
+        Share of the variance of the ranks that lies between groups of consecutive values.
+    p : float
+        Of the most conspicuous of the three, corrected for their number: in at most this share of stable processes the
+        order is as conspicuous by chance.
+    seen : str
+        What is conspicuous; empty if p is not below `FALSE_ALARMS`.
+    finding : str
+        What is wrong and what to do, in sentences; empty like `seen`.
+    """
+
+    n: int
+    neighbours: float
+    trend: float
+    between: float
+    p: float
+    seen: str
+    finding: str
+
+
+def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | None:
+    """Return what the order of values says; None below `FEWEST` values or `FEWEST_DIFFERENT` different ones.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values in the order in which they were made.
+    lots : array, shape (n,), optional
+        Production lot of each value. Values of a lot resemble each other in any case: then the means of the lots are
+        tested, in the order in which the lots begin.
+    """
+    values = x if lots is None else _means(x, lots)
+    n = values.size
+    if n < FEWEST or np.unique(values).size < FEWEST_DIFFERENT:
+        return None
+    centred = centred_ranks(values)
+    squares = float(np.sum(centred**2))
+    neighbours, p_neighbours = _of_neighbours(centred, squares)
+    place = np.arange(n) - (n - 1) / 2
+    trend = float(centred @ place) / math.sqrt(squares * float(place @ place))
+    p_trend = 2 * float(ndtr(-abs(trend) * math.sqrt(n - 1)))
+    groups = np.array_split(centred, round(math.sqrt(n)))
+    between = sum(group.sum() ** 2 / group.size for group in groups) / squares
+    p_groups = float(chdtrc(len(groups) - 1, (n - 1) * between))
+    p = min(_TESTS * min(p_neighbours, p_trend, p_groups), 1.0)
+    seen = finding = ""
+    if p < FALSE_ALARMS:
+        seen = _seen((p_neighbours, neighbours), (p_trend, trend), (p_groups, between))
+        finding = _finding("values" if lots is None else "lots", p, seen)
+    return RowOrder(n, neighbours, trend, float(between), p, seen, finding)
+
+
+def _means(x: Array, lots: NDArray[np.generic]) -> Array:
+    """Return the mean of each lot, in the order in which the lots begin."""
+    _, first, group = np.unique(lots, return_index=True, return_inverse=True)
+    means = np.bincount(group, weights=x) / np.bincount(group)
+    return np.asarray(means[np.argsort(first)])
+
+
+def _of_neighbours(centred: Array, squares: float) -> tuple[float, float]:
+    """Return the correlation of each value with the next, and how probable a larger one is in random order."""
+    total = float(centred[:-1] @ centred[1:])
+    mean, variance = neighbours_in_random_order(centred)
+    return total / squares, float(ndtr(-(total - mean) / math.sqrt(variance)))
+
+
+def neighbours_in_random_order(centred: Array) -> tuple[float, float]:
+    """Return mean and variance, over all orders of values, of the sum of products of neighbours.
+
+    Parameters
+    ----------
+    centred : array, shape (n,)
+        At least four values whose mean is 0.
+    """
+    n, squares, fourth = centred.size, float(np.sum(centred**2)), float(np.sum(centred**4))
+    of_two = (squares**2 - fourth) / (n * (n - 1))
+    of_three = (2 * fourth - squares**2) / (n * (n - 1) * (n - 2))
+    of_four = (3 * squares**2 - 6 * fourth) / (n * (n - 1) * (n - 2) * (n - 3))
+    mean = -squares / n
+    return mean, (n - 1) * of_two + 2 * (n - 2) * of_three + (n - 2) * (n - 3) * of_four - mean**2
+
+
+def _seen(neighbours: tuple[float, float], trend: tuple[float, float], groups: tuple[float, float]) -> str:
+    """Return what raises the alarm; each test by its p-value and its number."""
+    seen = []
+    if _TESTS * trend[0] < FALSE_ALARMS:
+        seen.append(f"they {'rise' if trend[1] > 0 else 'fall'} from row to row (rank correlation {trend[1]:+.2f})")
+    if _TESTS * neighbours[0] < FALSE_ALARMS:
+        seen.append(f"neighbours resemble each other (rank correlation {neighbours[1]:+.2f})")
+    if not seen:
+        seen.append(f"consecutive groups differ ({100 * groups[1]:.0f} % of the variance lies between them)")
+    return ", and ".join(seen)
+
+
+def _finding(what: str, p: float, seen: str) -> str:
+    """Return what is wrong and what to do."""
+    remedy = "; if they were made in lots, give the lot of each" if what == "values" else ""
+    chance = "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
+    return (
+        f"The {what} are not in random order (p {chance}): {seen}. The process was not stable, so the intervals are too"
+        f" narrow and say little about the parts that it will make next. Find the cause{remedy}."
+    )

@@ -1,0 +1,1 @@
+"""How often the test of the order of rows raises an alarm: on stable processes, and on those that drift."""
