@@ -151,20 +151,24 @@ class Keyboard:
         self.until(self._has_come, f"{name}: another page")
 
     def _has_come(self) -> bool:
-        return bool(self.browser.execute_script("return !window.isLeft && document.readyState === 'complete'"))
+        return bool(self.browser.execute_script("return !window.isLeft")) and self._is_complete()
+
+    def _is_complete(self) -> bool:
+        return bool(self.browser.execute_script("return document.readyState === 'complete'"))
 
     def until_drawn(self) -> None:
         """Wait until every picture of the page is there."""
         self.until(lambda: self.browser.execute_script(DRAWN), "all pictures")
 
     def look(self, *, is_answer: bool = False) -> None:
-        """Check the page: its title, heading, width, cells, messages and requests; and what axe finds.
+        """Check the page once it is complete: its title, heading, width, cells, messages, requests; what axe finds.
 
         Parameters
         ----------
         is_answer : bool
             It is the answer to a form, and has the title of the form's page.
         """
+        self.until(self._is_complete, "a complete page")  # one that a page leads to by itself is not yet
         self.check_requests()
         told = [entry["message"] for entry in self.browser.get_log("browser")]
         if is_answer:  # a refused form is answered by its page, with a status of which the browser tells
