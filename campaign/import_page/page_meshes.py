@@ -11,7 +11,7 @@ from engine.arrays import Array, Integers
 from engine.cad.cad_model import TriangleMesh
 
 MOST_TRIANGLES = 250_000
-"""Of all parts together; more are drawn coarser. A page of so many has about 8 MB."""
+"""Limit for all parts together; beyond it the parts are drawn coarser. A page of this many has about 8 MB."""
 
 _FINEST, _WIDER = 4000, 1.25  # cells along the longest side in the finest grid; width ratio of successive grids
 _STEPS = 40  # number of grids; in the last one a part is in one cell, and no triangle is left

@@ -15,7 +15,7 @@ from engine.errors import FolderError
 from engine.private_folder import private_folder
 
 MOST_BYTES = 2**30
-"""Of all files together; the ones that were used longest ago go first."""
+"""Limit for all files together; the least recently used are deleted first."""
 
 
 def cached(sha256: str, recognition: float) -> CadAssembly | None:

@@ -89,7 +89,7 @@ class Solid:
     """About its centre for density 1, in axes of the assembly, shape (3, 3) [mm5]."""
     material: CadMaterial | None = None
     relative_error: float = 0.0
-    """Of the volume, as OCCT estimates it."""
+    """Relative error of the volume, as estimated by OCCT."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,11 +97,11 @@ class CadPart:
     """One occurrence of a part in the assembly; a product that occurs twice gives two parts."""
 
     name: str
-    """Unique in the assembly: the product's, with a number behind where several would have the same."""
+    """Unique in the assembly: the name of the product, followed by a number if several parts share it."""
     product: str
-    """As in the file; empty for an unnamed one."""
+    """The product's name in the file; empty if it has none."""
     path: tuple[str, ...]
-    """Names of the instances from the root down to this one, as in the file."""
+    """Names of the instances from the root of the assembly to this part, as in the file."""
     placement: Placement
     material: CadMaterial | None
     solids: tuple[Solid, ...]
@@ -115,7 +115,7 @@ class SplineSurface:
 
     degrees: tuple[int, int]
     knots: tuple[Array, Array]
-    """Of each direction, as often as their multiplicity, shapes (n + degree + 1,)."""
+    """Knots in each direction, repeated by multiplicity, shapes (n + degree + 1,)."""
     points: Coordinates
     """Control points, shape (n, m, 3) [mm]."""
     weights: Array
@@ -132,42 +132,45 @@ class CadFace:
     """A face; pieces of one plane, cylinder, cone, sphere or torus are merged, such as the halves of a bore."""
 
     number: int
-    """Its place in the assembly's faces; another export of the same part may number them otherwise."""
+    """Index in the assembly's faces; another export of the same part may number them differently."""
     part: str
     solid: int
-    """Place of its solid in the part; -1 if it bounds none."""
+    """Index of its solid in the part; -1 if it bounds none."""
     kind: FaceKind
     point: Coordinates
     """Shape (3,) [mm]: on the axis at mid-height (cylinder, cone), the centre (sphere, torus), else as `on`."""
     axis: Array = field(default_factory=_no_direction)
-    """Unit vector: of the axis (cylinder, torus; a cone widens along it), the outward normal of a plane; else zeros."""
+    """Unit vector: the axis (cylinder, torus; a cone widens along it) or the outward normal of a plane; otherwise
+    zeros.
+    """
     radius: Millimetres = 0.0
-    """[mm]; of a cone at `point`, of a torus that of its centre line; 0 for a plane or a surface."""
+    """Radius [mm]: of a cone at `point`, of a torus that of its centre line; 0 for a plane or a surface."""
     minor_radius: Millimetres = 0.0
-    """Of a torus' tube [mm]; else 0."""
+    """Radius of the tube of a torus [mm]; otherwise 0."""
     half_angle: float = 0.0
-    """Of a cone [rad]; else 0."""
+    """Half angle of a cone [rad]; otherwise 0."""
     hollow: bool = False
-    """Whether the material is outside, as around a bore."""
+    """Whether the material lies outside the face, as around a bore."""
     span: float = 0.0
-    """Angle about the axis that the face covers [rad], 2 pi for all of it; 0 for a plane or a surface."""
+    """Angle about the axis that the face covers [rad], 2 pi for a full turn; 0 for a plane or a surface."""
     middle: Array = field(default_factory=_no_direction)
-    """Unit vector from the axis to the middle of the span; zeros where the face goes all round, or has no axis."""
+    """Unit vector from the axis to the middle of the span; zeros for a full turn or a face without an axis."""
     extent: Coordinates = field(default_factory=lambda: np.zeros(2))
-    """Where it begins and ends along its axis, from `point` on, shape (2,) [mm]; zeros for a plane or a surface."""
+    """Start and end along the axis, measured from `point`, shape (2,) [mm]; zeros for a plane or a surface."""
     area: SquareMillimetres
-    """[mm2]."""
+    """Area [mm2]."""
     on: Coordinates
     """A point of the face, shape (3,) [mm]."""
     normal: Array = field(default_factory=_no_direction)
     """The outward normal at `on`."""
     recognition_gap: Millimetres = 0.0
-    """Largest distance [mm] between a spline of the file and what it was taken for; 0 where it was none."""
+    """Largest distance [mm] between a spline in the file and the surface recognised in it; 0 if it was not a spline."""
     places: tuple[int, ...] = ()
-    """Places of the file's faces that it is made of, among all faces of its part's product."""
+    """Indices of the faces in the file of which it is made, among all faces of the part's product."""
     splines: tuple[SplineSurface, ...] = ()
-    """Of its surface as the file has it, together covering the face and nothing else; none where its edges do not
-    run along parameter lines, or its surface is no B-spline, as the offset of one."""
+    """Its surface as splines, as in the file, which together cover exactly the face; empty if its edges do not run
+    along parameter lines, or if its surface is not a B-spline, for example the offset of one.
+    """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -181,13 +184,13 @@ class CadEdge:
     axis: Array = field(default_factory=_no_direction)
     radius: Millimetres
     span: float = 0.0
-    """[rad]; 2 pi for a circle."""
+    """Angle of the arc [rad]; 2 pi for a circle."""
     middle: Array = field(default_factory=_no_direction)
     """Unit vector from the centre to the middle of the arc; zeros for a circle."""
     recognition_gap: Millimetres = 0.0
-    """Largest distance [mm] between a spline of the file and the circle it was taken for; 0 where it was none."""
+    """Largest distance [mm] between a spline in the file and the circle recognised in it; 0 if it was not a spline."""
     places: tuple[int, ...] = ()
-    """Places of the file's edges that it is made of, among all edges of its part's product."""
+    """Indices of the edges in the file of which it is made, among all edges of the part's product."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,14 +198,14 @@ class SizeLimits:
     """A dimension with limits that the file attaches to faces (semantic PMI of AP242)."""
 
     kind: str
-    """As ``diameter``, ``radius`` or ``linear distance``."""
+    """For example ``diameter``, ``radius`` or ``linear distance``."""
     nominal: Millimetres
     lower: Millimetres
-    """The smallest size allowed [mm]."""
+    """The smallest permitted size [mm]."""
     upper: Millimetres
-    """The largest size allowed [mm]."""
+    """The largest permitted size [mm]."""
     faces: tuple[int, ...] = ()
-    """Numbers of the faces that it belongs to; of a distance, of both sides."""
+    """Numbers of the faces to which it applies; for a distance, those of both sides."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,13 +214,14 @@ class TriangleMesh:
 
     part: str
     vertices: Coordinates
-    """Shape (n, 3) [mm]; each face has its own."""
+    """Shape (n, 3) [mm]; faces share no vertices."""
     triangles: Integers = field(default_factory=lambda: np.zeros((0, 3), np.int64))
-    """Rows of `vertices`, shape (m, 3)."""
+    """Row indices into `vertices`, shape (m, 3)."""
     faces: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
-    """Number of the face of each triangle, shape (m,)."""
+    """Number of the face to which each triangle belongs, shape (m,)."""
     deflection: Millimetres = 0.0
-    """How far a triangle may be from its face [mm], as OCCT was asked; on balls it takes up to twice as much."""
+    """Largest distance of a triangle from its face [mm], as requested from OCCT; on spheres it can be twice as large.
+    """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -225,13 +229,13 @@ class CadAssembly:
     """All data that clearcap takes from a STEP file."""
 
     sha256: str
-    """Of the file's content, 64 hexadecimal digits."""
+    """SHA-256 of the file's content, 64 hexadecimal digits."""
     unit: str
-    """The unit of length in which the file is written, as ``mm`` or ``inch``."""
+    """The file's unit of length, for example ``mm`` or ``inch``."""
     schema: str
-    """Of the file, as ``AP242``, or as its header writes it."""
+    """The schema of the file, for example ``AP242``; if it is not a known one, as its header states it."""
     recognition: Millimetres
-    """Largest recognition gap allowed [mm]."""
+    """Largest permitted recognition gap [mm]."""
     parts: tuple[CadPart, ...] = ()
     faces: tuple[CadFace, ...] = ()
     edges: tuple[CadEdge, ...] = ()
@@ -239,9 +243,9 @@ class CadAssembly:
     meshes: tuple[TriangleMesh, ...] = ()
     """One for each part, in the order of `parts`."""
     cautions: tuple[str, ...] = ()
-    """What was left out of the file, and where it contradicts itself, each with what to do."""
+    """What was left out of the file and where it contradicts itself, each with a remedy."""
     unreadable: int = 0
-    """How many entities of the file cannot be read, or refer to others that are missing: it is damaged."""
+    """Number of entities that cannot be read or that refer to missing ones; if it is not 0, the file is damaged."""
 
     @property
     def damage(self) -> str:

@@ -19,14 +19,14 @@ class ArcPiece:
     """An edge as given in the file, in the frame of its product; lengths in mm, angles in rad."""
 
     place: int
-    """Among all edges of the product."""
+    """Index among all edges of the product."""
     faces: tuple[int, ...]
     centre: Array
     axis: Array
     radius: float
     recognition_gap: float
     points: Array
-    """Points from its one end to the other, shape (n, 3), less than half a turn from each to the next."""
+    """Points from one end to the other, shape (n, 3), less than half a turn apart."""
 
 
 def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:

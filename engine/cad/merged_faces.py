@@ -24,7 +24,7 @@ class FacePiece:
     solid: int
     kind: FaceKind
     point: Array
-    """Any point of the axis (cylinder, cone), the centre (sphere, torus), else a point of the face, shape (3,)."""
+    """Any point of the axis (cylinder, cone), the centre (sphere, torus), otherwise a point of the face, shape (3,)."""
     axis: Array
     radius: float = 0.0
     minor_radius: float = 0.0
@@ -32,13 +32,13 @@ class FacePiece:
     area: float
     on: Array
     normal: Array
-    """Outward, at `on`."""
+    """Outward normal at `on`."""
     recognition_gap: float = 0.0
     splines: tuple[SplineSurface, ...] = ()
     vertices: Array = field(repr=False)
-    """Of its triangles, shape (n, 3)."""
+    """Vertices of its triangles, shape (n, 3)."""
     triangles: Integers = field(repr=False)
-    """Rows of `vertices`, shape (m, 3)."""
+    """Row indices into `vertices`, shape (m, 3)."""
 
 
 def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Integers]:

@@ -27,7 +27,7 @@ _STAGES = {
     "document_labels": _MATERIALS,
     "product_tree": ("its assembly", "export it again, as AP242 or AP214, with fewer levels"),
 }
-"""What the modules of `engine.cad.occt` read, and what to do where they cannot."""
+"""What the modules of `engine.cad.occt` read, and the remedy if they fail."""
 
 
 @dataclass(frozen=True)

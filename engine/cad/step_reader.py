@@ -12,7 +12,7 @@ from engine.file_kinds import content_kind
 from engine.regular_file import read_regular_file
 
 RECOGNITION = 1e-4
-"""Largest recognition gap [mm], unless another is asked for."""
+"""Default of the largest recognition gap [mm]."""
 
 _BEGINNING, _END = b"ISO-10303-21;", b"END-ISO-10303-21;"
 

@@ -20,7 +20,7 @@ _STOP_PLACES = (
     *((kind, "point") for kind in ("extruded", "turned")),
     ("surface", "faces", 0, "near"),
 )
-"""Where the side b of a proposed stop has a point."""
+"""The keys at which the side b of a proposed stop holds a point."""
 
 
 def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:

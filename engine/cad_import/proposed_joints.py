@@ -15,7 +15,7 @@ from engine.mechanism.geometry.cad_table import AS_DRAWN
 from engine.mechanism.geometry.sides import axis_of
 
 LAW = "contact"
-"""The pair of materials of all proposed joints and contacts."""
+"""The material pair of all proposed joints and contacts."""
 
 _ALIKE = 1e-6  # mm
 _LEAST_PLAY = 1e-6  # mm

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from engine.cad_import.toml_lines import QUESTION
 
 MARK = "# "
-"""What a line begins with that counts only when it is removed."""
+"""The start of a line that has no effect until this mark is removed."""
 
 Key = tuple[str, str]
-"""The header of a table, empty at the top, and a key in it; the key is empty for the header itself."""
+"""The header of a table (empty at the top of the file) and a key in it; the key is empty for the header itself."""
 
 _KEY = re.compile(r"(# )?([A-Za-z_][\w-]*) = (.*?)(?:\s+# .*)?")
 _TABLE = re.compile(r"(# )?(\[[\w.-]+\])(?:\s+# .*)?")

@@ -6,7 +6,7 @@ from typing import Any
 from engine.faults.fault import one_line
 
 QUESTION = "#?"
-"""How a line begins that asks something of the person who owns the file."""
+"""The start of a line that asks the owner of the file a question."""
 
 
 def value(entry: Any) -> str:

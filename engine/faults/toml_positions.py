@@ -10,7 +10,7 @@ from engine.faults.fault import Fault
 from engine.toml_file import TOKEN
 
 Keys = tuple[str, ...]
-"""Keys from the outside in; entries of lists by their number from 0."""
+"""Keys from the outermost inwards; entries of lists by their index from 0."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ _PAIRED = {
 }
 
 Reference = tuple[str, tuple[str, ...], Any]
-"""The kind of thing that is referred to, the key that refers to it, and its name."""
+"""The kind of object that is referred to, the key that refers to it, and the object's name."""
 
 
 def reference_faults(data: Mapping[str, Any]) -> list[Fault]:

@@ -38,7 +38,7 @@ class TableLaw(TableModel):
         json_schema_extra={"minItems": 2},
     )
     value_quantity: ClassVar[str]
-    """The quantity of the values."""
+    """The physical quantity of the values."""
 
     interpolation: Literal["linear", "smooth"] = Field(
         default="linear", description="between the points: linear, or smooth (monotone cubics, flat at both ends)"

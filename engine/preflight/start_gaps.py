@@ -12,7 +12,7 @@ from engine.mechanism.geometry.plain_numbers import length
 from engine.preflight.caution import Caution
 
 AGREE = 1e-5
-"""Largest difference [mm] of the two, besides what recognising and converting the faces has cost."""
+"""Largest difference [mm] between the two gaps, beyond the errors of recognising and converting the faces."""
 
 _ENDS = 1e-6  # share of a joint's length by which a ring at its end may lie beyond it
 

@@ -16,9 +16,9 @@ from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 from engine.mechanism.geometry.sides import contact_side, feature_of
 
 NEAR = 0.05
-"""How far an edge or a plane of the files may be from that of the mechanism file [mm]."""
+"""Largest distance between an edge or a plane of the CAD files and that of the mechanism file [mm]."""
 BESIDE = 0.5
-"""How far an axis of the files may be from that of the mechanism file [mm]."""
+"""Largest distance between an axis of the CAD files and that of the mechanism file [mm]."""
 
 Gaps = dict[str, float]
 

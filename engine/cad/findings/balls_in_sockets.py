@@ -23,12 +23,12 @@ class BallInSocket:
     """Number of the face."""
     ball: int
     centre: Coordinates
-    """Of the socket, shape (3,) [mm]."""
+    """Centre of the socket, shape (3,) [mm]."""
     ball_centre: Coordinates
     socket_radius: Millimetres
     ball_radius: Millimetres
     radial_clearance: Millimetres
-    """As drawn; 0 where both are drawn with one radius."""
+    """As drawn; 0 if both have the same radius."""
     overlap: Millimetres
     """How far ball and socket overlap as posed [mm]."""
 

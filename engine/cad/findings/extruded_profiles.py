@@ -11,7 +11,7 @@ from engine.cad.angles import perpendicular
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
 
 MOST_PIECES = 24
-"""Lines and arcs of a profile: one with more is named by its face."""
+"""Most lines and arcs of a profile; a contour with more is named by its face."""
 _ALONG = 1e-6  # rad between an axis and faces parallel to it
 _CLOSE = 1e-5  # mm between two ends that coincide
 _TANGENT = 1e-3  # rad between two pieces that continue smoothly
@@ -22,7 +22,7 @@ class ProfilePiece:
     """A line, or an arc about a centre that turns left or right."""
 
     face: int
-    """Number of the face that it is a section of."""
+    """Number of the face whose section it is."""
     start: Coordinates
     """Shape (2,) [mm]."""
     end: Coordinates
@@ -45,10 +45,12 @@ class ExtrudedProfile:
     """A closed profile, with the material on its left, and how far its faces extend along an axis."""
 
     point: Coordinates
-    """The origin of the profile, on the line along the axis through that of the part, at half its length [mm]."""
+    """The origin of the profile [mm]: in the middle of its length, on the line parallel to the axis through the part's
+    origin.
+    """
     axis: Array
     along: Array
-    """The direction of the profile's x; y is across the axis and x."""
+    """The direction of the profile's x; y is perpendicular to the axis and to x."""
     half_length: Millimetres
     pieces: tuple[ProfilePiece, ...]
 

@@ -9,11 +9,11 @@ from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres,
 from engine.cad.findings.common_area import common_area
 
 REACH = 1.0
-"""Largest gap of faces that could be a stop [mm]."""
+"""Largest gap between faces that could form a stop [mm]."""
 DEEPEST_OVERLAP = 0.1
-"""By which such faces may overlap as posed [mm]."""
+"""Largest overlap of such faces as posed [mm]."""
 LEAST_AREA = 0.25
-"""That two plane faces share [mm2]: what is less is a sliver, where an edge lies over another."""
+"""Smallest area shared by two plane faces [mm2]: anything less is a sliver, where one edge lies over another."""
 _PARALLEL = 1e-3  # rad
 _LEAST_SHARE = 1e-3  # of the smaller face; less is a corner over an edge
 
@@ -25,13 +25,13 @@ class FacingPlanes:
     faces: tuple[int, int]
     parts: tuple[str, str]
     gap: Millimetres
-    """Between them as posed [mm]; negative where the parts overlap."""
+    """Distance as posed [mm]; negative where the parts overlap."""
     area: SquareMillimetres
-    """That they share [mm2], to the chords of round edges."""
+    """Shared area [mm2], with round edges replaced by chords."""
     middle: Coordinates
-    """Of what they share, on the first face, shape (3,) [mm]."""
+    """Middle of the shared area, on the first face, shape (3,) [mm]."""
     normal: Array
-    """Of the first face, to the second, shape (3,)."""
+    """Normal of the first face, towards the second, shape (3,)."""
 
 
 def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:

@@ -20,22 +20,23 @@ class FacingRound:
     """A convex round face opposite a face of another part."""
 
     faces: tuple[int, int]
-    """Numbers: of the face that is touched, and of the round one."""
+    """Numbers of the touched face and of the round one."""
     parts: tuple[str, str]
-    """In the same order."""
+    """Names of the parts, in the same order."""
     gap: Millimetres
-    """Between them as posed [mm]; negative where the parts overlap."""
+    """Distance as posed [mm]; negative where the parts overlap."""
     middle: Coordinates
-    """Where they are nearest, on the first face, shape (3,) [mm]."""
+    """The nearest point on the first face, shape (3,) [mm]."""
     normal: Array
-    """Of the first face there, to the second, shape (3,)."""
+    """Normal of the first face at that point, towards the second, shape (3,)."""
     stretch: Stretch
-    """Along the axis of a cylinder, where the line begins and ends in which it could touch, from its point on, shape
-    (2,) [mm]; zeros of a ball."""
+    """Start and end of the line of possible contact along the axis of a cylinder, measured from its point, shape (2,)
+    [mm]; zeros for a sphere.
+    """
     is_estimate: bool = False
-    """Whether the gap is that to the triangles of a free-form face."""
+    """Whether the gap was measured to the triangles of a free-form face."""
     profile: ExtrudedProfile | None = None
-    """That the touched face is a piece of, where the round face could go on to the next one."""
+    """The profile of which the touched face is a piece, if the round face could move on to the next piece."""
 
     @property
     def length(self) -> float:

@@ -10,13 +10,13 @@ from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
 from engine.cad.findings.slots import slots_of
 
 LEAST_SPAN = radians(160.0)
-"""Of a hole and of a pin [rad]: less than half a turn holds nothing."""
+"""Smallest span of a hole and of a pin [rad]: less than half a turn holds nothing."""
 MOST_CLEARANCE = 0.3
-"""Difference of the radii [mm] up to which a pin is guided by a hole."""
+"""Largest difference of radii [mm] at which a hole still guides a pin."""
 MOST_EXCESS = 0.12
-"""Offset of the axes beyond the clearance [mm] that a pose in a drawing may have."""
+"""Largest offset of the axes beyond the clearance [mm] that a drawn pose may have."""
 _NEAR = 1.0
-"""Differences of radii and offsets [mm] up to which a pair is named when it is refused."""
+"""Differences of radii and offsets [mm] up to which a refused pair is reported."""
 _PARALLEL = radians(2.0)
 _ALIKE = 1e-6  # mm between two radii that count as equal
 
@@ -31,7 +31,7 @@ class Seat:
     hole_radius: Millimetres
     pin_radius: Millimetres
     start: Millimetres
-    """Station along the joint's axis, from its point on [mm]."""
+    """Position along the joint's axis, measured from its point [mm]."""
     end: Millimetres
 
 
@@ -44,18 +44,18 @@ class PinInHole:
     journal: str
     """The part with the pin."""
     point: Coordinates
-    """On the hole's axis, in the middle of its seats, shape (3,) [mm]."""
+    """On the hole's axis, midway along its seats, shape (3,) [mm]."""
     axis: Array
     journal_point: Coordinates
-    """On the pin's axis, at the same station, shape (3,) [mm]."""
+    """On the pin's axis, at the same position along it, shape (3,) [mm]."""
     journal_axis: Array
-    """Unit vector, the same way as `axis`."""
+    """Unit vector, pointing the same way as `axis`."""
     seats: tuple[Seat, ...]
-    """In their order along the axis."""
+    """Ordered along the axis."""
     radial_clearance: Millimetres
-    """As drawn: the smallest difference of radii; 0 where both are drawn with one radius."""
+    """As drawn, the smallest difference of radii; 0 if both have the same radius."""
     offset: Millimetres
-    """Largest distance of the two axes along the seats [mm]."""
+    """Largest distance between the two axes along the seats [mm]."""
     tilt: float
     """Angle between the two axes [rad]."""
 
@@ -80,7 +80,7 @@ class NearMiss:
     pin: int
     reason: str
     may_be_one: bool = False
-    """Whether only the limits of what is taken for a joint speak against it."""
+    """Whether it was refused only by the limits of this module."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class _Pair:
     hole: CadFace
     pin: CadFace
     start: float
-    """Along the hole's axis from its point [mm]."""
+    """Position along the hole's axis, measured from its point [mm]."""
     end: float
     offset: float
 

@@ -13,9 +13,9 @@ from engine.cad.findings.common_area import contains
 from engine.cad.triangle_distance import distance_to_triangles, nearest_on_triangles
 
 LEAST_LENGTH = 0.2
-"""Of the line in which a cylinder could touch [mm]: what is less is the corner of one face over another."""
+"""Shortest line of possible contact of a cylinder [mm]: anything shorter is a corner of one face over another."""
 WHOLE = tau - 0.01
-"""Of a cylinder [rad] from which on it is taken for one without an end around its axis."""
+"""Smallest span of a cylinder [rad] that counts as a full turn."""
 _PARALLEL = 1e-3  # rad
 _CLOSED = radians(190.0)  # a pin cannot leave a hole with a larger span: that is a joint, or none
 _INSIDE = 0.02  # rad from the edge of a rounding: anything closer belongs to the adjacent face

@@ -12,7 +12,7 @@ from engine.cad.findings.common_area import contains
 from engine.cad.findings.pins_in_holes import PinInHole
 
 MOST_PLAY = 1.0
-"""Axial play at one end [mm] up to which a face is taken for a flange."""
+"""Largest axial play at one end [mm] at which a face counts as a flange."""
 _DEEPEST_OVERLAP = 0.02  # mm
 _ACROSS = 1e-4  # rad between a plane's normal and the axis
 _WIDEST = 3.0  # multiple of the hole's radius
@@ -30,11 +30,11 @@ class ThrustFaces:
     bearing_face: int
     journal_face: int
     station: Millimetres
-    """Of the bearing's end face along the joint's axis, from its point on [mm]."""
+    """Position of the bearing's end face along the joint's axis, measured from its point [mm]."""
     play: Millimetres
-    """Distance of the two faces as posed [mm]; negative where they overlap."""
+    """Distance between the two faces as posed [mm]; negative where they overlap."""
     radius: Millimetres
-    """Largest circle about the axis that lies in both faces [mm]."""
+    """Radius of the largest circle about the axis that lies in both faces [mm]."""
 
 
 def thrust_faces(assembly: CadAssembly, joint: PinInHole, triangles: dict[int, Array]) -> list[ThrustFaces]:

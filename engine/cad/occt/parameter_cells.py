@@ -24,7 +24,7 @@ from OCP.TopoDS import TopoDS
 from engine.arrays import Array
 
 Cell = tuple[tuple[float, float], tuple[float, float]]
-"""Where a rectangle begins and ends along u, and along v."""
+"""The range of a rectangle along u, and along v."""
 
 _SAMPLES = 33  # of an edge that is not a straight line in the parameter plane
 _GRID = 5  # positions along u and along v where derivatives are evaluated

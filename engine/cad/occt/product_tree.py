@@ -24,7 +24,7 @@ class Instance:
     """One occurrence of a product in the assembly."""
 
     label: Any
-    """Of the product."""
+    """The label of the product in the document."""
     path: tuple[str, ...]
     placement: Placement
 

@@ -16,7 +16,9 @@ from engine.cad.occt.parameter_cells import Cell, parameter_cells
 _SWEPT = (GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion, GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution)
 _INEXACT = (GeomAbs_SurfaceType.GeomAbs_OffsetSurface, GeomAbs_SurfaceType.GeomAbs_OtherSurface)
 _INEXACT_CURVES = (GeomAbs_CurveType.GeomAbs_OffsetCurve, GeomAbs_CurveType.GeomAbs_OtherCurve)
-"""What is no B-spline, nor a rational one: OCCT would approximate it, for minutes where it is wavy."""
+"""Curves that are not B-splines, not even rational ones: OCCT would approximate them, which takes minutes for wavy
+ones.
+"""
 
 
 def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface, ...]:

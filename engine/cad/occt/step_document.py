@@ -40,17 +40,18 @@ class StepDocument:
     unit: str
     schema: str
     grams: float | None
-    """The unit of mass of its densities [g]; None if they have several, or one that is not known."""
+    """The unit of mass of its densities [g]; None if there are several, or if it is unknown."""
     signs: DeviationSigns
     dimensions_too_large: float
-    """By what factor all its dimensions are, where OCCT has written the file: it gives them in mm, and says they are in
-    the file's unit of length; 1 for a file of any other program."""
+    """Factor by which all its dimensions are too large. OCCT writes them in mm but declares them in the file's unit of
+    length; for files of all other programs the factor is 1.
+    """
     entities: int
-    """How many entities the file has."""
+    """Number of entities in the file."""
     unreadable: int
-    """How many of them cannot be read, or refer to others that are missing or of another type."""
+    """Number of entities that cannot be read or that refer to others that are missing or have the wrong type."""
     keep: Any
-    """The document, which must live as long as its tools."""
+    """The document, which must live as long as the tools."""
 
 
 def open_step(path: Path) -> StepDocument:

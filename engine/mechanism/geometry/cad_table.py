@@ -103,7 +103,7 @@ SELECTORS: dict[FeatureKind, type[TableModel]] = {
     "arc": SideArc,
     "surface": SideSurface,
 }
-"""The table that holds a selector alone, by its key."""
+"""The table that may hold the selector of a feature, by the feature's kind."""
 
 GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
     "hole": ("Line", "Side"),

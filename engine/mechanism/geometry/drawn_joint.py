@@ -16,7 +16,9 @@ from engine.mechanism.geometry.plain_numbers import length
 from engine.mechanism.geometry.sides import axis_of, line_side
 
 NO_PLAY = 1e-9
-"""Clearance in mm below which a pin and its hole are drawn with equal radii, besides what recognising them cost."""
+"""Clearance [mm] below which a pin and its hole count as drawn with equal radii, beyond the recognition gap of their
+faces.
+"""
 
 
 class NotAsDrawn(Exception):

@@ -7,7 +7,7 @@ from engine.cad import CadAssembly
 from engine.mechanism.geometry.plain_numbers import length
 
 PARALLEL = 1e-3
-"""Largest angle [rad] between axes that count as one direction."""
+"""Largest angle [rad] between axes that count as parallel."""
 
 _STEP = 1e-3  # mm: pictures need no more digits
 

@@ -26,7 +26,7 @@ _INSTEAD = {
     "cone": "write it as a turned profile, ",
     "torus": "write it as a turned profile, ",
 }
-"""What to write for a face that is no free form, by its kind."""
+"""What to write instead for a face that is not free-form, by its kind."""
 
 
 class NotASurface(Exception):

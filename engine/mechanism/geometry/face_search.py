@@ -13,13 +13,13 @@ from engine.mechanism.geometry.cad_table import NearPlace, RoundFace
 from engine.mechanism.geometry.plain_numbers import direction, lengths
 
 WITHIN = 0.5
-"""How far from its face a point may be [mm], unless the file says otherwise."""
+"""Largest distance of a point from its face [mm], unless the file sets another."""
 
 SAME_RADIUS = 1e-3
-"""How far a face's radius may be from the one that is given [mm]."""
+"""Largest difference between a face's radius and the one given [mm]."""
 
 COPLANAR = 1e-6
-"""Largest distance [mm] and angle [rad] between faces that are one plane."""
+"""Largest distance [mm] and angle [rad] between faces that count as one plane."""
 
 _LISTED = 6  # largest number of candidates in a message
 _T = TypeVar("_T", CadFace, CadEdge)

@@ -13,7 +13,7 @@ from engine.mechanism.geometry.geometry_certificate import DrawnGap
 from engine.mechanism.geometry.plain_numbers import length
 
 TOUCHING = 1e-7
-"""Distance [mm] below which OCCT takes shapes for touching."""
+"""Distance [mm] below which OCCT considers shapes to touch."""
 
 
 def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:

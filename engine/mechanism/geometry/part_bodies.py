@@ -12,7 +12,7 @@ from engine.mechanism.base import is_number
 from engine.mechanism.geometry.plain_numbers import direction, lengths, significant
 
 POSE = {"origin", "axis", "angle"}
-"""The keys of a body's pose: it is given whole, or comes whole from the part."""
+"""The keys of a body's pose: the file gives either all of them or none, and then the pose is that of the part."""
 
 
 class NoDensity(Exception):

@@ -7,7 +7,7 @@ import numpy as np
 from engine.arrays import Array
 
 DECIMALS = 12
-"""Of a length in mm and of a component of a direction; as many significant digits of masses and inertias."""
+"""Decimals of a length in mm and of a component of a direction; significant digits of masses and inertias."""
 
 
 def length(value: float, millimetre: float) -> float:

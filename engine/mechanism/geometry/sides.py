@@ -13,7 +13,7 @@ from engine.mechanism.geometry.face_search import PartSearch
 from engine.mechanism.geometry.plain_numbers import length
 
 ENDLESS_AGAINST = {"hole": ("ring",), "pin": ("ring", "plane", "disc", "rectangle")}
-"""The primitives on the other side that do not see the ends of a bore or a cylinder."""
+"""For each kind of side, the primitives opposite to it for which the ends of a bore or a cylinder do not count."""
 
 
 def feature_of(search: PartSearch, kind: FeatureKind, wanted: TableModel) -> CadFace | CadEdge:

@@ -19,13 +19,13 @@ class Joint(PairLaw):
 
     SIDES: ClassVar[tuple[str, str]]
     CLEARANCE: ClassVar[str] = ""
-    """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
+    """The key for which the joint's name alone stands; empty if the joint exists only as an ideal one."""
 
     CLEARANCES: ClassVar[tuple[str, ...]] = ()
     """The keys of all numbers that are only added to the gaps of the joint's contacts, see `face_clearance`."""
 
     DIRECTION: ClassVar[str] = "axis"
-    """What the direction of a side is called."""
+    """The key that gives the direction of a side."""
 
     type: str = Field(description="the kind of joint")
 

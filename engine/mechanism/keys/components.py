@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 At = tuple[int, ...]
-"""Where a number stands in lists in each other."""
+"""Indices of a number in nested lists."""
 
 Kind = TypeVar("Kind")
 

@@ -31,7 +31,7 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
     "max": (2, max),
     "radians": (1, math.radians),
 }
-"""Name -> number of arguments, and the function. Angles are in rad."""
+"""Name -> number of arguments and the function. Angles are in rad."""
 
 CONSTANTS = {"pi": math.pi}
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

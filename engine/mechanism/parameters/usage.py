@@ -13,7 +13,7 @@ _OF_AN_ANGLE = ("sin", "cos", "tan")
 
 
 Uses = dict[str, dict[str, str]]
-"""Name of a parameter -> unit in which it is used -> one of the keys where it is."""
+"""Name of a parameter -> unit in which it is used -> one of the keys that use it."""
 
 
 def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, scaled: bool) -> Uses:
