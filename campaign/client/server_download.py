@@ -52,4 +52,4 @@ def downloaded_table(connection: ServerConnection, path: str, params: dict[str, 
     try:
         return pa.ipc.open_stream(content.getvalue()).read_all()
     except pa.ArrowException as error:
-        raise StoreError(f"server {connection.address}: what it sent is no table ({error})") from error
+        raise StoreError(f"server {connection.address}: what it sent is not a table ({error})") from error

@@ -21,7 +21,11 @@ from reporting.render.page_templates import page_environment
 
 _FILES = resources.files("campaign.import_page") / "static"
 _ABOUT = re.compile(r"(bodies|joints)\.([\w-]+)")
-KINDS = {"joint": "Joints", "facing": "Faces that could be stops", "no joint": "Pins and holes that are no joint"}
+KINDS = {
+    "joint": "Joints",
+    "facing": "Faces that could be stops",
+    "no joint": "Pins and holes that form no joint",
+}
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ def repeats_of(store: Store, plan: Plan) -> Repeats:
 def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
     """Return advice on how to get more repeats; empty if all samples are repeated."""
     if differences(plan.row_build):
-        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it anew."
+        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it again."
     if is_missing:
         return f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
     share = repeated_shares(store, plan)[-1]

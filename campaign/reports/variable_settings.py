@@ -114,7 +114,7 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
             raise SpecError(
-                f"--set {setting}: {part} is no table; allowed: VARIABLE.KEY=VALUE with a key of the variable"
+                f"--set {setting}: {part} is not a table; allowed: VARIABLE.KEY=VALUE with a key of the variable"
             )
     if not text:
         table.pop(last, None)

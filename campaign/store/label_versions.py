@@ -97,7 +97,7 @@ def claim(store: Store, campaign_id: str, wanted: LabelChange, by: str = "") -> 
 def _stale(campaign_id: str, labels: Labels) -> StaleLabels:
     who = f" by {labels.changed_by}" if labels.changed_by else ""
     return StaleLabels(
-        f"the labels of {campaign_id} were changed meanwhile{who}: they are version {labels.version} now;"
+        f"the labels of {campaign_id} have been changed{who} and are now version {labels.version};"
         " look at them and change them again"
     )
 

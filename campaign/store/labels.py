@@ -163,7 +163,7 @@ def _tag(text: Any) -> str:
 def _plain(what: str, text: Any, longest: int, keep: str = "") -> str:
     """Return a text in Unicode form NFC, stripped; SpecError if it is too long or contains hidden characters."""
     if not isinstance(text, str):
-        raise SpecError(f"{what}: {text!r:.40} is no text")
+        raise SpecError(f"{what}: {text!r:.40} is not text")
     normal = unicodedata.normalize("NFC", text).strip()
     if len(normal) > longest:
         raise SpecError(f"{what}: has {len(normal)} characters; allowed: up to {longest}")

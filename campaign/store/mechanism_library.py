@@ -97,9 +97,7 @@ def save_mechanism(store: Store, name: str, text: str, by: str, version: int | N
         raise SpecError(f"mechanism {name}: has more than {LARGEST_TEXT} bytes")
     newest = saved_mechanisms(store).get(name, 0)
     if version is not None and newest != version:
-        raise StaleMechanism(
-            f"mechanism {name}: somebody saved version {newest} meanwhile; look at it and save yours again"
-        )
+        raise StaleMechanism(f"mechanism {name}: somebody has saved version {newest}; look at it and save yours again")
     saved = SavedMechanism(name, newest + 1, text, by, time.time())
     document = {"text": text, "by": by, "time": saved.at}
     if not store.create_json(FOLDER, _file(name, saved.version), document):

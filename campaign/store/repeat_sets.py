@@ -56,7 +56,7 @@ def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
     if len(numbers) < len(shares) or not all(a < b <= 1.0 for a, b in pairwise(numbers)):
         raise StoreError(
             f"store {store.url}: {plan.campaign_id}/{REPEATS} says shares = {added!r:.60}; allowed: rising numbers"
-            f" above {plan.repeats:g}, up to 1; restore it, or remove it and repeat samples anew with clearcap repeat"
+            f" above {plan.repeats:g}, up to 1; restore it, or remove it and repeat samples again with clearcap repeat"
         )
     return tuple(map(float, numbers))
 

@@ -44,7 +44,7 @@ def check_settings(settings: Settings) -> None:
             ip_network(proxy)
         except ValueError as error:
             raise SpecError(
-                f"--proxy {proxy!r:.100}: is no address and no network ({error}); write for example 10.1.2.3"
+                f"--proxy {proxy!r:.100}: is neither an address nor a network ({error}); write for example 10.1.2.3"
             ) from error
     if settings.is_local and settings.host not in LOOPBACK:
         raise SpecError(

@@ -236,7 +236,7 @@ def _key(path: Path) -> Ed25519PrivateKey:
     try:
         key = load_pem_private_key(read_regular_file(path, _LARGEST_KEY), None)
     except (ValueError, TypeError) as error:
-        raise SpecError(f"{path}: is no key of sign-offs ({error}); restore it from a backup") from error
+        raise SpecError(f"{path}: is not a sign-off key ({error}); restore it from a backup") from error
     if not isinstance(key, Ed25519PrivateKey):
         raise SpecError(f"{path}: is a key of another kind than Ed25519; restore it from a backup")
     return key

@@ -60,7 +60,9 @@ def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
         raise CadError(f"{path}: cannot be read ({reason.lower()}); give a STEP file{_smaller(reason)}") from None
     if _BEGINNING not in content[:1000]:
         kind = content_kind(content, "STEP") if content else "is empty; give a STEP file"
-        raise CadError(f"{path}: {kind or 'is no STEP file: it does not begin with ISO-10303-21; export it as STEP'}")
+        raise CadError(
+            f"{path}: {kind or 'is not a STEP file: it lacks the first line ISO-10303-21; export it as STEP'}"
+        )
     if _END not in content[-1000:]:
         raise CadError(f"{path}: was cut off: it does not end with {_END.decode()} Export or copy it again")
     return content

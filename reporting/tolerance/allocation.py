@@ -166,8 +166,9 @@ def _of_correlated(proposal: Allocation) -> Allocation:
         note = "The variables are correlated: the targets hold with the correlations, but a cheaper set may exist."
         return replace(proposal, notes=(*proposal.notes, note))
     refusal = (
-        "the variables are correlated, so a response's variance is no sum of their shares, and the samples cannot be"
-        " reweighted to cheaper tolerances; bring the bounds nearer to the present ones, or lock correlated variables"
+        "the variables are correlated, so a response's variance is not the sum of their shares, and the samples"
+        " cannot be reweighted to cheaper tolerances; bring the bounds nearer to the present ones, or lock correlated"
+        " variables"
     )
     return replace(proposal, tolerances={}, factors={}, cost=None, responses=(), processes={}, refusal=refusal)
 

@@ -47,7 +47,7 @@ def design(
         _print(aimed)
         print_text(f"wrote {path}; compute it with: {opened.command('run', str(path))}")
     if not any(target.centres for target in aimed.targets):
-        say("no limit needs a component of its own: one wide component bounds what no run has shown")
+        say("no limit needs a separate component: one wide component bounds what no run has shown")
 
 
 def _plain(aimed: "AimedCampaign") -> dict[str, object]:

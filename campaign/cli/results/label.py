@@ -20,7 +20,7 @@ def label(
     untag: Untag = [],  # noqa: B006
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="A note, instead of the present one.")] = None,
     archive: Annotated[
-        bool | None, typer.Option("--archive/--restore", help="Leave it out of lists; or show it again.")
+        bool | None, typer.Option("--archive/--restore", help="Leave it out of lists, or show it again.")
     ] = None,
     version: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Refuse if the labels have another version.")

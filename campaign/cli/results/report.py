@@ -22,7 +22,7 @@ def report(
         typer.Option(metavar="DIR", help="With --server: where the files go; by default a folder with the id's name."),
     ] = None,
     against: Annotated[
-        str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a document of its own.")
+        str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a separate document.")
     ] = None,
     pdf: Annotated[
         bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")

@@ -177,5 +177,5 @@ def _without_top(path: Path, names: list[str]) -> tuple[str, list[str]]:
     """Return the single folder that all names begin with, and the names below it."""
     tops = {name.split("/")[0] for name in names}
     if len(tops) != 1 or any("/" not in name for name in names):
-        raise UnfitArchive(f"{path}: is no export: it does not hold the folder of one campaign")
+        raise UnfitArchive(f"{path}: is not an export: it does not hold the folder of one campaign")
     return tops.pop(), [name.partition("/")[2] for name in names]

@@ -100,7 +100,7 @@ def verify_export(archive: Archive, key: str | None = None) -> Verification:
         if signed and signoff.campaign != signed[0].signoff.campaign:
             faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
         if signoff.previous != previous:
-            faults.append(f"sign-off {number}: does not follow the one before: one was taken out or put in")
+            faults.append(f"sign-off {number}: does not follow the one before: one was removed or inserted")
         previous = sha256(document)
         signed.append(VerifiedSignoff(number, signoff, differences(signoff.files, found)))
     if signed and signed[-1].differences:
@@ -119,7 +119,7 @@ def _public_key(archive: Archive) -> Ed25519PublicKey:
     try:
         key = load_pem_public_key(archive.read(KEY, _LARGEST_KEY))
     except (ValueError, UnsupportedAlgorithm) as error:
-        raise UnfitArchive(f"{KEY}: is no public key; get the export from the server again") from error
+        raise UnfitArchive(f"{KEY}: is not a public key; get the export from the server again") from error
     if not isinstance(key, Ed25519PublicKey):
         raise UnfitArchive(f"{KEY}: is a key of another kind than Ed25519; a server has none of that kind")
     return key

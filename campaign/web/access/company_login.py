@@ -137,7 +137,7 @@ class CompanyLogin:
         if not hmac.compare_digest(begun["state"].encode(), answer.get("state", "").encode(errors="replace")):
             raise LoginFault("this is not the answer to the login that this browser began; log in again")
         if answer.get("iss", self._oidc.issuer) != self._oidc.issuer:
-            raise LoginFault("this answer is from another login service; log in again")
+            raise LoginFault("this answer comes from another login service; log in again")
         if "error" in answer or not answer.get("code"):
             word = answer.get("error", "no code")
             raise LoginFault(f"the login service refused: {word if re.fullmatch('[a-z_ ]{1,60}', word) else 'error'}")
@@ -187,7 +187,7 @@ class CompanyLogin:
         if self._metadata is None or time.monotonic() - self._metadata[0] > METADATA_LIVES:
             document = self._fetch(f"{self._oidc.issuer.rstrip('/')}/.well-known/openid-configuration")
             if document.get("issuer") != self._oidc.issuer:
-                raise LoginFault("the login service says that it is another issuer than oidc.issuer", is_outage=True)
+                raise LoginFault("the login service states an issuer other than oidc.issuer", is_outage=True)
             for key in ("authorization_endpoint", "token_endpoint", "jwks_uri"):
                 if not str(document.get(key)).startswith("https://"):
                     raise LoginFault(f"the login service names no {key} with https", is_outage=True)

@@ -110,7 +110,7 @@ class Database:
             self._connection.close()
             if _is_of_disk(error):
                 raise self._unusable(error) from error
-            raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
+            raise SpecError(f"{path}: is not the database of a server ({error}); restore it from a backup") from error
 
     def _prepare(self) -> None:
         """Create the tables of a new file, upgrade those of an old one, and refuse those of a later clearcap."""

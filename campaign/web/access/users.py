@@ -96,7 +96,7 @@ class Users:
                     (name, role.word, kept, subject, time.time()),
                 )
         except IntegrityError as error:
-            raise CampaignError(f"name = {name}: there is a user of this name; choose another") from error
+            raise CampaignError(f"name = {name}: a user of this name exists already; choose another") from error
         user = self.get(name)
         assert user is not None
         return user
@@ -116,7 +116,7 @@ class Users:
             If no enabled admin would be left.
         """
         if self.get(name) is None:
-            raise SpecError(f"name = {name!r:.80}: there is no user of this name")
+            raise SpecError(f"name = {name!r:.80}: no user has this name")
         kept = None if password is None else hash_password(_checked(password))
         with self._database.write() as connection:
             if role is not None:

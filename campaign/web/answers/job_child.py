@@ -79,7 +79,7 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
         if isinstance(error, EngineError):
             return _failure("SpecError", str(error), error), b""
         traceback.print_exc()
-        message = f"it failed for a reason of the program's own ({type(error).__name__}); the server's log says more"
+        message = f"it failed because of a bug in the program ({type(error).__name__}); the server's log says more"
         return _failure("JobFailed", message), b""
     finally:
         resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.getrlimit(resource.RLIMIT_CPU)[1]))

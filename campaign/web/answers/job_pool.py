@@ -178,7 +178,7 @@ class JobPool:
             self._idle.remove(task)
             self._replace(task)
         if not self._idle:
-            raise JobPostponed("the server ends, and has no process for it; try again when the next one serves")
+            raise JobPostponed("the server is shutting down; try again when it is back")
         warm = next((task for task in reversed(self._idle) if task.done()), self._idle[-1])
         self._idle.remove(warm)
         return warm

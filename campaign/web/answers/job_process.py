@@ -98,7 +98,7 @@ class JobProcess:
                 content = await stdout.readexactly(head["size"])
         except TimeoutError:
             raise JobPostponed(
-                f"it takes longer than {limits.wall_s:g} s, most of which it waits; try again later, or ask for less"
+                f"it takes longer than {limits.wall_s:g} s, most of it waiting; try again later, or ask for less"
             ) from None
         except (asyncio.IncompleteReadError, ConnectionError):
             raise await self._why_ended(limits) from None

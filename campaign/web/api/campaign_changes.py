@@ -39,7 +39,7 @@ def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """End a campaign; finished rows are kept, and `resume` continues it."""
     before = cancel_campaign(service.store, campaign)
     service.watcher.hurry(campaign)
-    note = "it is completed; nothing to cancel" if before == "completed" else "its workers end within some seconds"
+    note = "it is completed; nothing to cancel" if before == "completed" else "its workers stop within seconds"
     return Done(campaign=campaign, before=before, note=note)
 
 
@@ -61,7 +61,7 @@ class FailedRows(BaseModel):
     statuses: list[FailedStatus] = Field(
         default=[],
         max_length=len(FailedStatus),
-        description="All that failed if there are none",
+        description="All failed samples if absent",
         examples=[["crashed"]],
     )
 
@@ -76,7 +76,7 @@ def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: Fai
     failed = {status: n for status, n in store.survey(store.plan_header(campaign)).statuses.items() if status != "ok"}
     count = sum(n for status, n in failed.items() if not wanted.statuses or status in wanted.statuses)
     if not count:
-        return Done(campaign=campaign, before=before, note="no run failed so; nothing to compute")
+        return Done(campaign=campaign, before=before, note="no run failed with this status; nothing to compute")
     request_rerun(store, campaign, wanted.statuses, who.name)
     store.remove(campaign, CANCEL)
     write_state(store, campaign, "queued", f"{count} failed rows will be computed again")
@@ -115,7 +115,7 @@ def delete(
     service: TheService,
     campaign: TheCampaign,
     who: Engineer,
-    confirm: Annotated[str, Header(alias="X-Confirm", description="The id once more: rows are lost for ever")] = "",
+    confirm: Annotated[str, Header(alias="X-Confirm", description="The id again: rows are lost for ever")] = "",
 ) -> Response:
     """Delete a campaign with all its rows; only its owner and admins may, and not if it is signed."""
     entry = service.watcher.index.entry(campaign)

@@ -34,10 +34,10 @@ class Listing(BaseModel):
     total: int = Field(description="Campaigns that match the search", examples=[1])
     next: str | None = Field(description="Cursor of the next page; null on the last one")
     unread: int = Field(
-        description="Campaigns of the store that are still to be read and not listed yet; ask again until it is 0",
+        description="Number of campaigns in the store that have not been read and listed yet; ask again until it is 0",
         examples=[0],
     )
-    fault: str = Field(description="Why the store cannot be read now, and the list is an earlier one; empty if it can")
+    fault: str = Field(description="Why the store cannot be read and the list is an earlier one; empty if it can")
 
 
 class ListQuestion(BaseModel):
@@ -45,9 +45,9 @@ class ListQuestion(BaseModel):
 
     search: str = Field("", max_length=200, description="Part of the id, title, owner, tags, or note")
     owner: str | None = Field(None, max_length=200)
-    tag: list[str] = Field(default=[], max_length=20, description="Campaigns have all of these")
+    tag: list[str] = Field(default=[], max_length=20, description="Only campaigns with all of these tags")
     state: str | None = Field(None, pattern=f"^({'|'.join(LISTED_STATES)})$")
-    archived: bool = Field(False, description="Also those that are archived")
+    archived: bool = Field(False, description="Include archived campaigns")
     sort: str = Field("newest", pattern=f"^({'|'.join(ORDERS)})$")
 
     @field_validator("state", mode="before")

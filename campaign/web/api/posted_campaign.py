@@ -156,7 +156,7 @@ async def _text(value: UploadFile | str) -> str:
     try:
         return (await value.read()).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise Refusal(422, f"campaign: is no text in UTF-8 ({error.reason} at byte {error.start})") from error
+        raise Refusal(422, f"campaign: is not UTF-8 text ({error.reason} at byte {error.start})") from error
 
 
 PostedCampaign = Annotated[CampaignRequest, Depends(posted_campaign)]

@@ -22,7 +22,7 @@ Setting = Annotated[str, Field(max_length=LONGEST_SETTING)]
 Settings = Annotated[
     list[Setting], Query(max_length=MOST_SETTINGS, description="VARIABLE.KEY=VALUE", examples=[["J1.std=0.01"]])
 ]
-Preview = Annotated[bool, Query(description="Of a large campaign take only the first 100,000 samples, and say so")]
+Preview = Annotated[bool, Query(description="For a large campaign, use only the first 100,000 samples, and say so")]
 OtherCampaign = Annotated[
     str, Path(pattern=PATTERN, description="Id of the other campaign", examples=["c60-5e6f7a8b9c"])
 ]
@@ -54,7 +54,7 @@ class WhatIfRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     set: list[Setting] = Field(max_length=MOST_SETTINGS, description="VARIABLE.KEY=VALUE", examples=[["J1.std=0.01"]])
-    preview: bool = Field(False, description="Of a large campaign take only the first 100,000 samples, and say so")
+    preview: bool = Field(False, description="For a large campaign, use only the first 100,000 samples, and say so")
 
 
 class CostRequest(BaseModel):

@@ -28,10 +28,10 @@ class RowsQuestion(BaseModel):
     """The format, rows and columns of an export."""
 
     format: str = Field("arrow", pattern="^(arrow|parquet|csv)$", examples=["parquet"])
-    columns: list[str] = Field([], max_length=MOST_COLUMNS, description="In this order; all if left out")
+    columns: list[str] = Field([], max_length=MOST_COLUMNS, description="Columns, in this order; all if absent")
     first: int | None = Field(None, ge=0, lt=2**53, description="Least sample", examples=[0])
     last: int | None = Field(None, ge=0, lt=2**53, description="Largest sample", examples=[999])
-    status: list[str] = Field([], max_length=20, description="Statuses of runs; all if left out", examples=[["ok"]])
+    status: list[str] = Field([], max_length=20, description="Statuses of runs; all if absent", examples=[["ok"]])
 
 
 @router.get(

@@ -44,7 +44,9 @@ class ListedSample(BaseModel):
     status: str = Field(examples=["ok"])
     message: str
     responses: dict[str, float | None] = Field(description="Null where the run has no value")
-    margin: float | None = Field(description="Least distance of a response from its limit, in its standard deviations")
+    margin: float | None = Field(
+        description="Smallest distance of a response from its limit, in its standard deviations"
+    )
     nearest: str | None = Field(description="The response whose limit is nearest")
 
 
@@ -60,7 +62,7 @@ class SampleQuestion(BaseModel):
     """The filter, order and page of a list of samples."""
 
     sort: str = Field("margin", pattern="^(margin|sample)$", description="`margin`: the worst first")
-    status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one way of failing", examples=["ok"])
+    status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one failed status", examples=["ok"])
     cursor: int = Field(0, ge=0, le=10**9, description="From the page before")
     limit: int = Field(ON_A_PAGE, ge=1, le=MOST_ON_A_PAGE)
 
@@ -75,7 +77,7 @@ class StoredSample(BaseModel):
     variables: dict[str, float]
     responses: dict[str, float | None] = Field(description="Null where the run has no value")
     units: dict[str, str] = Field(description="Of variables, responses and the certificate")
-    certificate: dict[str, Any] = Field(description="What the run proves of itself")
+    certificate: dict[str, Any] = Field(description="The certificate of the run")
 
 
 class ReplayedSample(BaseModel):

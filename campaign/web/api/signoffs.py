@@ -100,7 +100,7 @@ def one_at_a_time() -> Iterator[None]:
     try:
         yield
     except TimeoutError as error:
-        busy = "the files of campaigns are read for others now; try again in a minute"
+        busy = "the server is reading files of campaigns for other users; try again in a minute"
         raise Refusal(503, busy, headers={"Retry-After": "60"}) from error
 
 
@@ -117,7 +117,7 @@ def list_signoffs(
     service: TheService,
     campaign: TheCampaign,
     _: Asking,
-    check: bool = Query(False, description="Read every file again, also those that seem to be as they were"),
+    check: bool = Query(False, description="Read every file again, including those that seem unchanged"),
 ) -> SignoffList:
     """List who signed a campaign, and whether it has changed since."""
     with one_at_a_time():
@@ -172,6 +172,6 @@ def signed(request: Request, service: Service, campaign: str, who: Principal, si
 def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> StreamingResponse:
     """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
     if not service.is_signed(campaign):
-        raise Refusal(409, f"nobody has signed {campaign}; an approver signs it, then it can be exported")
+        raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
     headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
     return StreamingResponse(service.signatory.export(campaign), media_type="application/zip", headers=headers)

@@ -38,10 +38,10 @@ class SimulatedRun(BaseModel):
 
     status: str = Field(examples=["ok"])
     message: str
-    responses: dict[str, float | None] = Field(description="What was measured; null where nothing was")
+    responses: dict[str, float | None] = Field(description="The measured values; null if there is none")
     units: dict[str, str]
     ranges: dict[str, list[float]] = Field(description="Least and largest contact force at rest that friction allows")
-    certificate: dict[str, Any] = Field(description="What the run proves of itself")
+    certificate: dict[str, Any] = Field(description="The certificate of the run")
 
 
 @router.post("/simulations", responses=described(404, 409))

@@ -64,7 +64,7 @@ class SubmittedCampaign(BaseModel):
 
 
 _MADE: dict[int | str, dict[str, Any]] = {
-    200: {"model": SubmittedCampaign, "description": "The store had it already"},
+    200: {"model": SubmittedCampaign, "description": "The store already had it"},
     201: {"headers": {"Location": {"schema": {"type": "string"}, "description": "The campaign"}}},
 }
 
@@ -167,9 +167,9 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
     finally:
         service.submitting[who.name] -= 1
     await service.watcher.list_campaigns(made["campaign"])
-    note = "" if made["is_new"] else f"the store had it already; its owner is {made['owner'] or 'nobody'}"
+    note = "" if made["is_new"] else f"the store already had it; its owner is {made['owner'] or 'nobody'}"
     if made["is_new"] and made["reuse"] and job is extend_campaign:
-        note = f"all rows are computed anew: {made['reuse']}"
+        note = f"all rows are computed again: {made['reuse']}"
     return SubmittedCampaign(**{**made, "cost": cost_of(service, made), "note": note})
 
 

@@ -56,7 +56,7 @@ async def upload_form(
     try:
         text = unix_lines(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise Refusal(422, f"file: is no text in UTF-8 ({error.reason} at byte {error.start})") from error
+        raise Refusal(422, f"file: is not UTF-8 text ({error.reason} at byte {error.start})") from error
     if len(content) > LONGEST_TEXT:
         raise Refusal(422, f"file: has more than {LONGEST_TEXT} bytes; a mechanism is a TOML file")
     return await _edited(request, service, who, MechanismEdit(name, text, None, is_saved=True))

@@ -161,7 +161,7 @@ async def _text_of(upload: UploadFile) -> str:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise Refusal(422, f"{upload.filename:.100}: is no text; send it with the API instead") from error
+        raise Refusal(422, f"{upload.filename:.100}: is not text; send it with the API instead") from error
     if len(content) > LONGEST_TEXT:
         raise Refusal(422, f"{upload.filename:.100}: has more than {LONGEST_TEXT} bytes; send it with the API instead")
     return unix_lines(text)

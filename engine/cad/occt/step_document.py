@@ -70,7 +70,7 @@ def open_step(path: Path) -> StepDocument:
     reader.SetMatMode(True)
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise UnreadableStep("is no STEP file that can be read, or was cut off; export or copy it again")
+        raise UnreadableStep("is not a readable STEP file, or it was cut off; export or copy it again")
     unit, millimetres = _unit(reader)
     model = reader.ChangeReader().StepModel()
     header = APIHeaderSection_MakeHeader(model)

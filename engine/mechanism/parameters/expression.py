@@ -111,7 +111,7 @@ def evaluate(node: Node, values: Mapping[str, float]) -> float:
     except (ValueError, OverflowError, ZeroDivisionError):
         result = math.nan
     if not math.isfinite(result):
-        raise ExpressionFault(f"{_shown(operation, numbers)} is no finite number; change the expression or a parameter")
+        raise ExpressionFault(f"{_shown(operation, numbers)} is not a finite number; change the expression")
     return result
 
 
@@ -181,7 +181,7 @@ class ExpressionReader:
         kind, text = self._token
         if kind == "number":
             if not math.isfinite(float(self._take()[1])):
-                raise ExpressionFault(f"{text} is no finite number; correct it")
+                raise ExpressionFault(f"{text} is not a finite number; correct it")
             return float(text)
         if kind == "name":
             self._take()
@@ -199,7 +199,7 @@ class ExpressionReader:
     def _function(self, name: str) -> Node:
         """Read the arguments of a function."""
         if name not in FUNCTIONS:
-            raise ExpressionFault(f"{name}(...) is no function; allowed: {', '.join(FUNCTIONS)}; write * for a product")
+            raise ExpressionFault(f"{name}(...) is not a function; allowed: {', '.join(FUNCTIONS)}; a product needs *")
         self._take()
         arguments = [self.operation(1)]
         for _ in range(FUNCTIONS[name][0] - 1):

@@ -80,6 +80,5 @@ def _fault(name: str, entry: Any, table: Mapping[str, Any], *, suggest: bool) ->
         return str(fault)
     if not unknown:
         return ""
-    return (
-        f"{unknown[0]} is no parameter; define it in [parameters]{did_you_mean(unknown[0], table) if suggest else ''}"
-    )
+    meant = did_you_mean(unknown[0], table) if suggest else ""
+    return f"{unknown[0]} is not a parameter; define it in [parameters]{meant}"

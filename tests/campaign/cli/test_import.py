@@ -109,7 +109,7 @@ def test_open_questions_of_a_campaign(folder, caplog):
     [
         (["none.step", "-o", "x.toml"], "cannot be read"),
         (["latch.step", "-o", "x.txt"], "unknown ending"),
-        (["latch.toml", "-o", "x.toml"], "is no STEP file"),
+        (["latch.toml", "-o", "x.toml"], "is not a STEP file"),
     ],
 )
 def test_refused(folder, words, said):

@@ -14,7 +14,7 @@ from campaign.store.labels import LONGEST_NOTE, LONGEST_OWNER, LONGEST_TAG, Labe
         ({"owner": "a" * (LONGEST_OWNER + 1)}, f"owner: has {LONGEST_OWNER + 1} characters; allowed: up to"),
         ({"owner": "a\nb"}, r"owner: has the hidden character U\+000A"),
         ({"owner": "a\u202eb"}, r"owner: has the hidden character U\+202E"),
-        ({"owner": 7}, "owner: 7 is no text"),
+        ({"owner": 7}, "owner: 7 is not text"),
         ({"note": "a" * (LONGEST_NOTE + 1)}, "note: has"),
         ({"note": "\x1b[31m"}, r"note: has the hidden character U\+001B"),
         ({"add": ("two words",)}, "tag 'two words': not allowed; a tag has letters"),

@@ -72,7 +72,7 @@ def test_a_full_cache(own_cache, monkeypatch):
     [
         (b"", "is empty; give a STEP file"),
         (b"PK\x03\x04" + bytes(2000), "is a workbook or another ZIP archive; name a STEP file"),
-        (b"solid cube\nfacet normal 0 0 1\n", "is no STEP file: it does not begin with ISO-10303-21;"),
+        (b"solid cube\nfacet normal 0 0 1\n", "is not a STEP file: it lacks the first line ISO-10303-21;"),
         (LATCH.read_bytes()[:50_000], "was cut off: it does not end with END-ISO-10303-21;"),
     ],
 )

@@ -37,7 +37,7 @@ def test_nothing_to_aim_at(tmp_path, capsys, monkeypatch):
     words = ("design", "--store", tmp_path / "runs", "--output", tmp_path / "rare.toml")
     code, _, err = clearcap_here(capsys, monkeypatch, *words)
     assert code == 0
-    assert "no limit needs a component of its own" in err
+    assert "no limit needs a separate component" in err
     code, _, err = clearcap_here(capsys, monkeypatch, *words[:-1], tmp_path / "rare.txt")
     assert code == 2
     assert "unknown ending" in err

@@ -39,7 +39,7 @@ def test_labels_are_changed_and_shown(store, plan, say):
     assert (code, json.loads(printed)) == (0, {"campaign": name, "store": store.url, **changed})
     code, _, said = say("bob", "label", name, "--note", "", "--version", "1")
     assert code == 1
-    assert "changed meanwhile by zoe: they are version 2 now" in said
+    assert "changed by zoe and are now version 2" in said
     code, _, said = say("bob", "label", name, "--tag", "two words")
     assert code == 2
     assert "tag 'two words': not allowed" in said

@@ -165,7 +165,7 @@ def test_changed_zip_is_found_or_the_same(exported, tmp_path, data):
         (lambda c: (c / "signoffs/note.txt").write_text("{}"), "signoffs/note.txt belongs to no sign-off"),
         (lambda c: (c / "signoffs/0002.sig").write_bytes(bytes(64)), "sign-off 2: signoffs/0002.json was changed"),
         (lambda c: (c / "signoffs/0002.sig").write_bytes(bytes(99)), "sign-off 2"),
-        (lambda c: (c / "signoffs/key.pem").write_text("x"), "is no public key"),
+        (lambda c: (c / "signoffs/key.pem").write_text("x"), "is not a public key"),
         (lambda c: (c / "signoffs/key.pem").unlink(), "signoffs/key.pem is missing"),
         (lambda c: (c / "report/link").symlink_to("/etc/passwd"), "is a link"),
     ],

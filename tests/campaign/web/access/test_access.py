@@ -58,7 +58,7 @@ def test_later_database_is_refused(tmp_path):
 
 def test_other_file_is_refused(tmp_path):
     (tmp_path / "x").write_bytes(b"no database at all" * 100)
-    with pytest.raises(SpecError, match="is no database"):
+    with pytest.raises(SpecError, match="is not the database"):
         Database(tmp_path / "x")
 
 
@@ -156,7 +156,7 @@ def test_name_is_refused(users, name):
 
 
 def test_name_is_taken(users):
-    with pytest.raises(CampaignError, match="there is a user of this name"):
+    with pytest.raises(CampaignError, match="a user of this name exists already"):
         users.add("ada", Role.VIEWER)
 
 

@@ -86,7 +86,7 @@ def test_errors_of_the_input_come_as_what_they_are():
         (partial(strange_jobs.raw, 3 << 20), LIMITS, JobTooLarge, "more than 1 MiB"),
         (strange_jobs.crash, LIMITS, JobFailed, r"by signal 11 \(Segmentation fault\)"),
         (strange_jobs.leave, LIMITS, JobFailed, "with exit status 7"),
-        (strange_jobs.bug, LIMITS, JobFailed, r"reason of the program's own \(KeyError\)"),
+        (strange_jobs.bug, LIMITS, JobFailed, r"a bug in the program \(KeyError\)"),
     ],
 )
 def test_a_job_that_goes_wrong_is_one_clear_error_and_its_process_is_replaced(job, limits, kind, words, caplog):
@@ -221,7 +221,7 @@ def test_jobs_end_with_the_pool():
     running, waiting = asyncio.run(leave())
     assert isinstance(running, JobFailed)
     assert isinstance(waiting, JobPostponed)
-    assert "the server ends" in str(waiting)
+    assert "the server is shutting down" in str(waiting)
 
 
 def test_nothing_is_left_of_a_pool():

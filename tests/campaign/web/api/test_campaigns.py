@@ -166,7 +166,7 @@ def test_labels(client, as_user, at):
     assert (entry["owner"], entry["tags"], entry["labels_version"]) == ("eva", ["a"], 1)
     answer = client.patch(f"{at}/labels", json={"note": "n", "version": 0}, headers=headers)
     assert answer.status_code == 409
-    assert "version 1 now" in answer.json()["detail"]
+    assert "are now version 1" in answer.json()["detail"]
     assert client.patch(f"{at}/labels", json={"add_tags": ["a b"]}, headers=headers).status_code == 422
     assert client.patch(f"{at}/labels", json={"owners": "eva"}, headers=headers).status_code == 422
 

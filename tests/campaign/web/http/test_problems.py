@@ -44,7 +44,7 @@ def test_bug_is_no_refusal():
 @pytest.mark.parametrize(
     ("job", "status", "words"),
     [
-        (strange_jobs.answer_by_a_bug, 500, "the program's own (KeyError)"),
+        (strange_jobs.answer_by_a_bug, 500, "a bug in the program (KeyError)"),
         (strange_jobs.answer_too_much, 422, "its answer has more than 64 MiB; ask for less"),
     ],
 )

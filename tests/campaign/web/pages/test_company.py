@@ -226,7 +226,7 @@ def test_wrong_signature(service, company, log_in, sign):
         ({"code": "another"}, "does not accept its own answer"),
         ({"error": "access_denied"}, "refused: access_denied"),
         ({"error": "<script>"}, "refused: error"),
-        ({"iss": "https://evil.example"}, "another login service"),
+        ({"iss": "https://evil.example"}, "comes from another login service"),
     ],
 )
 def test_wrong_answer(company, log_in, answer, fault):

@@ -127,7 +127,7 @@ def faults(data):
             "parameters.width = 3.0: is used nowhere; allowed: parameters that are; write",
         ),
         ("bodies.link.mass", "lenght", "bodies.link.mass = 'lenght': not a finite number, nor is lenght a parameter"),
-        ("bodies.link.mass", "1/0", "bodies.link.mass = '1/0': 1 / 0 is no finite number"),
+        ("bodies.link.mass", "1/0", "bodies.link.mass = '1/0': 1 / 0 is not a finite number"),
         ("bodies.link.mass", "-half", "bodies.link.mass = -4.0 g: out of range; allowed: > 0"),
         ("bodies.link.mass", "length", "parameters.length = 8.0: is in g in bodies.link.mass and in mm in "),
         ("bodies.link.origin", ["lenght", 0, 1], "bodies.link.origin.0 = 'lenght': not a finite number"),
