@@ -26,7 +26,7 @@ class ArcPiece:
     radius: float
     recognition_gap: float
     points: Array
-    """Points from one end to the other, shape (n, 3), less than half a turn apart."""
+    """Points from one end to the other, shape (n, 3), each less than half a turn from the next."""
 
 
 def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:

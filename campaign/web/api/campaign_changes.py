@@ -61,7 +61,7 @@ class FailedRows(BaseModel):
     statuses: list[FailedStatus] = Field(
         default=[],
         max_length=len(FailedStatus),
-        description="All failed samples if absent",
+        description="Rows with these statuses; all failed rows if empty",
         examples=[["crashed"]],
     )
 

@@ -38,7 +38,7 @@ class SimulatedRun(BaseModel):
 
     status: str = Field(examples=["ok"])
     message: str
-    responses: dict[str, float | None] = Field(description="The measured values; null if there is none")
+    responses: dict[str, float | None] = Field(description="The measured values; null if the run has none")
     units: dict[str, str]
     ranges: dict[str, list[float]] = Field(description="Least and largest contact force at rest that friction allows")
     certificate: dict[str, Any] = Field(description="The certificate of the run")

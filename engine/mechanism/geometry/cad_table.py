@@ -103,7 +103,7 @@ SELECTORS: dict[FeatureKind, type[TableModel]] = {
     "arc": SideArc,
     "surface": SideSurface,
 }
-"""The table that may hold the selector of a feature, by the feature's kind."""
+"""The model of a table that holds nothing but a selector, by the selector's key."""
 
 GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
     "hole": ("Line", "Side"),

@@ -111,7 +111,8 @@ def evaluate(node: Node, values: Mapping[str, float]) -> float:
     except (ValueError, OverflowError, ZeroDivisionError):
         result = math.nan
     if not math.isfinite(result):
-        raise ExpressionFault(f"{_shown(operation, numbers)} is not a finite number; change the expression")
+        shown = _shown(operation, numbers)
+        raise ExpressionFault(f"{shown} is not a finite number; change the expression or a parameter")
     return result
 
 

@@ -78,7 +78,7 @@ class ArrayOf:
             raise refuse(f"{fault}; allowed: {self.words}")
         numbers = np.array(value, float)
         if not np.all(np.abs(numbers) <= LARGEST_NUMBER):
-            raise refuse(f"has a number that no real quantity has; allowed: sizes up to {LARGEST_NUMBER:g}")
+            raise refuse(f"has a number beyond any real quantity; allowed: sizes up to {LARGEST_NUMBER:g}")
         return FixedArray(numbers)
 
     def _fault(self, value: Any, shape: tuple[int, ...], at: str = "") -> str:
