@@ -1,8 +1,10 @@
 """Servers as their users have them, one with an empty store and one with finished campaigns, and browsers."""
 
+import shutil
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
@@ -58,12 +60,15 @@ class FinishedCampaigns:
     server : LiveServer
     first, wider : str
         Their ids; in the second J1 scatters more, and the samples are fewer.
+    untouched : Path
+        A folder with the same store and users, for a server that shows nothing of what other tests did.
     user : str
     """
 
     server: LiveServer
     first: str
     wider: str
+    untouched: Path
     user: str = "ada"
 
 
@@ -85,13 +90,17 @@ def finished(tmp_path_factory, cheap_passwords):
         patch.setattr(secret_words, "_COST", cheap_passwords)
         service.users.add("ada", Role.APPROVER, PASSWORD)
     service.close()
+    untouched = tmp_path_factory.mktemp("untouched")
+    shutil.copytree(folder / "data", untouched / "data")
     with live_server(folder) as server:
         until(
             lambda: all(server.store.files.exists(f"{each}/report/report.html") for each in ids),
             "the reports",
             REPORTED_WITHIN,
         )
-        yield FinishedCampaigns(server, *ids)
+        for each in ids:  # and not the lease of the server's coordinator
+            shutil.copytree(folder / "runs" / each, untouched / "runs" / each)
+        yield FinishedCampaigns(server, *ids, untouched)
 
 
 @contextmanager
