@@ -17,9 +17,11 @@ MOST_NESTED = 16  # levels of nested arrays and inline tables
 MOST_TABLES = 20_000  # applies to the keys, and to the tables, arrays and inline tables together
 LONGEST_WORD = 400  # characters of a bare key or number
 
+# No possessive quantifiers: with a negative lookahead they match too much in Python before 3.11.5
+# (https://github.com/python/cpython/issues/100061). Nor are they needed: what follows each repetition always matches.
 TOKEN = re.compile(
     r'''(?P<skipped>[ \t\r]+|\#[^\n]*)
-    |(?P<string>"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)
+    |(?P<string>"""(?:[^\\"]+|\\(?:.|\Z)|"(?!""))*(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]+|\\[^\n])*"?|'[^'\n]*'?)
     |(?P<word>[^\s\#"'\[\]{}=,.]+)|(?P<dot>\.)|(?P<key>=)|(?P<comma>,)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<end>\n)|(?P<other>.)''',
     re.VERBOSE | re.DOTALL,
 )

@@ -24,6 +24,7 @@ BOMBS = {
     "NUL": ("x = 1\0", "not TOML"),
     "carriage returns": ("x = 1\ry = 2\r", "not TOML"),
     "an open string": ('x = "' + "\\" * 100_000, "not TOML"),
+    "an open text": ('x = """' + '\\"' * 400_000 + "\\", "not TOML"),
     "quotes": ("'" * 100_000, "not TOML"),
     "surrogate": ('x = "\\ud800"', "not TOML"),
 }

@@ -3,6 +3,7 @@
 import os
 import random
 import secrets
+import shutil
 import signal
 import subprocess
 import sys
@@ -87,6 +88,7 @@ Files({str(tmp_path / "s")!r}).write("parts/part-000002.parquet", b"rows")
     assert set(files.names("parts")) == left
 
 
+@pytest.mark.skipif(shutil.which("faketime") is None, reason="needs faketime: apt-get install faketime")
 def test_sweep_goes_by_the_clock_that_dates_the_files(tmp_path):
     """A process whose clock is a year ahead does not take files in work for dead ones."""
     in_work = tmp_path / "parts" / "part-000004.parquet.0123456789ab-1-01234567.tmp"
