@@ -73,7 +73,12 @@ def _value(kind: Any, tree: Any, arrays: dict[str, Any]) -> Any:
         inner = get_args(kind)
         inner = inner[:1] * len(tree) if inner[-1] is Ellipsis else inner
         return tuple(_value(each, entry, arrays) for each, entry in zip(inner, tree, strict=True))
-    return arrays[str(tree)] if get_origin(kind) is np.ndarray else tree
+    return arrays[str(tree)] if _is_array(kind) else tree
+
+
+def _is_array(kind: Any) -> bool:
+    """Return whether a type is one of arrays; since NumPy 2.5, `numpy.typing.NDArray` is the name of such a type."""
+    return get_origin(getattr(get_origin(kind), "__value__", kind)) is np.ndarray
 
 
 @cache

@@ -60,7 +60,7 @@ def odd_number(rng: np.random.Generator) -> Any:
         lambda: np.array(1.0),
         lambda: np.array([1.0]),
         lambda: np.ma.masked,
-        lambda: np.datetime64("NaT"),
+        lambda: np.datetime64("NaT", "s"),
         lambda: datetime.date(2020, 1, 1),
         lambda: object(),
         lambda: [],
