@@ -32,6 +32,7 @@ def test_only_the_proxy_says_who_asks(settings):
     for proxies, seen in ((("127.0.0.1",), "9.9.9.9"), (("10.0.0.1",), "127.0.0.1")):
         service = open_service(replace(settings, behind_proxy=True, proxies=proxies))
         assert client_of(http_server(service).config.loaded_app, "127.0.0.1", "9.9.9.9") == seen
+        service.close()
 
 
 def client_of(app, address, forwarded):
@@ -53,11 +54,11 @@ def test_first_link_makes_the_admin(tmp_path):
     assert [(user.name, user.role.word) for user in service.users.all()] == [("admin", "admin")]
     with pytest.raises(SpecError, match="no such user; users: admin"):
         login_link(service, "eva")
-    service.database.close()
+    service.close()
 
 
 def test_data_folder_is_private(tmp_path):
-    open_service(Settings(str(tmp_path / "runs"), tmp_path / "data")).database.close()
+    open_service(Settings(str(tmp_path / "runs"), tmp_path / "data")).close()
     assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
 
 
