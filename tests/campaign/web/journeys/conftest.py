@@ -98,8 +98,9 @@ def finished(tmp_path_factory, cheap_passwords):
             "the reports",
             REPORTED_WITHIN,
         )
-        for each in ids:  # and not the lease of the server's coordinator
-            shutil.copytree(folder / "runs" / each, untouched / "runs" / each)
+    for each in ids:  # while no server writes there; and not the lease of its coordinator
+        shutil.copytree(folder / "runs" / each, untouched / "runs" / each)
+    with live_server(folder) as server:
         yield FinishedCampaigns(server, *ids, untouched)
 
 
