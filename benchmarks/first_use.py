@@ -1,6 +1,6 @@
 """Waiting times at first use: import of the engine, compilation, start of a compiled run and of a campaign.
 
-Every number is measured in a separate process; the folder of compiled code is empty at the first compilation. The time
+Every number is measured in a separate process; the folder of compiled code is empty where a row says first. The time
 of a campaign ends with its first part; its processor time is that of all its processes until they end.
 """
 
@@ -28,7 +28,10 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
 
     ``unit_us`` [us], the reference of the other tables, scales the last column.
     """
-    with tempfile.TemporaryDirectory(prefix="clearcap-cache-") as cache:
+    with (
+        tempfile.TemporaryDirectory(prefix="clearcap-cache-") as empty,
+        tempfile.TemporaryDirectory(prefix="clearcap-cache-") as cache,
+    ):
         alone = _quickest("-c", "pass", cache=cache)
         rows = {
             "python alone": alone,
@@ -39,6 +42,7 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
             "simulate c60, first": _time(*SIMULATE, "c60", cache=cache),
             "simulate c60": _quickest(*SIMULATE, "c60", cache=cache),
             "a worker's engine": _quickest("-c", "from engine import warm_up; warm_up()", cache=cache),
+            "run c60, first part, first": _time_to_first_part(empty),
             "run c60, first part": min(_time_to_first_part(cache) for _ in range(REPEATS)),
         }
     return [

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from campaign.compiling import compile_engine
 from engine import check, set_values
 from engine.mechanism import Mechanism, get_value, unit_of
 from engine.mechanism.quantities import Quantity
@@ -81,6 +82,7 @@ def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
     EngineError
         If the mechanism cannot start, for example because parts overlap.
     """
+    compile_engine()
     variants = {"": mechanism, **{f"bench {name}": mechanism.on_bench(name) for name in mechanism.benches}}
     variants |= {f"preset {name}": set_values(mechanism, mechanism.preset(name)) for name in mechanism.presets}
     warnings: dict[str, dict[str, Any]] = {}

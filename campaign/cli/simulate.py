@@ -49,8 +49,8 @@ def simulate(
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
-    from campaign.worker.compiling import announced_compilation
-    from engine import Recording, missing_kernels, set_values, warm_up
+    from campaign.compiling import compile_engine
+    from engine import Recording, set_values
     from engine import simulate as simulate_once
     from engine.preflight import cautions
 
@@ -62,9 +62,7 @@ def simulate(
     files = RunFiles(trajectory, plot, animation)
     files.check()
     _check_every(every, files)
-    if missing := missing_kernels():
-        with announced_compilation(missing):
-            warm_up()  # everything at once: kernels not needed now take one second here, but ten in a later process
+    compile_engine()
     with files.recording() as motion:
         run = simulate_once(
             loaded,

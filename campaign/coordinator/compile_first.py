@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from campaign.cluster.workers import WorkerDied, Workers
+from campaign.compiling import announced_compilation
 from campaign.errors import UnreachableError
-from campaign.worker.compiling import announced_compilation
 from engine import missing_kernels, warm_up
 
 logger = logging.getLogger(__name__)

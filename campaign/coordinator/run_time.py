@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from campaign.compiling import announced_compilation
 from campaign.errors import StoreError
 from campaign.plan import Plan
 from campaign.store import BadPart, Store, open_store
@@ -13,7 +14,6 @@ from campaign.store.files.files import LARGEST
 from campaign.store.layout import PLAN
 from campaign.store.parts import batches_of, folder
 from campaign.store.survey import read_file
-from campaign.worker.compiling import announced_compilation
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import missing_kernels

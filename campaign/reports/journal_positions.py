@@ -4,11 +4,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from campaign.cluster.process_workers import process_workers
+from campaign.compiling import compile_engine
 from campaign.inputs.sampling import draw
 from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
 from campaign.spec.load import Campaign
-from campaign.worker.compiling import announced_compilation
-from engine import Mechanism, Recording, missing_kernels, read_trajectory, simulate, warm_up
+from engine import Mechanism, Recording, read_trajectory, simulate
 
 ENDS = 10**9  # recording interval: only the first and the last row of a trajectory are kept
 
@@ -31,8 +31,7 @@ def campaign_journal_positions(campaign: Campaign, processes: int) -> list[Journ
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]
-    with announced_compilation(missing_kernels()):
-        warm_up()  # compiled once, for all processes
+    compile_engine()  # once, for all processes
     with process_workers(processes) as workers:
         fixed = (campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
         runs = [workers.submit(f"sample-{i:06d}", _positions_at_end, *fixed, x) for i, x in enumerate(values)]

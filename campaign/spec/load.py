@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from campaign.compiling import compile_engine
 from campaign.errors import SpecError
 from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import CampaignSpec
@@ -79,6 +80,7 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     if isinstance(source, Mapping):
+        compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
         return _checked({**source, **overrides}, FolderFiles(Path()), "campaign:")
     path = _locate(str(source))
     try:
@@ -87,6 +89,7 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
         unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
         raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
     tables = _tables(content, path) | overrides
+    compile_engine()
     return _checked(tables, FolderFiles(path.parent), f"campaign {path}:", content)
 
 

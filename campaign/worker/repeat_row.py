@@ -6,15 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from campaign.compiling import load_engine
 from campaign.plan import Plan
 from campaign.plan_header import PlanHeader
 from campaign.spec.result_columns import ENERGY_COLUMNS
 from campaign.store import BadPart, Store
 from campaign.store.repeat_sets import repeat_plans
-from campaign.worker.compiling import announced_compilation
 from campaign.worker.halved_step import HalvedStep
 from campaign.worker.row import compute_row, sample_values
-from engine import missing_kernels, simulate, warm_up
+from engine import simulate
 from engine.loop import Cancel
 
 
@@ -60,8 +60,7 @@ def repeated_sample(
     MechanismError, TrajectoryError
         As in `engine.simulate`.
     """
-    with announced_compilation(missing_kernels()):
-        warm_up()  # so that compiling does not count as time of the run
+    load_engine()
     run = partial(simulate, trajectory=motion) if motion else simulate
     row = compute_row(plan, HalvedStep(run) if halved else run, sample, sample_values(plan, sample), 1, Cancel())
     tables = repeat_plans(store, plan) if halved else (plan,)

@@ -3,16 +3,16 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
+from campaign.compiling import load_engine
 from campaign.plan import Plan
 from campaign.repeat_plan import RepeatPlan, plan_repeats
 from campaign.store import Store, open_store
 from campaign.store.layout import CANCEL
-from campaign.worker.compiling import announced_compilation
 from campaign.worker.halved_step import HalvedStep
 from campaign.worker.limits import cancelled_by, memory_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, check_build
 from campaign.worker.row import DoubtfulRow, Row, compute_row, sample_inputs
-from engine import missing_kernels, simulate, warm_up
+from engine import simulate
 
 
 @lru_cache(maxsize=4)
@@ -26,8 +26,7 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     """
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
-        with announced_compilation(missing_kernels()):
-            warm_up()  # so that compiling does not count as time of a run
+        load_engine()
     return read_campaign(address)
 
 

@@ -41,10 +41,10 @@ def test_rows_are_the_same_as_in_process(store, plan):
 def test_only_the_child_loads_the_engine(store, plan, monkeypatch):
     """The process that waits for rows neither compiles the engine nor loads it: it would do so before the child."""
 
-    def warm_up():
+    def load_engine():
         pytest.fail("the engine was loaded here")
 
-    monkeypatch.setattr("campaign.worker.runs.warm_up", warm_up)
+    monkeypatch.setattr("campaign.worker.runs.load_engine", load_engine)
     address = CampaignAddress.of(store, plan, simulate)
     assert [row["sample"] for row in rows_in_subprocess(address, [3], 1)] == [3]
 

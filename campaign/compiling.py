@@ -1,4 +1,4 @@
-"""Log that the engine is being compiled; otherwise there would be no output for minutes."""
+"""Compile the engine, and log that this is being done; otherwise there would be no output for a minute."""
 
 import logging
 import os
@@ -7,11 +7,33 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from engine import missing_kernels, warm_up
+
 logger = logging.getLogger(__name__)
 
 LOOK_EVERY = 0.5  # s
 SAY_EVERY = 15.0  # s
 _announcing = threading.Lock()  # one announcer per process: estimating the run time opens a campaign in the same block
+
+
+def compile_engine() -> None:
+    """Compile everything that campaigns need, unless it is in the cache of compiled code; log this.
+
+    Kernels that are compiled together share most of the work: one that is left for later takes one second here, but ten
+    in another process. A process that needs the first of them should therefore compile all.
+    """
+    if missing := missing_kernels():
+        with announced_compilation(missing):
+            warm_up()
+
+
+def load_engine() -> None:
+    """Load everything that runs need into this process, so that loading and compiling do not count as time of a run.
+
+    What is not in the cache of compiled code is compiled, and this is logged.
+    """
+    with announced_compilation(missing_kernels()):
+        warm_up()
 
 
 @contextmanager

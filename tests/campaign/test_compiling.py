@@ -10,9 +10,12 @@ import time
 
 import pytest
 
-from campaign.worker import compiling
-from campaign.worker.compiling import announced_compilation
-from engine import missing_kernels, warm_up
+from campaign import compiling, mechanism_summary
+from campaign.compiling import announced_compilation, compile_engine
+from campaign.mechanism_summary import mechanism_warnings
+from campaign.spec import targets
+from campaign.spec.load import load_campaign
+from engine import load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
 from tests.campaign.commands import ROOT
 
@@ -87,3 +90,31 @@ def test_a_compiled_engine_misses_nothing(tmp_path):
     (index,) = part.glob(f"{CACHE_FOLDER.name}/**/responses.measure-*.nbi")
     index.unlink()
     assert missing(NUMBA_CACHE_DIR=str(part)) > 0
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    """Return what happens in a process with an empty cache: ``compiled`` for all kernels, ``checked`` for a check."""
+    happened = []
+    monkeypatch.setattr(compiling, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
+    monkeypatch.setattr(compiling, "warm_up", lambda: happened.append("compiled"))
+    for module in (targets, mechanism_summary):
+        monkeypatch.setattr(module, "check", lambda *_: happened.append("checked"))
+    return happened
+
+
+def test_all_is_compiled_before_a_check_compiles_a_part(compiled):
+    """A check needs few kernels; compiled alone they would cost ten seconds more than together with the others."""
+    load_campaign("c60")
+    assert compiled == ["compiled", *["checked"] * (len(compiled) - 1)]
+    assert len(compiled) > 10
+    compiled.clear()
+    mechanism_warnings(load_mechanism("c60"))
+    assert compiled[:2] == ["compiled", "checked"]
+
+
+def test_nothing_is_compiled_again(compiled):
+    """Nor is the engine loaded where nothing is missing, which would take a second."""
+    compile_engine()
+    compile_engine()
+    assert compiled == ["compiled"]
