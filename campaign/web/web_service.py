@@ -196,4 +196,9 @@ def open_service(settings: Settings) -> Service:
 
     folder = private_folder(settings.data.parent, settings.data.name)
     files = Files(settings.store, HASTY, KnownOutage())
-    return Service(settings, Store(files), Database(folder / "service.sqlite"))
+    database = Database(folder / "service.sqlite")
+    try:
+        return Service(settings, Store(files), database)
+    except BaseException:
+        database.close()
+        raise
