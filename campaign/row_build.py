@@ -2,8 +2,8 @@
 
 Components that carry a row without changing it are left out: the store, which seals rows and reads them back bit for
 bit; pyarrow and `campaign.footers`, which hold and check them in between; and pydantic, which reads the spec, whose
-values are in the plan. The coordinator and the cluster are left out too: a row does not depend on where and in which
-order rows are computed.
+values are in the plan. `campaign.compiling` decides when the engine is compiled, not what. The coordinator and the
+cluster are left out too: a row does not depend on where and in which order rows are computed.
 """
 
 import hashlib

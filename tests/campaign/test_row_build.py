@@ -32,7 +32,7 @@ COMPUTE_ROWS = (
     "campaign.worker.batch",
 )
 CARRY_ROWS = re.compile(
-    r"campaign\.(store|footers)(\..*)?|campaign(\.environment|\.errors|\.safe_path)?"
+    r"campaign\.(store|footers)(\..*)?|campaign(\.compiling|\.environment|\.errors|\.safe_path)?"
 )  # see the docstring of `row_build`
 
 
