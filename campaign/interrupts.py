@@ -26,6 +26,9 @@ def exit_at_interrupt() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal came
         came = True
+        if in_unraisable_hook(frame):
+            send_again(number)
+            return
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
@@ -46,8 +49,24 @@ def exit_at_interrupt() -> Iterator[None]:
             signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def in_unraisable_hook(frame: FrameType | None) -> bool:
+    """Return whether a frame belongs to the hook for swallowed exceptions, where another one would be lost too.
+
+    Parameters
+    ----------
+    frame : FrameType or None
+        Where a signal interrupted this process.
+    """
+    hook = getattr(sys.unraisablehook, "__code__", None)
+    while frame is not None:
+        if frame.f_code is hook:
+            return True
+        frame = frame.f_back
+    return False
+
+
 def send_again(number: int) -> None:
-    """Send a signal to the main thread again shortly after, because its exception was swallowed."""
+    """Send a signal to the main thread again shortly after, because its exception was or would be swallowed."""
     again = threading.Timer(AGAIN_AFTER, signal.pthread_kill, [threading.main_thread().ident, number])
     again.daemon = True
     again.start()

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from campaign.interrupts import send_again
+from campaign.interrupts import in_unraisable_hook, send_again
 
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 LOOK_EVERY = 0.5  # s between checks whether the parent still exists
@@ -27,7 +27,10 @@ def terminated_in_order() -> Iterator[None]:
     handled = [number for number, handler in before.items() if handler == signal.SIG_DFL]
     came: list[int] = []
 
-    def terminate(number: int, _: FrameType | None) -> None:
+    def terminate(number: int, frame: FrameType | None) -> None:
+        if in_unraisable_hook(frame):
+            send_again(number)
+            return
         came.append(number)
         for other in handled:
             signal.signal(other, signal.SIG_IGN)

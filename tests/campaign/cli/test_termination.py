@@ -68,6 +68,36 @@ def test_swallowed_signal_is_raised_again():
     assert ending.value.code == 143
 
 
+def test_signal_while_another_error_is_reported():
+    """An exception in the hook for swallowed ones would be lost, and a traceback printed: it is raised after it."""
+
+    class Fails:
+        def __del__(self):
+            raise ValueError("in a destructor")
+
+    def work():
+        thing = Fails()
+        del thing
+        reported.append("end of the hook")
+        time.sleep(20.0)
+        pytest.fail("it goes on as if nothing had come")
+
+    def report(swallowed):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+        reported.append(swallowed.exc_type)
+
+    reported = []
+    hook, sys.unraisablehook = sys.unraisablehook, report
+    try:
+        with pytest.raises(SystemExit) as ending, terminated_in_order():
+            work()
+    finally:
+        sys.unraisablehook = hook
+    assert ending.value.code == 143
+    assert reported == [ValueError, "end of the hook"]
+
+
 def test_signal_that_becomes_an_error_of_others():
     """A module whose initialisation is interrupted says AttributeError: the status is still that of the signal."""
 
