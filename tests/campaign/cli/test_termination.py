@@ -68,34 +68,40 @@ def test_swallowed_signal_is_raised_again():
     assert ending.value.code == 143
 
 
-def test_signal_while_another_error_is_reported():
-    """An exception in the hook for swallowed ones would be lost, and a traceback printed: it is raised after it."""
+class Fails:
+    """What raises an error where no exception can pass."""
 
-    class Fails:
-        def __del__(self):
-            raise ValueError("in a destructor")
+    def __del__(self):
+        raise ValueError("in a destructor")
+
+
+@pytest.fixture
+def hook(monkeypatch):
+    """Return what sets the hook for swallowed exceptions; it is as before after the test."""
+    return lambda report: monkeypatch.setattr(sys, "unraisablehook", report)
+
+
+def test_signal_while_another_error_is_reported(hook):
+    """An exception in the hook for swallowed ones would be lost, and a traceback printed: it is raised after it."""
 
     def work():
         thing = Fails()
         del thing
-        reported.append("end of the hook")
+        happened.append("end of the hook")
         time.sleep(20.0)
         pytest.fail("it goes on as if nothing had come")
 
     def report(swallowed):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.01)
-        reported.append(swallowed.exc_type)
+        happened.append(swallowed.exc_type)
 
-    reported = []
-    hook, sys.unraisablehook = sys.unraisablehook, report
-    try:
-        with pytest.raises(SystemExit) as ending, terminated_in_order():
-            work()
-    finally:
-        sys.unraisablehook = hook
+    happened = []
+    hook(report)
+    with pytest.raises(SystemExit) as ending, terminated_in_order():
+        work()
     assert ending.value.code == 143
-    assert reported == [ValueError, "end of the hook"]
+    assert happened == [ValueError, "end of the hook"]
 
 
 def test_signal_that_becomes_an_error_of_others():
@@ -113,12 +119,8 @@ def test_signal_that_becomes_an_error_of_others():
     assert ending.value.code == 129
 
 
-def test_other_errors_pass():
+def test_other_errors_pass(hook):
     """Without a signal an error is an error, and an unraisable one is reported as usual."""
-
-    class Fails:
-        def __del__(self):
-            raise ValueError("in a destructor")
 
     def work():
         thing = Fails()
@@ -126,12 +128,9 @@ def test_other_errors_pass():
         raise ZeroDivisionError
 
     reported = []
-    hook, sys.unraisablehook = sys.unraisablehook, lambda swallowed: reported.append(swallowed.exc_type)
-    try:
-        with pytest.raises(ZeroDivisionError), terminated_in_order():
-            work()
-    finally:
-        sys.unraisablehook = hook
+    hook(lambda swallowed: reported.append(swallowed.exc_type))
+    with pytest.raises(ZeroDivisionError), terminated_in_order():
+        work()
     assert reported == [ValueError]
 
 

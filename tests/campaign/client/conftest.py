@@ -10,6 +10,7 @@ import pytest
 import uvicorn
 
 from campaign.client.remote_server import connect
+from campaign.compiling import compile_engine
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.web.access import Role
@@ -21,7 +22,6 @@ from tests.bounded import pytest_runtest_setup as pytest_runtest_setup
 from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
-from tests.compiled_engine import compile_engine
 
 
 @contextmanager

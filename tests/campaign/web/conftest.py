@@ -12,6 +12,7 @@ from itertools import count
 import pytest
 from starlette.testclient import TestClient
 
+from campaign.compiling import compile_engine
 from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
@@ -28,7 +29,6 @@ from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
-from tests.compiled_engine import compile_engine
 
 URL = "https://localhost"  # so that the client sends a secure cookie back
 PASSWORD = "correct horse battery"

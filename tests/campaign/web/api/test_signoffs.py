@@ -11,6 +11,7 @@ from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
 from campaign.reports.signing.signed_archive import open_archive
 from campaign.reports.signing.verification import verify_export
+from campaign.web.access.database import Database
 from campaign.web.signatory import KEY_FILE
 from campaign.web.web_service import open_service
 from tests.campaign.web.conftest import only_in_a_folder
@@ -175,8 +176,8 @@ def test_shared_link_sees_the_sign_offs(client, service, campaign, url, sign):
     assert client.get(url, headers={"Authorization": f"Bearer {secret}"}).status_code == 404
 
 
-def test_key_is_private_and_stays(campaign, service, settings):
-    """The next server of the same folder has the same key; one that others can read is refused."""
+def test_key_is_private_and_stays(campaign, service, settings, monkeypatch):
+    """The next server of the same folder has the same key; one that others can read is refused, its database closed."""
     path = settings.data / KEY_FILE
     assert path.stat().st_mode & 0o777 == 0o600
     other = dataclasses.replace(settings, store=settings.store)
@@ -184,5 +185,8 @@ def test_key_is_private_and_stays(campaign, service, settings):
     assert again.signatory.key.private_bytes_raw() == service.signatory.key.private_bytes_raw()
     again.close()
     path.chmod(0o644)
+    closed, close = [], Database.close
+    monkeypatch.setattr(Database, "close", lambda database: (closed.append(database.path), close(database)))
     with pytest.raises(SpecError, match="others can read the key"):
         open_service(other)
+    assert closed == [service.database.path]

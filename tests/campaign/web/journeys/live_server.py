@@ -12,9 +12,9 @@ from pathlib import Path
 
 import httpx2 as httpx
 
+from campaign.compiling import compile_engine
 from campaign.store import Store, open_store
 from tests.bounded import bounded
-from tests.compiled_engine import compile_engine
 
 HOST = "127.0.0.1"
 WORKERS = 1
