@@ -44,11 +44,6 @@ def functions(module: str) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
     return [n for n in ast.walk(syntax_tree(module)) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
-def classes(module: str) -> list[ast.ClassDef]:
-    """Return all classes of a module."""
-    return [node for node in ast.walk(syntax_tree(module)) if isinstance(node, ast.ClassDef)]
-
-
 def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
     """Return the names of a function's parameters, without ``self`` and ``cls``."""
     arguments = function.args

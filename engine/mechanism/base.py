@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from engine.mechanism.keys.components import Axes, holds_numbers, written
+from engine.mechanism.components import Axes, holds_numbers, written
 from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.quantities import Quantity
 

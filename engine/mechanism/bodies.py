@@ -17,7 +17,7 @@ from engine.mechanism.base import (
     is_number,
     refuse,
 )
-from engine.mechanism.keys.components import Tensor
+from engine.mechanism.components import Tensor
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]

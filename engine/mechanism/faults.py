@@ -12,8 +12,8 @@ from pydantic.fields import FieldInfo
 
 from engine.faults.fault import Fault
 from engine.mechanism.base import is_number
-from engine.mechanism.keys.closest import closest
-from engine.mechanism.keys.components import declared
+from engine.mechanism.closest import closest
+from engine.mechanism.components import declared
 from engine.mechanism.quantities import Quantity, UnitSystem
 
 MOST_FAULTS = 50  # listed per file

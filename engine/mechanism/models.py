@@ -27,11 +27,11 @@ from engine.mechanism.derived import ResponseDifference
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
+from engine.mechanism.keys.formulas import formulas_in, with_formulas
 from engine.mechanism.keys.places import Place, along
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
-from engine.mechanism.parameters.formulas import PREFIX, formulas_in, with_formulas
-from engine.mechanism.parameters.parameter_table import parameter_values
+from engine.mechanism.parameters.parameter_table import PREFIX, parameter_values
 from engine.mechanism.parameters.usage import Uses, conflicting_units, parameter_units, unused_parameters
 from engine.mechanism.quantities import Quantity, UnitSystem
 from engine.mechanism.readout import Event

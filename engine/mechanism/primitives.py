@@ -20,7 +20,7 @@ from engine.mechanism.base import (
     is_number,
     refuse,
 )
-from engine.mechanism.keys.components import Each
+from engine.mechanism.components import Each
 from engine.mechanism.quantities import Quantity
 
 _TWO_SIZES = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 2, "maxItems": 2}

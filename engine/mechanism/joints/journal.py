@@ -5,8 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from engine.mechanism.base import Length, Number, PositiveLength, TableModel, is_number, refuse
+from engine.mechanism.components import Each
 from engine.mechanism.joints.base import Joint, Line, stations
-from engine.mechanism.keys.components import Each
 from engine.mechanism.quantities import Quantity
 
 

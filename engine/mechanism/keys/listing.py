@@ -3,11 +3,11 @@
 import fnmatch
 from dataclasses import dataclass
 
+from engine.mechanism.components import limits
 from engine.mechanism.joints.journal import JournalJoint
-from engine.mechanism.keys.components import limits
 from engine.mechanism.keys.places import SETTINGS, Place, settable_places
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters.formulas import PREFIX
+from engine.mechanism.parameters.parameter_table import PREFIX
 from engine.mechanism.parameters.usage import users
 
 _RELATIONS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from pydantic.fields import FieldInfo
 
 from engine.mechanism.base import TableModel
+from engine.mechanism.components import Components, declared, item, with_item, written
 from engine.mechanism.joints import Joint
-from engine.mechanism.keys.components import Components, declared, item, with_item, written
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import TableLaw
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from engine.mechanism.keys.closest import closest
+from engine.mechanism.closest import closest
 from engine.mechanism.keys.places import Place, along, settable_places
 from engine.mechanism.models import Mechanism
 

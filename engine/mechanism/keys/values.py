@@ -20,11 +20,12 @@ from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.mechanism.base import LARGEST_NUMBER, is_number
 from engine.mechanism.faults import faults_of
+from engine.mechanism.keys.formulas import following
 from engine.mechanism.keys.places import Place, along, by_tokens, settable_places, without_effect
 from engine.mechanism.keys.unknown import unknown_key
 from engine.mechanism.models import Mechanism
 from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
-from engine.mechanism.parameters.formulas import PREFIX, following
+from engine.mechanism.parameters.parameter_table import PREFIX
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:

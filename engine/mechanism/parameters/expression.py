@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from engine.mechanism.keys.closest import closest
+from engine.mechanism.closest import closest
 
 LONGEST = 200  # characters
 DEEPEST = 30  # nested parentheses, functions, signs and powers

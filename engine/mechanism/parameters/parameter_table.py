@@ -18,6 +18,7 @@ from engine.mechanism.parameters.expression import (
 )
 
 LONGEST_NAME = 60  # characters
+PREFIX = "parameters."  # of the key of a parameter
 
 
 def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[Fault]]:

@@ -5,8 +5,7 @@ from typing import Any
 
 from engine.faults.fault import Fault
 from engine.mechanism.parameters.expression import ExpressionFault, Node, names_in, parse
-from engine.mechanism.parameters.formulas import PREFIX
-from engine.mechanism.parameters.parameter_table import order_of
+from engine.mechanism.parameters.parameter_table import PREFIX, order_of
 
 _KEEPS_THE_UNIT = ("+", "-", "abs", "min", "max", "hypot")
 _OF_AN_ANGLE = ("sin", "cos", "tan")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from engine.mechanism.keys.closest import closest, slip_count
+from engine.mechanism.closest import closest, slip_count
 
 MECHANISM = ["simulation", "materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "responses"]
 CAMPAIGN = ["mechanism", "samples", "seed", "sampler", "simulation", "variables", "correlations", "responses"]

@@ -8,12 +8,10 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from engine.mechanism.base import TableModel
-from engine.mechanism.keys.components import item, with_item, written
+from engine.mechanism.components import item, with_item, written
 from engine.mechanism.keys.places import Place, by_tokens, components
 from engine.mechanism.parameters.expression import names_in, parse
-from engine.mechanism.parameters.parameter_table import order_of
-
-PREFIX = "parameters."
+from engine.mechanism.parameters.parameter_table import PREFIX, order_of
 
 
 def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
