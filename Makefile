@@ -17,7 +17,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test prove storms service-on-s3 attacks lint audit lock bench clean
+.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -48,21 +48,34 @@ serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; 
 	$(BIN)/clearcap submit c60 --samples 500 --batch-size 25 --queue-only --store runs
 	$(BIN)/clearcap serve --store runs
 
-test: $(VENV)/.dev ## prove the parts, one process a core
+test: $(VENV)/.dev ## prove the parts; what is tested depends neither on the speed nor on the kind of the processor
 	$(TOGETHER) $(PARALLEL)
 
-prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser, six of the storms
-	CLEARCAP_STORMS=$${CLEARCAP_STORMS:-1} $(TOGETHER) -m "slow and not alone" $(PARALLEL) $(CROWD)
-	$(BIN)/python -m pytest tests/campaign/storms -m alone
+gate: $(VENV)/.dev ## one slow proof of each kind: a storm, a browser, the README's sessions, S3, hosts that speak TLS
+	$(TOGETHER) -m gate $(PARALLEL) $(CROWD)
+
+full: lint audit everything on-s3 kernels ## all there is, with new seeds, before an issue is closed: three quarters of an hour
+
+everything: $(VENV)/.dev
+	$(TOGETHER) -m "" $(PARALLEL) $(CROWD)
+
+on-s3: $(VENV)/.dev
+	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/campaign/web -k s3 $(PARALLEL)
+
+# A processor without AVX-512 cannot run the kernels of SkylakeX.
+kernels: $(VENV)/.dev
+	for kind in Haswell Zen $(shell grep -qs avx512f /proc/cpuinfo && echo SkylakeX); do \
+		OPENBLAS_CORETYPE=$$kind $(TOGETHER) -m bits $(PARALLEL) || exit 1; done
+
+everything on-s3: export CLEARCAP_FRESH := 1
+everything on-s3: export CLEARCAP_STORMS ?= $(shell date +%s)
+everything on-s3: export CLEARCAP_SECURITY_SEED ?= $(shell date +%s)
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --max-worker-restart 0 $(CROWD)
 
-service-on-s3: $(VENV)/.dev ## the tests of the service with their stores on S3
-	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/campaign/web -k s3 $(PARALLEL)
-
 attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
-	$(TOGETHER) tests/security -m "not storm and not alone" $(PARALLEL)
+	CLEARCAP_SECURITY_SEED=$$(date +%s) $(TOGETHER) tests/security -m "not storm" $(PARALLEL)
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

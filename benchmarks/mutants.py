@@ -13,7 +13,6 @@ import os
 import random
 import re
 import shutil
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -102,42 +101,58 @@ def _mutated(node: ast.expr) -> ast.expr | None:
     return changed
 
 
-def judge(mutants: list[dict[str, Any]], reached: Path | None, tests: list[str], jobs: int, out: Path) -> None:
+def judge(mutants: list[dict[str, Any]], jobs: int, out: Path) -> None:
     """Judge mutants, several at once, and write what became of each."""
     verdicts: list[dict[str, Any]] = []
 
     def one(mutant: dict[str, Any]) -> None:
-        verdicts.append({**mutant, **_verdict(mutant, reached, tests)})
+        verdicts.append({**mutant, **_verdict(mutant)})
         out.write_text(json.dumps(verdicts, indent=1))
-        print(len(verdicts), verdicts[-1]["killed_by"], f"{verdicts[-1]['seconds']:.0f} s", mutant["path"], flush=True)
+        print(len(verdicts), mutant["path"], mutant["line"], verdicts[-1]["killed_by"], flush=True)
 
     with ThreadPoolExecutor(jobs) as pool:
         list(pool.map(one, mutants))
 
 
-def _verdict(mutant: dict[str, Any], reached: Path | None, tests: list[str]) -> dict[str, Any]:
-    """Return by which test a mutant was killed (None: by no one), how many tests were to be run, and the seconds."""
+def _verdict(mutant: dict[str, Any]) -> dict[str, Any]:
+    """Return by which test a mutant was killed (None: by no one), and the seconds that it took."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        tree, list_of_tests = Path(folder) / "tree", Path(folder) / "tests"
+        tree = Path(folder) / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
         apply(mutant, tree)
-        wanted = mutant.get("tests") or _tests_of(mutant, reached, tests)
-        list_of_tests.write_text("\n".join(wanted))
         # no compiled kernel of another mutant
         environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/numba", "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no", f"@{list_of_tests}"]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no", *tests_of(mutant)]
         try:
             done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=SECONDS)
             failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.M)
             killed = failed[1] if failed else None if done.returncode == 0 else f"exit status {done.returncode}"
         except subprocess.TimeoutExpired:
             killed = "hangs"
-    return {"killed_by": killed, "tests": len(wanted), "seconds": time.monotonic() - began}
+    return {"killed_by": killed, "seconds": round(time.monotonic() - began)}
+
+
+def tests_of(mutant: dict[str, Any]) -> list[str]:
+    """Return the tests of a mutant, the nearest first.
+
+    Those that killed it before; those of its module, of its folder and of its area.
+    """
+    path = Path(mutant["path"])
+    area = next(area for area in AREAS if path.is_relative_to(area))
+    known = [name for name in [mutant.get("killed_by")] if name and (ROOT / name.split("::")[0]).exists()]
+    own = sorted((ROOT / "tests" / area).rglob(f"test_{path.stem}.py"))
+    folder = ROOT / "tests" / path.parent
+    return [
+        *known,
+        *(file.relative_to(ROOT).as_posix() for file in own),
+        *([folder.relative_to(ROOT).as_posix()] if folder.is_dir() else []),
+        f"tests/{area}",
+    ]
 
 
 def apply(mutant: dict[str, Any], tree: Path) -> None:
-    """Put the fault into a tree: where the line stands, which may have moved."""
+    """Put the fault into a tree, where the line stands now: it may have moved."""
     path = tree / mutant["path"]
     lines = path.read_text("utf-8").splitlines(keepends=True)
     at = min(
@@ -150,38 +165,21 @@ def apply(mutant: dict[str, Any], tree: Path) -> None:
     path.write_text("".join(lines), "utf-8")
 
 
-def _tests_of(mutant: dict[str, Any], reached: Path | None, tests: list[str]) -> list[str]:
-    """Return the tests that reach the mutated module: the nearest by name first."""
-    if reached is None:
-        return tests
-    with sqlite3.connect(reached) as database:
-        rows = database.execute(
-            "select distinct context.context from line_bits join file on file.id = file_id "
-            "join context on context.id = context_id where file.path like ? and context.context != ''",
-            (f"%/{mutant['path']}",),
-        ).fetchall()
-    found = {row[0].split("|")[0] for row in rows}
-    stem = Path(mutant["path"]).stem
-    folder = "tests/" + Path(mutant["path"]).parent.as_posix()
-    return sorted(found, key=lambda test: (f"test_{stem}.py" not in test, not test.startswith(folder), test))
-
-
 def main() -> None:
     """Choose mutants, or judge them."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("do", choices=["choose", "judge"])
-    parser.add_argument("--file", type=Path, required=True)
-    parser.add_argument("--each", type=int, default=20)
+    parser.add_argument("file", type=Path, help="the mutants; what `judge` wrote can be judged again")
+    parser.add_argument("--each", type=int, default=20, help="mutants of each area (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=20261127)
-    parser.add_argument("--reached", type=Path)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("tests", nargs="*")
+    parser.add_argument("--jobs", type=int, default=2, help="mutants judged at once (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("build/mutants.json"), help="default: %(default)s")
     asked = parser.parse_args()
     if asked.do == "choose":
         asked.file.write_text(json.dumps(choose(asked.each, asked.seed), indent=1))
     else:
-        judge(json.loads(asked.file.read_text()), asked.reached, asked.tests, asked.jobs, asked.out)
+        asked.out.parent.mkdir(parents=True, exist_ok=True)
+        judge(json.loads(asked.file.read_text()), asked.jobs, asked.out)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import pytest
 
-SECONDS = 300.0  # of a test, and of what it cleans up: it may have to wait until the engine is compiled
-SLOW_SECONDS = 600.0  # of a slow one, and of what a test needs: on a busy machine a service takes minutes to start
+SECONDS = 1200.0  # of a test, and of what it cleans up: on a busy machine several processes compile the engine at once
+SLOW_SECONDS = 2400.0  # of a slow one, and of what a test needs
 
 
 @contextmanager

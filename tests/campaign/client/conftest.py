@@ -17,9 +17,6 @@ from campaign.web.access import Role
 from campaign.web.app import make_app
 from campaign.web.settings import Settings
 from campaign.web.web_service import open_service
-from tests.bounded import pytest_runtest_call as pytest_runtest_call
-from tests.bounded import pytest_runtest_setup as pytest_runtest_setup
-from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 

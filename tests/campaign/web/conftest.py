@@ -1,6 +1,6 @@
 """A service over a store with one finished campaign, and browsers and programs that ask it.
 
-The store is in a folder. With ``CLEARCAP_STORE_OF_TESTS=s3``, as `make service-on-s3` has it, it is on S3 in all tests
+The store is in a folder. With ``CLEARCAP_STORE_OF_TESTS=s3``, as `make full` has it, it is on S3 in all tests
 but those that are only for a folder.
 """
 
@@ -23,9 +23,6 @@ from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from campaign.web.web_service import open_service
 from engine import simulate
-from tests.bounded import pytest_runtest_call as pytest_runtest_call
-from tests.bounded import pytest_runtest_setup as pytest_runtest_setup
-from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
