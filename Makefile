@@ -4,6 +4,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
+# What tests, lint and audit need besides: a new release of a tool refuses no change that it has nothing to do with.
+DEV    := deploy/development.lock
+AUDIT  := deploy/audit.lock
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 # Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
@@ -29,14 +32,14 @@ $(BIN)/clearcap: pyproject.toml $(LOCK)
 	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel]'
 	@touch $@
 
-$(VENV)/.dev: $(BIN)/clearcap
-	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[dev]'
+$(VENV)/.dev: $(BIN)/clearcap $(DEV)
+	$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[dev]'
 	@touch $@
 
 # They are no part of the environment: what they need must not change what clearcap runs with.
-$(TOOLS)/uv:
+$(TOOLS)/uv: $(AUDIT)
 	$(PYTHON) -m venv build/tools
-	$(TOOLS)/pip install --quiet uv pip-audit cyclonedx-bom
+	$(TOOLS)/pip install --quiet --requirement $(AUDIT)
 	@touch $@
 
 run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this machine's cores, write the capability report
@@ -88,9 +91,11 @@ audit: $(TOOLS)/uv ## the locked packages: installable with these hashes, withou
 	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file build/sbom.json
 	$(TOOLS)/python deploy/audit.py
 
-lock: $(TOOLS)/uv ## lock the newest versions of all packages that a cluster needs, with their hashes
-	$(TOOLS)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
-		$(EXTRAS:%=--extra %) --custom-compile-command 'make lock' --output-file $(LOCK) pyproject.toml deploy/requirements.in
+COMPILE := $(TOOLS)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --custom-compile-command 'make lock'
+lock: $(TOOLS)/uv ## lock the newest versions of all packages: those that a cluster needs, with their hashes; those of the tools
+	$(COMPILE) --generate-hashes $(EXTRAS:%=--extra %) --output-file $(LOCK) pyproject.toml deploy/requirements.in
+	$(COMPILE) --no-annotate --extra dev --constraint $(LOCK) --output-file $(DEV) pyproject.toml
+	$(COMPILE) --no-annotate --output-file $(AUDIT) deploy/audit.in
 
 bench: $(VENV)/.dev ## measure: microseconds per step, friction solver, campaign efficiency
 	$(BIN)/python -m benchmarks

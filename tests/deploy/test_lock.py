@@ -1,4 +1,4 @@
-"""deploy/requirements.lock has all that pyproject.toml asks for, with hashes, and is what machines install from."""
+"""The lock files have all that pyproject.toml asks for: with hashes what machines install, without them the tools."""
 
 import re
 import tomllib
@@ -11,16 +11,17 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 LOCK = (ROOT / "deploy/requirements.lock").read_text("utf-8")
+DEVELOPMENT = (ROOT / "deploy/development.lock").read_text("utf-8")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 EXTRAS = re.search(r"^EXTRAS := (.*)$", (ROOT / "Makefile").read_text(), re.M)[1].split()
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 
 
-def locked(python):
-    """Return the versions of the lock file for a Python on Linux."""
+def locked(python, lock=LOCK):
+    """Return the versions of a lock file for a Python on Linux."""
     environment = {**default_environment(), "python_version": python, "python_full_version": f"{python}.0"}
     found = {}
-    for line in re.findall(r"^([a-z0-9].*?) *\\$", LOCK, re.M):
+    for line in re.findall(r"^([a-z0-9].*?) *\\?$", lock, re.M):
         requirement = Requirement(line)
         if requirement.marker is None or requirement.marker.evaluate(environment | {"extra": ""}):
             [version] = requirement.specifier
@@ -75,4 +76,17 @@ def test_what_installs_from_it():
     ]
     verbs = re.findall(r"\$\(BIN\)/pip install (.*)$", (ROOT / "Makefile").read_text(), re.M)
     assert len(verbs) == 3
-    assert all("--constraint $(VENV)/versions.txt" in verb for verb in verbs)
+    assert all("--constraint $(VENV)/versions.txt" in verb or "--constraint $(DEV)" in verb for verb in verbs)
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_tools_are_locked_beside_what_they_test(python):
+    """What tests and development need has one version each, and no other version of anything that is installed."""
+    tools, installed = locked(python, DEVELOPMENT), locked(python)
+    assert {name: tools[name] for name in tools.keys() & installed.keys()} == {
+        name: installed[name] for name in tools.keys() & installed.keys()
+    }
+    for extra in ("test", "dev"):
+        for requirement in map(Requirement, PYPROJECT["project"]["optional-dependencies"][extra]):
+            if requirement.name != "clearcap":
+                assert requirement.specifier.contains(tools[canonicalize_name(requirement.name)]), requirement
