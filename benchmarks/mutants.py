@@ -22,6 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 AREAS = "reporting", "campaign/store", "campaign/coordinator", "engine"
 LEFT_OUT = ".git", ".venv", "build", "runs", "node_modules", ".*cache"
@@ -123,32 +125,35 @@ def _verdict(mutant: dict[str, Any]) -> dict[str, Any]:
         apply(mutant, tree)
         # no compiled kernel of another mutant
         environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/numba", "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no", *tests_of(mutant)]
-        try:
-            done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=SECONDS)
-            failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.M)
-            killed = failed[1] if failed else None if done.returncode == 0 else f"exit status {done.returncode}"
-        except subprocess.TimeoutExpired:
-            killed = "hangs"
+        killed = next(filter(None, (_killer(tests, tree, environment) for tests in tests_of(mutant))), None)
     return {"killed_by": killed, "seconds": round(time.monotonic() - began)}
 
 
-def tests_of(mutant: dict[str, Any]) -> list[str]:
-    """Return the tests of a mutant, the nearest first.
+def _killer(tests: list[str], tree: Path, environment: dict[str, str]) -> str | None:
+    """Return the first test that fails, or how the tests end otherwise; None if all pass."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no", *tests]
+    try:
+        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=SECONDS)
+    except subprocess.TimeoutExpired:
+        return "hangs"
+    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.M)
+    is_gone = done.returncode == pytest.ExitCode.USAGE_ERROR  # the test that killed it before is a part of another now
+    return failed[1] if failed else None if done.returncode == 0 or is_gone else f"exit status {done.returncode}"
 
-    Those that killed it before; those of its module, of its folder and of its area.
-    """
+
+def tests_of(mutant: dict[str, Any]) -> Iterator[list[str]]:
+    """Yield the tests of a mutant: the one that killed it before, those of its module, of its folder, of its area."""
     path = Path(mutant["path"])
     area = next(area for area in AREAS if path.is_relative_to(area))
-    known = [name for name in [mutant.get("killed_by")] if name and (ROOT / name.split("::")[0]).exists()]
-    own = sorted((ROOT / "tests" / area).rglob(f"test_{path.stem}.py"))
-    folder = ROOT / "tests" / path.parent
-    return [
-        *known,
-        *(file.relative_to(ROOT).as_posix() for file in own),
-        *([folder.relative_to(ROOT).as_posix()] if folder.is_dir() else []),
-        f"tests/{area}",
-    ]
+    known = mutant.get("killed_by")
+    if known and (ROOT / known.split("::")[0]).exists():
+        yield [known]
+    if own := sorted((ROOT / "tests" / area).rglob(f"test_{path.stem}.py")):
+        yield [file.relative_to(ROOT).as_posix() for file in own]
+    folder = Path("tests", path.parent)
+    if folder != Path("tests", area) and (ROOT / folder).is_dir():
+        yield [folder.as_posix()]
+    yield [f"tests/{area}"]
 
 
 def apply(mutant: dict[str, Any], tree: Path) -> None:
