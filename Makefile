@@ -4,7 +4,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
-# What tests, lint and audit need besides: a new release of a tool refuses no change that it has nothing to do with.
+# The same versions without hashes, and those of the tools: a new release of one breaks no verb, and refuses no change.
 DEV    := deploy/development.lock
 AUDIT  := deploy/audit.lock
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
@@ -25,16 +25,17 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
 
-# The versions of the lock file, which CI has tested: a new release of a library cannot break these two verbs.
-$(BIN)/clearcap: pyproject.toml $(LOCK)
+$(BIN)/clearcap: pyproject.toml $(DEV)
 	$(PYTHON) -m venv $(VENV)
-	grep -E '^[a-z0-9]' $(LOCK) | sed 's/ *\\$$//' > $(VENV)/versions.txt
-	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel]'
+	$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[excel]'
 	@touch $@
 
-$(VENV)/.dev: $(BIN)/clearcap $(DEV)
-	$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[dev]'
-	@touch $@
+# uv takes seconds where pip takes minutes; where it does not reach the packages, for it does not read pip's settings, pip.
+$(VENV)/.dev: pyproject.toml $(DEV) $(TOOLS)/uv
+	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)
+	$(TOOLS)/uv pip install --quiet --python $(BIN)/python --constraint $(DEV) --editable '.[dev]' || \
+		$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[dev]'
+	@touch $(BIN)/clearcap $@
 
 # They are no part of the environment: what they need must not change what clearcap runs with.
 $(TOOLS)/uv: $(AUDIT)
@@ -47,7 +48,7 @@ run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this mach
 	@printf '\nTo go on, type:\n\n  source $(VENV)/bin/activate\n  clearcap simulate c60 --set J1=0.05\n\n'
 
 serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; prints a link by which you log in
-	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel,web]'
+	$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[excel,web]'
 	$(BIN)/clearcap submit c60 --samples 500 --batch-size 25 --queue-only --store runs
 	$(BIN)/clearcap serve --store runs
 
