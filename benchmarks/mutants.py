@@ -142,7 +142,7 @@ def _killer(tests: list[str], tree: Path, environment: dict[str, str]) -> str | 
 
 
 def tests_of(mutant: dict[str, Any]) -> Iterator[list[str]]:
-    """Yield the tests of a mutant: the one that killed it before, those of its module, of its folder, of its area."""
+    """Yield the tests of a mutant: the one that killed it before, those of its module, of its folder."""
     path = Path(mutant["path"])
     area = next(area for area in AREAS if path.is_relative_to(area))
     known = mutant.get("killed_by")
@@ -150,10 +150,10 @@ def tests_of(mutant: dict[str, Any]) -> Iterator[list[str]]:
         yield [known]
     if own := sorted((ROOT / "tests" / area).rglob(f"test_{path.stem}.py")):
         yield [file.relative_to(ROOT).as_posix() for file in own]
-    folder = Path("tests", path.parent)
-    if folder != Path("tests", area) and (ROOT / folder).is_dir():
-        yield [folder.as_posix()]
-    yield [f"tests/{area}"]
+    folder = next(
+        each for each in [Path("tests", path.parent), *Path("tests", path.parent).parents] if (ROOT / each).is_dir()
+    )
+    yield [folder.as_posix()]
 
 
 def apply(mutant: dict[str, Any], tree: Path) -> None:
