@@ -3,15 +3,15 @@
 from pathlib import Path
 
 import openpyxl
-import pytest
 
 from reporting import write_report
 from reporting.render.sheet import LEAST_WIDTH, MOST_WIDTH, number_pattern
+from tests.each import each
 
 FENCES = (1.0, 1.33, 16.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "pattern"),
     [
         (0, "General"),
