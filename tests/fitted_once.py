@@ -1,6 +1,7 @@
 """Distributions fitted once to the same values: that, and the intervals that follow, is most of what a report costs."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,14 @@ class Remembered:
             self._known[key] = arguments, self._function(*arguments, **options)  # an argument that is kept keeps its id
         return self._known[key][1]
 
-    def forget(self) -> None:
-        """Have everything computed anew."""
-        self._known.clear()
+    @contextmanager
+    def forgotten(self) -> Iterator[None]:
+        """Have everything computed anew in the block."""
+        known, self._known = self._known, {}
+        try:
+            yield
+        finally:
+            self._known |= known
 
 
 def _key(argument: Any) -> Any:

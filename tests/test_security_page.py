@@ -14,6 +14,7 @@ from campaign.store.store import LARGEST_DOCUMENT
 from engine import toml_file
 from engine.cad import ReadingLimits
 from engine.mechanism.parameters import expression
+from tests.each import each
 
 ROOT = Path(__file__).parents[1]
 PAGE = " ".join((ROOT / "docs/security.md").read_text("utf-8").split())
@@ -37,7 +38,7 @@ def test_what_is_in_code():
     assert {"--insecure", "NUMBA_CACHE_DIR", "clearcap run", "deploy/"} <= set(CODE)
 
 
-@pytest.mark.parametrize("code", [code for code in CODE if code.startswith(("clearcap ", "--"))])
+@each("code", [code for code in CODE if code.startswith(("clearcap ", "--"))])
 def test_commands(code):
     """Verbs and options exist."""
     known, options = verbs()

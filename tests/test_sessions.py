@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(\w+) (session|file=\S+)\n(.*?)^```", re.M | re.S)
 VARYING = re.compile(r"(?<=wall_s = )\S+|(?<= in )\S+(?= s\b)|(?<=-)[0-9a-f]{10}\b")  # times, and ids of campaigns
@@ -106,7 +108,7 @@ def _token(token):
     return f"({NUMBER.pattern})".join(map(re.escape, pieces))
 
 
-@pytest.mark.parametrize(
+@each(
     ("expected", "printed", "is_same"),
     [
         ("force 1.27 N\n", "force  1.266 N\n", True),

@@ -10,6 +10,7 @@ from campaign.plan import Plan
 from campaign.plan_header import parse_plan
 from campaign.spec.result_columns import results_schema
 from tests.campaign.store.test_store import fill
+from tests.each import each
 
 EARLIER = (Path(__file__).parent / "earlier_plans" / "old-b2ff31c7a0" / "plan.json").read_text()
 READERS = (parse_plan, Plan.from_json)
@@ -69,8 +70,8 @@ def as_text(document):
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-@pytest.mark.parametrize("change", [lambda b: b[: len(b) // 2], lambda b: [*b, b[-1]], lambda b: b[::-1], lambda b: []])
-@pytest.mark.parametrize("text", [EARLIER, Plan.from_json(EARLIER).to_json()], ids=["format 1", "format 2"])
+@each("change", [lambda b: b[: len(b) // 2], lambda b: [*b, b[-1]], lambda b: b[::-1], lambda b: []])
+@each("text", [EARLIER, Plan.from_json(EARLIER).to_json()])
 def test_batches_are_all_samples_once(text, change):
     """Cut to half, doubled, reordered, none: refused, also where there is no digest."""
     document = json.loads(text)
@@ -100,7 +101,7 @@ def test_an_earlier_plan_that_is_damaged(key):
     del content[key]
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
         parse_plan(json.dumps(content))
-    with pytest.raises(StoreError, match="a batch begins at sample 10 in place of 5"):
+    with pytest.raises(StoreError, match=r"sample 10\b.*\b5\b"):
         parse_plan(EARLIER.replace("[\n   5,\n   5\n  ],", ""))
 
 
@@ -110,7 +111,7 @@ def test_an_earlier_plan_with_other_columns():
         Plan.from_json(EARLIER.replace('"unit": "m"', '"unit": "mm"', 1))
 
 
-@pytest.mark.parametrize("number", ["1e999", "NaN", "true", "5.0", '"5"', "null", "[5]", "9" * 5000, "[" * 2000])
+@each("number", ["1e999", "NaN", "true", "5.0", '"5"', "null", "[5]", "9" * 5000, "[" * 2000])
 def test_numbers_of_an_earlier_plan(number):
     """What is no whole number of samples is refused."""
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):

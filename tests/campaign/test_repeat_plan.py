@@ -1,12 +1,12 @@
 """Which samples are repeated: known beforehand, spread over the campaign, kept when it grows."""
 
 import numpy as np
-import pytest
 
 from campaign.plan import make_plan
 from campaign.repeat_plan import plan_repeats, repeated_samples, usual_share
 from campaign.spec.load import load_campaign
 from tests.campaign.conftest import SPEC
+from tests.each import each
 
 
 def test_every_beginning_has_its_share():
@@ -36,9 +36,7 @@ def test_no_design_is_in_step_with_it():
         assert counts.min() > 0.9 * chosen.size / width
 
 
-@pytest.mark.parametrize(
-    ("samples", "repeats"), [(1, 0), (20, 1), (60, 3), (100, 5), (400, 20), (500, 20), (1000, 30), (5000, 150)]
-)
+@each(("samples", "repeats"), [(1, 0), (20, 1), (60, 3), (100, 5), (400, 20), (500, 20), (1000, 30), (5000, 150)])
 def test_usual_share(samples, repeats):
     """3 %, but up to 5 % to get twenty: with twice the steps a tenth of the campaign's time."""
     assert usual_share(samples) <= 0.05

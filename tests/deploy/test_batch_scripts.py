@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.deploy.descriptors import DEPLOY, check_dask, documents, needs, output
+from tests.each import each
 
 SCRIPTS = [*sorted((DEPLOY / "batch").iterdir()), *sorted(DEPLOY.glob("*.sh")), *sorted(DEPLOY.glob("kubernetes/*.sh"))]
 OAR_OPTIONS = {
@@ -100,7 +101,7 @@ def test_node_folder(tmp_path, commands):
     assert node_folder(commands, tmp_path)[1].name != folder.name
 
 
-@pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.*")), ids=lambda path: path.name)
+@each("path", sorted(DEPLOY.rglob("*.*")))
 def test_no_name_can_be_foreseen(path):
     """No descriptor names a file in a folder that users of a machine share, unless mktemp makes the name."""
     for line in path.read_text().splitlines():

@@ -241,7 +241,7 @@ def test_bad_clearance_names_key_value_and_bounds(value):
 def test_overlap_of_a_contact_at_the_start_names_it():
     """A block started 1 cm inside the slope: its contact, the gap, and what is allowed."""
     data = block_on_floor(origin=[0, 0, 0.09])
-    with pytest.raises(MechanismError, match="parts overlap at the start pose") as caught:
+    with pytest.raises(MechanismError, match="overlap") as caught:
         simulate(made(data))
     assert "contacts.corner_0: gap -0.01 m at the start; allowed: >= 0" in str(caught.value)
     assert "corner_1:" not in str(caught.value)  # an upper corner
@@ -251,7 +251,7 @@ def test_journal_outside_its_bore_names_the_joint():
     """A journal that starts 1 mm off in a bore of 0.5 mm play: its joint and the clearance that would do."""
     data = shipped("clearance_pendulum")
     data["bodies"]["link"]["origin"] = [1e-3, 0, 0]
-    with pytest.raises(MechanismError, match=r"joints.J1.radial_clearance = 0.0005 m: .*at least 0.001 m"):
+    with pytest.raises(MechanismError, match=r"joints\.J1\.radial_clearance = 0\.0005 m.*0\.001 m"):
         simulate(made(data))
 
 

@@ -6,6 +6,7 @@ from importlib.resources import files
 import pytest
 
 from engine.toml_file import LARGEST, UnfitToml, parse_toml, read_toml
+from tests.each import each
 
 PARTS = 100_000
 BOMBS = {
@@ -30,7 +31,7 @@ BOMBS = {
 }
 
 
-@pytest.mark.parametrize("text", [BOMBS[name][0] for name in BOMBS], ids=BOMBS)
+@each("text", [BOMBS[name][0] for name in BOMBS])
 def test_bombs_are_refused(text):
     """In one message, which says where, what is allowed and what to do; the parser would take up to a minute."""
     said = next(said for bomb, said in BOMBS.values() if bomb == text)
@@ -41,7 +42,7 @@ def test_bombs_are_refused(text):
     assert len(str(error.value)) < 400
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         "\ufeffx = 1",
@@ -71,7 +72,7 @@ def test_all_that_is_shipped_is_within_the_limits(package):
 
 def test_text_in_another_encoding():
     """The line is named."""
-    with pytest.raises(UnfitToml, match="line 2: not UTF-8 text; save the file as UTF-8"):
+    with pytest.raises(UnfitToml, match=r"line 2\b.*UTF-8"):
         parse_toml("x = 1\ny = 'é'".encode("latin-1"))
     with pytest.raises(UnfitToml, match="not UTF-8"):
         parse_toml("x = 1".encode("utf-16"))

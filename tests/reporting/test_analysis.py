@@ -10,6 +10,7 @@ from reporting import ReportError
 from reporting.failures import STATUSES
 from reporting.shape.family.families import FAMILIES
 from reporting.tolerance.reweighting import Change
+from tests.each import each
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -207,7 +208,7 @@ def change(table: pa.Table, what: str) -> pa.Table:
     return changes[what]()
 
 
-@pytest.mark.parametrize(
+@each(
     ("what", "said"),
     [
         ("missing response", "column 'FC-3' is missing"),
@@ -229,11 +230,11 @@ def test_a_table_that_does_not_fit_is_one_clear_error(campaign, what, said) -> N
 def test_a_spec_that_makes_no_sense_is_one_clear_error(campaign) -> None:
     table, spec = campaign(10)
     crossed = replace(spec, responses=(replace(spec.responses[0], lsl=16.0, usl=9.0),))
-    with pytest.raises(ReportError, match=r"response FC-1: lsl = 16 is not below usl = 9"):
+    with pytest.raises(ReportError, match=r"FC-1: lsl = 16 .*usl = 9\b"):
         analysis_of(table, crossed)
     with pytest.raises(ReportError, match="'J1' names more than one"):
         analysis_of(table, replace(spec, variables=(*spec.variables, spec.variables[0])))
-    with pytest.raises(ReportError, match="has 10 rows, but the campaign has only 9 samples"):
+    with pytest.raises(ReportError, match=r"\b10 rows.*\b9 samples"):
         analysis_of(table, replace(spec, requested=9))
     with pytest.raises(ReportError, match="requested = 0"):
         analysis_of(table.slice(0, 0), replace(spec, requested=0))

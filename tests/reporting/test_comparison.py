@@ -91,7 +91,7 @@ def test_what_cannot_be_compared_is_one_message_or_a_note() -> None:
     spec = c60_spec(1)
     with pytest.raises(ReportError, match="no common response"):
         compared(c60_table(10), c60_table(10), responses=())
-    with pytest.raises(ReportError, match="FC-1: unit N here, kN in other"):
+    with pytest.raises(ReportError, match=r"FC-1: .*\bN\b.*\bkN\b"):
         compared(c60_table(10), c60_table(10), responses=(replace(spec.responses[0], unit="kN"),))
 
 

@@ -16,6 +16,7 @@ from reporting.format_numbers import (
     significant,
     z_score,
 )
+from tests.each import each
 
 
 @pytest.mark.parametrize(
@@ -33,7 +34,7 @@ def test_plain(value, text) -> None:
     assert plain(value) == text
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "text"),
     [
         (1.6312, "1.631"),
@@ -75,7 +76,7 @@ def test_percent_is_never_all_or_nothing_by_rounding(share, text) -> None:
     assert percent(share) == text + "\u00a0%"
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "text"),
     [
         (0.0, "0"),

@@ -16,18 +16,19 @@ from campaign.store import open_store
 from tests.campaign.commands import ROOT, clearcap_here
 from tests.campaign.store.files.test_files import small_disk
 from tests.campaign.store.test_store import fill
+from tests.each import each
 
 __all__ = ["small_disk"]
 
 
-@pytest.mark.parametrize("code", ["ENOSPC", "EDQUOT", "EROFS", "EIO", "ESTALE", "ETIMEDOUT", "ENOTCONN", "EMFILE"])
+@each("code", ["ENOSPC", "EDQUOT", "EROFS", "EIO", "ESTALE", "ETIMEDOUT", "ENOTCONN", "EMFILE"])
 def test_a_disk_that_fails(code):
     """Full, read-only, broken, out of reach."""
     number = getattr(errno, code)
     assert isinstance(unwritable("x", OSError(number, "x")), StoreError)
 
 
-@pytest.mark.parametrize("code", ["EACCES", "EPERM", "ENOENT", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG", "ELOOP"])
+@each("code", ["EACCES", "EPERM", "ENOENT", "ENOTDIR", "EISDIR", "EEXIST", "ENAMETOOLONG", "ELOOP"])
 def test_a_wrong_place(code):
     """Not there, of another kind, another's."""
     assert isinstance(unwritable("x", OSError(getattr(errno, code), "x")), SpecError)

@@ -5,6 +5,7 @@ The verbs are those of the command itself. One that takes an argument which is n
 
 import ast
 import json
+import shutil
 import unicodedata
 from dataclasses import fields
 from functools import partial
@@ -24,6 +25,7 @@ from tests.campaign import fake_engine
 from tests.campaign.commands import clearcap_here
 from tests.campaign.conftest import *  # noqa: F403
 from tests.campaign.driving import computed
+from tests.each import each
 from tests.house import ROOT, modules, syntax_tree
 
 MARKUP = "[/x] [bold]b[/bold] [mm] [link=x]l[/link] {} {0} %s %(a)d $x_$ :smile: <b>"
@@ -45,13 +47,17 @@ def leaves(command, path=()):
 VERBS = dict(leaves(get_command(app)))
 
 
-@pytest.fixture
-def hostile(faked, tmp_path, monkeypatch):
-    """Return the id of a computed campaign whose every text is hostile, in a folder with such a name."""
-    folder = tmp_path / FOLDER
-    folder.mkdir(parents=True)  # its name has a slash
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "20000")
+@pytest.fixture(scope="module")
+def folder_of_hostile(tmp_path_factory):
+    """Return a folder with a computed campaign whose every text is hostile, and the campaign's id."""
+    folder = tmp_path_factory.mktemp("hostile")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return folder, make_hostile()
+
+
+def make_hostile():
+    """Compute a campaign whose every text is hostile, in the current folder; return its id."""
     text = (LIBRARY / "incline.toml").read_text().replace("from =", "unit_ = 0\nfrom =").replace("unit_ = 0\n", "")
     for plain in ("Block on a slope", "way down the slope", "A block of 0.2 x 0.2 x 0.1 m on four corners"):
         text = text.replace(f'"{plain}', f'"{quoted(HOSTILE)}')
@@ -65,12 +71,27 @@ def hostile(faked, tmp_path, monkeypatch):
     )
     store, plan = computed("runs", load_campaign("campaign [x].toml"), 40)
     store.write_json(plan.campaign_id, "state.json", {"state": "completed", "message": HOSTILE})
+    return plan.campaign_id
+
+
+@pytest.fixture
+def hostile(faked, folder_of_hostile, tmp_path, monkeypatch):
+    """Return what puts a copy of the campaign into a folder with a hostile name, stands there, and returns its id."""
+    monkeypatch.setenv("COLUMNS", "20000")
     monkeypatch.setattr(rerunning, "rerun", partial(rerunning.rerun, simulate=fake_engine.simulate))
     monkeypatch.setattr("campaign.reports.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
     monkeypatch.setattr("campaign.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
     monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
     monkeypatch.setattr("campaign.reports.journal_positions.campaign_journal_positions", lambda *_: [])
-    return plan.campaign_id
+    made, campaign_id = folder_of_hostile
+
+    def fresh():
+        folder = tmp_path / uuid4().hex / FOLDER  # its name has a slash
+        shutil.copytree(made, folder)
+        monkeypatch.chdir(folder)
+        return campaign_id
+
+    return fresh
 
 
 def quoted(text):
@@ -124,11 +145,11 @@ def check(output, messages):
         assert text.count("<BEGIN>") == whole, "a hostile text is not whole"
 
 
-@pytest.mark.parametrize("as_json", [False, True], ids=["text", "json"])
-@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+@each("as_json", [False, True])
+@each("verb", VERBS)
 def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
     """A verb at work on hostile texts: all whole, none obeyed; with ``--json`` one document and nothing else."""
-    words = [*verb, *words_of(verb, hostile), *(["--json"] if as_json else [])]
+    words = [*verb, *words_of(verb, hostile()), *(["--json"] if as_json else [])]
     code, output, messages = clearcap_here(capsys, monkeypatch, *words)
     assert code in (0, 1), messages
     if not as_json:
@@ -140,13 +161,14 @@ def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
         json.loads(output)
 
 
-@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+@each("verb", VERBS)
 def test_hostile_words(verb, hostile, capsys, monkeypatch):
     """Markup in place of each argument and of each option's value: no bug, and the message quotes it whole."""
+    campaign_id = hostile()
     for parameter in VERBS[verb].params:
         if getattr(parameter, "is_flag", False) or parameter.name in ("help", "json"):
             continue
-        words = words_of(verb, hostile)
+        words = words_of(verb, campaign_id)
         if parameter.param_type_name == "argument":
             arguments = [p.name for p in VERBS[verb].params if p.param_type_name == "argument"]
             words[arguments.index(parameter.name)] = MARKUP

@@ -23,6 +23,7 @@ from engine import EngineError
 from engine.friction.indeterminacy import normal_force_range
 from reporting import ReportError
 from reporting.capability.shares import runs_to_claim
+from tests.each import each
 from tests.engine.friction.problems import random_problem
 
 SEED = int(os.environ.get("CLEARCAP_SECURITY_SEED") or random.SystemRandom().randrange(2**31))
@@ -211,7 +212,7 @@ NAMES = (
 )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_odd_arguments_give_results_or_our_errors(name):
     """Wrong shapes, types, sizes, masks, orders, infinite, tiny, huge numbers."""
     slow_ones = ("simulate", "Recording", "set_values", "mechanism_from")
@@ -225,7 +226,7 @@ def test_many_more_odd_arguments(name):
     attack(targets()[name], MORE_TRIES, SEED + 1, name)
 
 
-@pytest.mark.parametrize(
+@each(
     ("lsl", "usl", "text"),
     [
         (0.0, 5e-324, "too close to"),
@@ -245,8 +246,8 @@ def test_limits_that_are_none(lsl, usl, text):
         reporting.capability([0.0, 1.0, 2.0], lsl, usl)
 
 
-@pytest.mark.parametrize("spread", [0.0, 5e-324, 1e-310, 1e-200, 1e200])
-@pytest.mark.parametrize("limit", [0.0, 1e-320, 1.0])
+@each("spread", [0.0, 5e-324, 1e-310, 1e-200, 1e200])
+@each("limit", [0.0, 1e-320, 1.0])
 def test_values_without_a_spread_worth_the_name(spread, limit):
     """Constant values on a limit, and sigmas too small or too large for squares, give numbers or None."""
     numbers = reporting.capability([limit, limit + spread, limit - spread, limit], lsl=limit, usl=limit + 1, target=0.5)

@@ -25,6 +25,7 @@ from campaign.row_build import short_build
 from engine import read_trajectory
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap, clearcap_here
+from tests.each import each
 from tests.engine.kernels.surface_shapes import sphere_octant
 
 BAD_INPUT = {
@@ -73,7 +74,7 @@ BAD_INPUT = {
 }
 
 
-@pytest.mark.parametrize(("words", "said"), BAD_INPUT.values(), ids=BAD_INPUT)
+@each(("words", "said"), BAD_INPUT.values())
 def test_bad_input(words, said, tmp_path, capsys, monkeypatch):
     """Exit 2, one message that names the fault, nothing on standard output, nothing written."""
     monkeypatch.chdir(tmp_path)

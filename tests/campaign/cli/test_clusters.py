@@ -56,9 +56,9 @@ def test_options(folder):
 
 def test_wrong_options(folder):
     """Half of TLS, files that are not there, traffic in the clear: refused before anything is reached."""
-    with pytest.raises(SpecError, match=r"--tls-cert, --tls-key: not given"):
+    with pytest.raises(SpecError, match="--tls-cert, --tls-key"):
         cluster_from(tls_ca=folder / "ca.pem")
-    with pytest.raises(SpecError, match=r"--tls-key .*nothing.key: cannot be read"):
+    with pytest.raises(SpecError, match=r"--tls-key .*nothing\.key"):
         cluster_from(None, "local", None, folder / "ca.pem", folder / "client.pem", Path("nothing.key"))
     with pytest.raises(SpecError, match="--insecure"):
         cluster_from("tcp://10.0.0.1:8786")

@@ -33,7 +33,7 @@ def test_picture_that_fails_keeps_the_old_one(tmp_path):
             temporary.write_bytes(b"half")
             raise OSError(28, "No space left on device")
 
-    with pytest.raises(CampaignError, match=r"a.png: cannot be written \(No space left"):
+    with pytest.raises(CampaignError, match=r"a\.png.*No space left"):
         draw()
     assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [("a.png", b"old")]
     with replacing(path) as temporary:

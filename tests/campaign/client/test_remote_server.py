@@ -32,7 +32,7 @@ def test_a_file_elsewhere_is_not_sent(remote, tmp_path):
         (folder / "theirs.toml").write_text(
             f'format = 1\nname = "x"\nmechanism = "c60"\n[variables.J1]\nfile = "{name}"\ncolumn = "gap"\n'
         )
-        with pytest.raises(SpecError, match=r"variables\.J1\.file = .*lies outside"):
+        with pytest.raises(SpecError, match=r"variables\.J1\.file"):
             remote.submit(folder / "theirs.toml")
 
 

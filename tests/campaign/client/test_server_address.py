@@ -4,6 +4,7 @@ import pytest
 
 from campaign.client.server_address import checked_address, checked_token
 from campaign.errors import SpecError
+from tests.each import each
 
 
 @pytest.mark.parametrize(
@@ -20,7 +21,7 @@ def test_addresses(url, address):
     assert checked_address(url) == address
 
 
-@pytest.mark.parametrize(
+@each(
     ("url", "fault"),
     [
         ("http://clearcap.example", "over http others read the token"),

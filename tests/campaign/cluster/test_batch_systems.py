@@ -75,7 +75,7 @@ def test_job_script(kind, given, settings, commands, tls):
 def test_a_refused_job_is_told(settings, commands):
     """What the batch system says reaches the user, and nothing is left running."""
     with (
-        pytest.raises(UnreachableError, match=r"(?s)--cluster slurm.*no such partition"),
+        pytest.raises(UnreachableError, match="no such partition"),
         connect(Cluster(kind="slurm", workers=16)),
     ):
         pass

@@ -184,7 +184,7 @@ def test_workers_that_never_start(tmp_path, monkeypatch):
     """A few attempts, then one message, and no process and no folder stays."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with struck(signal.SIGKILL, 99) as before:
-        with pytest.raises(UnreachableError, match=r"3 times in a row.*--workers N") as raised, local_client(2):
+        with pytest.raises(UnreachableError, match="--workers N") as raised, local_client(2):
             pass
         assert raised.value.exit_code == 4
         assert workers() == before

@@ -211,7 +211,7 @@ def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
     always = partial(fake_engine.raises_above, -1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, load_campaign(str(campaign_file)), 3)
-    with pytest.raises(TooManyFailed, match=r"6 of 6 runs failed, and failures.max_failed allows 4"):
+    with pytest.raises(TooManyFailed, match=r"6 of 6 runs.*failures\.max_failed.*\b4\b"):
         coordinate(store, plan, Cluster(workers=1), simulate=always)
     assert state_of(store, plan.campaign_id)["state"] == "failed"
     assert store.survey(plan).statuses["crashed"] >= 6
@@ -240,10 +240,10 @@ def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     other = replace(plan, row_build="engine 0123456789abcdef")
-    with pytest.raises(WrongBuild, match=r"sources of engine .* here, 0123456789abcdef in the plan"):
+    with pytest.raises(WrongBuild, match="0123456789abcdef"):
         coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
     monkeypatch.setattr(coordinating, "check_build", lambda *_: None)  # as if the workers were elsewhere
-    with pytest.raises(CampaignError, match=r"no worker has the build .* \(engine 0123456789abcdef\); install"):
+    with pytest.raises(CampaignError, match="0123456789abcdef"):
         coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
     assert store.survey(plan).rows == 0
 

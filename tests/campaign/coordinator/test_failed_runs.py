@@ -28,7 +28,7 @@ def stored(folder) -> tuple[Plan, dict[str, int]]:
 def test_a_campaign_stops_when_its_first_runs_all_fail(tmp_path, campaign_file, workers):
     """It keeps their rows and quotes one of them; resumed, it computes as many again, or all if one is ok."""
     loaded = load_campaign(str(campaign_file), samples=1500)
-    with pytest.raises(TooManyFailed, match=r"none of \d+ runs succeeded \(\d+ not_converged\)") as stopped:
+    with pytest.raises(TooManyFailed, match=r"\d+ not_converged") as stopped:
         start(tmp_path / "s", loaded, batch_size=20, simulate=SLIDES)
     plan, first = stored(tmp_path / "s")
     assert FIRST_RUNS <= first["not_converged"] < 700

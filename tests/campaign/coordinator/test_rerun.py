@@ -55,10 +55,10 @@ def test_rows_remember_all_they_were(broken, workers):
 def test_sample_without_a_row_is_refused(broken):
     """Nothing is computed then; nor while a coordinator holds the lease."""
     store, plan, _ = broken
-    with pytest.raises(SpecError, match=r"sample 25: campaign demo-[0-9a-f]+ has no row of this sample"):
+    with pytest.raises(SpecError, match=r"sample 25\b"):
         rerun(store, plan, [3, 25], Cluster(workers=1), fake_engine.simulate)
     store.files.remove(f"{plan.campaign_id}/parts/part-000002.parquet")
-    with pytest.raises(SpecError, match=r"sample 20: campaign demo-[0-9a-f]+ has no row of this sample"):
+    with pytest.raises(SpecError, match=r"sample 20\b"):
         rerun(store, plan, [20], Cluster(workers=1), fake_engine.simulate)
     with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld):
         rerun(store, plan, [3], Cluster(workers=1), fake_engine.simulate)

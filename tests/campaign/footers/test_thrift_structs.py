@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from campaign.footers.thrift_structs import read_struct
+from tests.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "fields"),
     [
         (b"\x00", {}),

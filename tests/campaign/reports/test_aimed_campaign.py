@@ -85,7 +85,7 @@ def test_what_cannot_be_aimed_at(tmp_path):
     store = open_store(str(tmp_path / "runs"))
     with pytest.raises(CampaignError, match="no sample is computed yet"):
         aimed_campaign(store, submit(store, pilot(tmp_path, "usl = 12.0\n"), 100), 100)
-    with pytest.raises(SpecError, match=r"FC-2: no response with limits has this name; allowed: FC-1"):
+    with pytest.raises(SpecError, match=r"FC-2.*FC-1"):
         aimed_campaign(store, store.plan(store.campaigns()[0]), 100, ("FC-2",))
     with pytest.raises(SpecError, match="no response has limits"):
         aimed_campaign(store, submit(store, pilot(tmp_path, ""), 100), 100)
@@ -93,11 +93,11 @@ def test_what_cannot_be_aimed_at(tmp_path):
     grid = '"grid"\ngrid = { J1 = 5, preload = 5 }'
     path.write_text(SPEC.replace("samples = 25", f"samples = 25\nsampler = {grid}"))
     store, plan = computed(tmp_path / "grid", load_campaign(str(path)), 25)
-    with pytest.raises(SpecError, match="samples of sampler grid are not drawn"):
+    with pytest.raises(SpecError, match="sampler grid"):
         aimed_campaign(store, plan, 100)
     path.write_text(SPEC.replace("upper = 1.0", "upper = 1.0\nbatch = { size = 5, std = 0.001 }"))
     store, plan = computed(tmp_path / "lots", load_campaign(str(path)), 25)
-    with pytest.raises(SpecError, match=r"cannot have importance sampling: .*production batch"):
+    with pytest.raises(SpecError, match=r"\bbatch"):
         aimed_campaign(store, plan, 100)
 
 

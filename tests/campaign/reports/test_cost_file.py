@@ -11,11 +11,12 @@ from campaign.reports.cost_file import Costs, read_costs
 from reporting.tolerance.allocation import allocate
 from reporting.tolerance.allocation_problem import CostedVariable, Requirement
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, ProcessTable
+from tests.each import each
 
 PAGE = Path(__file__).parents[3] / "docs" / "report.md"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("", "variables"),

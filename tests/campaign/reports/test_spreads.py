@@ -9,6 +9,7 @@ from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import draw
 from campaign.reports.spreads import Spreads, with_spread
 from campaign.reports.variable_settings import changed_variables
+from tests.each import each
 
 
 def cut(mean: float, std: float) -> stats.rv_continuous:
@@ -68,7 +69,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each("kind", KINDS)
 def test_what_is_to_be_written_gives_the_spread(campaign, kind):
     """The settings of a factor, given to whatif, make a law of that factor; values at the same ranks follow it."""
     old = variable(**KINDS[kind])

@@ -15,6 +15,7 @@ from campaign.errors import SpecError
 from campaign.spec import data_files
 from campaign.spec.data_files import read_columns, read_data_files
 from campaign.spec.named_files import FolderFiles
+from tests.each import each
 from tests.house import ROOT
 
 
@@ -112,7 +113,7 @@ def test_columns_are_counted(tmp_path):
         assert "more than 1000 columns (1001)" in refusal(tmp_path / name, ["x1"])
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "said"),
     [
         (b"x" * 200_000, "its first line has more than 100000 bytes"),
@@ -127,20 +128,6 @@ def test_columns_are_counted(tmp_path):
         (b"x,x\n1,2\n", "2 columns x"),
         (b"x\n", "column x"),
         (b"x\n" + b"9" * 5000 + b"\n", "column x"),
-    ],
-    ids=[
-        "first line",
-        "lines",
-        "long number",
-        "commas",
-        "open quote",
-        "gzip",
-        "utf-16",
-        "NUL",
-        "empty",
-        "twice",
-        "none",
-        "inf",
     ],
 )
 def test_odd_csv_is_one_message(tmp_path, content, said):

@@ -10,6 +10,7 @@ from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import load_campaign
 from engine import Mechanism, MechanismError, load_mechanism
 from engine.file_kinds import CAMPAIGN_KEYS, MECHANISM_KEYS
+from tests.each import each
 
 MECHANISM = 'format = 1\nname = "lift"\nunits = "mm-g-ms"\n[bodies.ground]\nfixed = true\n'
 CAMPAIGN = 'format = 1\nname = "lift"\nmechanism = "incline"\n[variables.J1]\ndistribution = "normal"\n'
@@ -39,7 +40,7 @@ def refusal(wanted, path):
     return str(refused.value)
 
 
-@pytest.mark.parametrize(("name", "wanted"), REFUSED)
+@each(("name", "wanted"), REFUSED)
 def test_other_file(name, wanted, tmp_path):
     """One line names the file and what it is; no list of faults."""
     path = tmp_path / name

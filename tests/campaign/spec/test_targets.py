@@ -11,6 +11,7 @@ from campaign.spec.load import load_campaign
 from campaign.worker.row import compute_row, sample_inputs
 from engine import simulate
 from engine.loop import Cancel
+from tests.each import each
 
 PAGE = (Path(__file__).parents[3] / "docs" / "campaign.md").read_text()
 EXAMPLE = next(code for code in re.findall(r"```toml runnable\n(.*?)```", PAGE, re.S) if '"lever"' in code)
@@ -47,7 +48,7 @@ def test_the_example_of_the_page_follows_the_lever_rule(tmp_path):
         assert row["force"] == pytest.approx(values["load"] * arms, rel=1e-6)
 
 
-@pytest.mark.parametrize(
+@each(
     ("variables", "said"),
     [
         (
@@ -104,5 +105,5 @@ def test_a_parameter_from_which_nothing_follows_on_a_bench_is_refused(tmp_path):
     (tmp_path / "own.toml").write_text(text + bench)
     tables = campaign(load=("parameters.load", 3.0, 5.0)) | {"mechanism": str(tmp_path / "own.toml")}
     load_campaign(tables)
-    with pytest.raises(SpecError, match=r"variables.load: nothing of lever on bench bare follows from parameters.load"):
+    with pytest.raises(SpecError, match=r"variables\.load.*parameters\.load"):
         load_campaign(tables | {"bench": "bare"})

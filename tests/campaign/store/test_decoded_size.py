@@ -35,7 +35,7 @@ def test_millions_of_equal_rows_are_refused(plan):
     rows = pa.table({"sample": pa.array([0], pa.int64()).take(pa.array([0] * 3_000_000))})
     content = written(rows, compression="zstd")
     assert len(content) < 50_000
-    with pytest.raises(BadPart, match="its footer says 3000000 rows in place of 10"):
+    with pytest.raises(BadPart, match=r"3000000 rows.*\b10\b"):
         decode(plan, content, 10)
 
 
@@ -51,7 +51,7 @@ def test_decoded_size_is_bounded(plan, part, monkeypatch):
     with pytest.raises(BadPart, match="decodes to more than"):
         decode(plan, content, 10)
     monkeypatch.setattr(decoded_size, "MOST", 2**10)
-    with pytest.raises(BadPart, match="decodes to more than a file of 10 rows may"):
+    with pytest.raises(BadPart, match=r"\b10 rows"):
         decode(plan, content, 10)
 
 

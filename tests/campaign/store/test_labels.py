@@ -6,9 +6,10 @@ from hypothesis import strategies as st
 
 from campaign.errors import SpecError
 from campaign.store.labels import LONGEST_NOTE, LONGEST_OWNER, LONGEST_TAG, LabelChange, Labels, is_owner
+from tests.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "fault"),
     [
         ({"owner": "a" * (LONGEST_OWNER + 1)}, f"owner: has {LONGEST_OWNER + 1} characters; allowed: up to"),

@@ -125,7 +125,7 @@ def test_more_repeats_of_a_finished_campaign(tmp_path, often, workers):
     assert repeats_of(store, plan).equals(after)
     assert survey_repeats(store, repeat_plans(store, plan), verify=True).missing == set()
     store.write_json(plan.campaign_id, "repeats.json", {"shares": [0.2]})
-    with pytest.raises(StoreError, match=r"repeats.json says shares = \[0.2\]; allowed: rising numbers above 0.4"):
+    with pytest.raises(StoreError, match=r"repeats\.json.*shares.*0\.4"):
         repeated_shares(store, plan)
 
 

@@ -187,7 +187,7 @@ def test_manifest_that_is_no_file_costs_time_only(store, plan, caplog):
 
 def test_plan_that_is_gone(store):
     """A folder that somebody has removed is named, with the remedy."""
-    with pytest.raises(StoreError, match=r"has no demo-0000000000/plan\.json; it was deleted, or restore it"):
+    with pytest.raises(StoreError, match=r"demo-0000000000/plan\.json"):
         store.hasty.plan("demo-0000000000")
 
 
@@ -199,7 +199,7 @@ def test_no_link_leads_out_of_a_store(store, plan, tmp_path):
     parts.rename(outside / "parts")
     parts.symlink_to(outside / "parts")
     for operation in (store.survey, lambda plan: fill(store, plan, [1])):
-        with pytest.raises(StoreError, match="is reached through a link that leads out of the store"):
+        with pytest.raises(StoreError, match=r"\blink\b"):
             operation(plan)
     parts.unlink()
     (outside / "parts").rename(parts)
@@ -211,10 +211,10 @@ def test_no_link_leads_out_of_a_store(store, plan, tmp_path):
 def test_document_that_is_no_json_of_ours(store, plan, text):
     """Depth and digits without end are refused by name, as is what is no object."""
     store.files.write(f"{plan.campaign_id}/lease.json", text.encode())
-    with pytest.raises(StoreError, match=r"lease\.json (is not JSON|does not hold a JSON object)"):
+    with pytest.raises(StoreError, match=r"lease\.json"):
         store.read_json(plan.campaign_id, "lease.json")
     store.files.write(f"{plan.campaign_id}/lease.json", b" " * (LARGEST_DOCUMENT + 1))
-    with pytest.raises(StoreError, match=r"lease\.json has 1048577 bytes; allowed: up to 1048576"):
+    with pytest.raises(StoreError, match=r"lease\.json.*1048577.*1048576"):
         store.read_json(plan.campaign_id, "lease.json")
 
 
@@ -265,7 +265,7 @@ def test_part_that_became_sound_stays(store, plan):
 def test_wrong_rows_are_not_written(store, plan):
     """A part is never written with the rows of other samples."""
     fill(store, plan, [0])
-    with pytest.raises(ValueError, match="the rows are not those of samples 10 to 19"):
+    with pytest.raises(ValueError, match="samples 10 to 19"):
         store.write_part(plan, 1, store.read_part(plan, 0))
     assert store.survey(plan).missing == [1, 2]
 

@@ -17,6 +17,7 @@ from campaign.web.access import Role
 from campaign.web.settings import Limits, Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
+from tests.each import each
 
 pytestmark = pytest.mark.slow
 
@@ -51,7 +52,7 @@ def described(finished_store, storage, tmp_path_factory):
 
 
 @pytest.mark.parametrize("role", EXAMPLES)
-@pytest.mark.parametrize("call", CALLS)
+@each("call", CALLS)
 def test_call(call, role, described):
     """Sound and unsound questions, for what there is and for what there is not."""
     schema, client, tokens, campaign = described
@@ -75,7 +76,7 @@ def test_call(call, role, described):
 
 def _varies(operation, paths):
     """Return whether a call with some parameters of its path has any other, so that its examples differ."""
-    others = [each for each in operation.path_parameters if each.name not in paths]
+    others = [other for other in operation.path_parameters if other.name not in paths]
     return any([*others, *operation.query, *operation.headers, *operation.body])
 
 

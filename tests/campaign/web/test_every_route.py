@@ -10,6 +10,7 @@ from campaign.web.http.asking import COOKIE
 from campaign.web.settings import Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
+from tests.each import each
 
 WAYS = {str(way): way for way in all_ways()}
 WRITES = [name for name, way in WAYS.items() if way.is_write]
@@ -68,10 +69,14 @@ def ask(service, client, campaign):
 
 @pytest.fixture
 def stranger(client, request):
-    """Return a client that asks from an address of its own, as guesses are counted by address."""
-    number = zlib.crc32(request.node.name.encode())
-    address = f"10.{number >> 16 & 255}.{number >> 8 & 255}.{number & 255}"
-    return TestClient(client.app, base_url=URL, follow_redirects=False, client=(address, 50000))
+    """Return what makes a client that asks from an address of its own, as guesses are counted by address."""
+
+    def made(name):
+        number = zlib.crc32(f"{request.node.name} {name}".encode())
+        address = f"10.{number >> 16 & 255}.{number >> 8 & 255}.{number & 255}"
+        return TestClient(client.app, base_url=URL, follow_redirects=False, client=(address, 50000))
+
+    return made
 
 
 def test_all_but_the_entrance_asks_who_asks():
@@ -84,19 +89,19 @@ def test_pages_that_only_show_are_no_writes():
     assert {way.method for way in WAYS.values() if not way.path.startswith("/api/")} == {"GET", "POST"}
 
 
-@pytest.mark.parametrize("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
+@each("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
 def test_nobody(name, ask, stranger):
     """Without a login: refused, whatever else is wrong; a write is audited."""
     way = WAYS[name]
-    answer, entries = ask(way, {}, stranger)
+    answer, entries = ask(way, {}, stranger(name))
     assert answer.status_code == 401
     assert answer.headers["www-authenticate"] == "Bearer"
     assert [(entry.action, entry.status) for entry in entries] == ([(name, 401)] if way.is_write else [])
 
 
-@pytest.mark.parametrize("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
+@each("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
 def test_wrong_token(name, ask, stranger):
-    answer, _ = ask(WAYS[name], {"Authorization": f"Bearer clearcap_token_{'x' * 43}"}, stranger)
+    answer, _ = ask(WAYS[name], {"Authorization": f"Bearer clearcap_token_{'x' * 43}"}, stranger(name))
     assert answer.status_code == 401
 
 
@@ -112,16 +117,17 @@ def ended(everything):
     return {how: secret for how, (_, secret) in tokens.items()}
 
 
-@pytest.mark.parametrize("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
+@each("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
 def test_token_that_has_ended(name, ask, stranger, ended):
     """Whatever it was for: nobody is known by it."""
+    asking = stranger(name)
     for secret in ended.values():
-        answer, entries = ask(WAYS[name], {"Authorization": f"Bearer {secret}"}, stranger)
+        answer, entries = ask(WAYS[name], {"Authorization": f"Bearer {secret}"}, asking)
         assert answer.status_code == 401
         assert {entry.who for entry in entries} <= {"nobody"}
 
 
-@pytest.mark.parametrize(("name", "role"), LOWER, ids=lambda value: getattr(value, "word", value))
+@each("name, role", LOWER)
 def test_lower_role(name, role, ask, as_user):
     """Whoever may less is refused before his input is looked at, and the audit trail knows who it was."""
     answer, entries = ask(WAYS[name], as_user(role.word), content=b"{")
@@ -129,8 +135,8 @@ def test_lower_role(name, role, ask, as_user):
     assert [(entry.who, entry.action, entry.status) for entry in entries] == [(role.word, name, 403)]
 
 
-@pytest.mark.parametrize("how", FOREIGN)
-@pytest.mark.parametrize("name", ASKING_WRITES)
+@each("how", FOREIGN)
+@each("name", ASKING_WRITES)
 def test_from_another_site(name, how, ask, browse):
     """A page of another site does nothing in the name of whoever is logged in here, and it is written down."""
     answer, entries = ask(WAYS[name], {**browse("admin"), **FOREIGN[how]})
@@ -139,7 +145,7 @@ def test_from_another_site(name, how, ask, browse):
     assert entries[0].who == "admin"
 
 
-@pytest.mark.parametrize("name", ASKING_WRITES)
+@each("name", ASKING_WRITES)
 def test_form_without_its_word(name, ask, browse):
     """A form without the field is refused as one with a wrong field is."""
     headers = browse("admin")
@@ -156,7 +162,7 @@ def test_a_shared_link_only_asks():
     assert {path for path in open_to_shares if path.rpartition("/")[2] not in QUESTIONS} == {"/logout"}
 
 
-@pytest.mark.parametrize("name", [name for name in ASKING_WRITES if not WAYS[name].is_open_to_shares])
+@each("name", [name for name in ASKING_WRITES if not WAYS[name].is_open_to_shares])
 def test_shared_link(name, ask, service, campaign):
     """Whoever came by a shared link changes nothing, here and in other campaigns."""
     _, secret = service.tokens.share(campaign, "engineer", "", 60.0)
@@ -165,7 +171,7 @@ def test_shared_link(name, ask, service, campaign):
     assert [(entry.action, entry.status) for entry in entries] == [(name, 403)]
 
 
-@pytest.mark.parametrize("name", [name for name, way in WAYS.items() if "{campaign}" in way.path and not way.is_write])
+@each("name", [name for name, way in WAYS.items() if "{campaign}" in way.path and not way.is_write])
 def test_shared_link_shows_no_other_campaign(name, ask, service):
     _, secret = service.tokens.share("another", "engineer", "", 60.0)
     answer, _ = ask(WAYS[name], {"Authorization": f"Bearer {secret}"})

@@ -10,6 +10,7 @@ from campaign.web.access import Role
 from campaign.web.connection import LARGEST_HEAD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.web.running import exchange, in_a_thread, until
+from tests.each import each
 
 LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0)
 CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
@@ -153,7 +154,7 @@ def test_endless_head(port):
         assert _status(exchange(port, start, *pieces)) in (431, None)  # none: it was closed before it could be read
 
 
-@pytest.mark.parametrize(
+@each(
     "headers",
     [
         "Content-Length: 5\r\nTransfer-Encoding: chunked",
@@ -182,8 +183,8 @@ def test_garbage(port, line):
     assert _status(exchange(port, line.encode("latin-1") + b"\r\nHost: localhost\r\n\r\n")) in (400, 408, 505)
 
 
-@pytest.mark.parametrize("method", ["HEAD", "OPTIONS", "TRACE", "CONNECT", "PROPFIND"])
-@pytest.mark.parametrize("path", ["/healthz", "/campaigns", "/api/v1/campaigns", "/static/pages.css", "*", "/%00"])
+@each("method", ["HEAD", "OPTIONS", "TRACE", "CONNECT", "PROPFIND"])
+@each("path", ["/healthz", "/campaigns", "/api/v1/campaigns", "/static/pages.css", "*", "/%00"])
 def test_other_methods(port, method, path):
     """They have no answer but a refusal, or a head without a body."""
     head = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode()

@@ -11,6 +11,7 @@ from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
+from tests.each import each
 
 pytestmark = pytest.mark.slow
 
@@ -76,7 +77,7 @@ def _quoted(name):
     return quote(name.encode(errors="surrogatepass"), safe="")
 
 
-@pytest.mark.parametrize("name", WITH_PATHS)
+@each("name", WITH_PATHS)
 def test_in_paths(name, open_to_all):
     """Each parameter of each path."""
     ask, _, campaign = open_to_all
@@ -86,7 +87,7 @@ def test_in_paths(name, open_to_all):
             _check(ask(way, path=way.url(**{"campaign": campaign, parameter: _quoted(hostile)})))
 
 
-@pytest.mark.parametrize("name", [name for name, way in WAYS.items() if way.method == "GET"])
+@each("name", [name for name, way in WAYS.items() if way.method == "GET"])
 def test_in_questions(name, open_to_all):
     """Each parameter behind the question mark."""
     ask, _, _ = open_to_all
@@ -98,7 +99,7 @@ def test_in_questions(name, open_to_all):
                 _check(ask(way, query={field: hostile}))
 
 
-@pytest.mark.parametrize("name", [name for name in FORMS if name not in ENDING])
+@each("name", [name for name in FORMS if name not in ENDING])
 def test_in_forms(name, open_to_all):
     """Each field of each form, then all of them."""
     ask, _, _ = open_to_all
@@ -111,7 +112,7 @@ def test_in_forms(name, open_to_all):
                 _check(ask(way, form={field: hostile}))
 
 
-@pytest.mark.parametrize("name", [name for name in BODIES if name not in ENDING])
+@each("name", [name for name in BODIES if name not in ENDING])
 def test_in_bodies(name, open_to_all):
     """Each text of each JSON body, those in lists and tables too."""
     ask, _, _ = open_to_all
@@ -123,7 +124,7 @@ def test_in_bodies(name, open_to_all):
     _check(ask(way, body=[[[]]]))
 
 
-@pytest.mark.parametrize("name", PAGES)
+@each("name", PAGES)
 def test_kept_names_are_shown_as_text(name, open_to_all):
     """What somebody wrote into labels, notes and names of tokens is text on every page, to an admin too."""
     ask, service, campaign = open_to_all
@@ -161,7 +162,7 @@ def _filled(schema, root, hostile):
             return _filled(schema[choice][0], root, hostile)
     kind = schema.get("type", "string")
     if kind == "object":
-        inner = {name: _filled(each, root, hostile) for name, each in schema.get("properties", {}).items()}
+        inner = {name: _filled(kept, root, hostile) for name, kept in schema.get("properties", {}).items()}
         return inner or {hostile: hostile}
     if kind == "array":
         return [_filled(schema.get("items", {}), root, hostile)]

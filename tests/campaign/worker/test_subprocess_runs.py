@@ -86,7 +86,7 @@ def test_a_child_that_cannot_import_is_no_fault_of_a_run(store, plan, monkeypatc
     nowhere.simulate = FunctionType(fake_engine.simulate.__code__, {"__name__": "nowhere"}, "simulate")
     monkeypatch.setitem(sys.modules, "nowhere", nowhere)
     monkeypatch.setattr(subprocess_runs, "STARTS", 2)
-    with pytest.raises(ChildFailed, match=r"2 times in a row, never in a run \(ModuleNotFoundError: .*nowhere"):
+    with pytest.raises(ChildFailed, match=r"ModuleNotFoundError: .*nowhere"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, nowhere.simulate), range(3), 1))
     assert "starting another" in caplog.text
 

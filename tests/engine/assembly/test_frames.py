@@ -3,11 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from engine.assembly.frames import cuthill_mckee
+from tests.each import each
 
 
 def band(graph: np.ndarray, order: list[int]) -> int:
@@ -16,7 +16,7 @@ def band(graph: np.ndarray, order: list[int]) -> int:
     return max((int(abs(place[i] - place[j])) for i, j in zip(*np.nonzero(graph), strict=True)), default=0)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_the_band_is_no_wider_than_scipy_s(seed):
     """Sparse random graphs of up to 40 nodes, in several pieces or one; every node once. Ties may fall otherwise."""
     rng = np.random.default_rng(seed)

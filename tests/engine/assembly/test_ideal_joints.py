@@ -1,6 +1,5 @@
 """Rows of ideal joints: what they hold and leave free, at poses and velocities composed by hand."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from engine.errors import MechanismError
 from engine.kernels.bilateral import row_velocity, row_violations, whitened_bilateral_rows
 from engine.kernels.model import SLIDE, TURN
 from engine.mechanism import set_values
+from tests.each import each
 from tests.engine.assembly.pairs_of_bodies import WORD, joined, seen_from
 from tests.engine.small import made, place, small
 
@@ -63,12 +63,6 @@ class Pair:
         return float(slide), float(np.linalg.norm((found / ties.arm)[ties.kind == TURN]))
 
 
-@pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{'ground' if c[1] else 'free'}-{c[2]}")
-def pair(request) -> Iterator[Pair]:
-    """Return a pair of bodies with a joint, at its start."""
-    return Pair(*request.param)
-
-
 def free_motions(pair: Pair) -> list[tuple[Any, Any]]:
     """Return finite motions (shift, rotation) of the second body that its joint allows, one for each freedom."""
     n, t = pair.axis, pair.across
@@ -98,6 +92,7 @@ def locked_motions(pair: Pair) -> list[tuple[Any, Any]]:
     }[pair.kind]
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_rows_are_six_less_the_freedom_and_independent(pair):
     """The rank of the whitened rows is their number, and well clear of being less."""
     state = pair.assembly.state
@@ -110,6 +105,7 @@ def test_rows_are_six_less_the_freedom_and_independent(pair):
     assert singular[-1] > 0.05 * singular[0]
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_joint_holds_at_the_start_and_wherever_both_go_together(pair):
     """A rigid motion of everything violates nothing."""
     assert max(pair.off()) < 1e-13
@@ -118,6 +114,7 @@ def test_joint_holds_at_the_start_and_wherever_both_go_together(pair):
     assert max(pair.off()) < 1e-13
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_free_motions_violate_nothing(pair):
     """Finite motions along what is free, one after the other."""
     for shift, turn in free_motions(pair):
@@ -126,6 +123,7 @@ def test_free_motions_violate_nothing(pair):
         pair.restart()
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_locked_motions_are_seen_with_their_length_and_angle(pair):
     """The rows together measure exactly how far the second body was moved or turned."""
     for shift, turn in locked_motions(pair):
@@ -134,6 +132,7 @@ def test_locked_motions_are_seen_with_their_length_and_angle(pair):
         pair.restart()
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_rate_of_the_rows_is_the_difference_of_their_violations(pair):
     """At a pose the joint allows, with random twists of both bodies, against central differences."""
     state = pair.assembly.state
@@ -156,6 +155,7 @@ def test_rate_of_the_rows_is_the_difference_of_their_violations(pair):
     np.testing.assert_allclose((found[1] - found[-1]) / (2 * dt), rate, atol=1e-8)
 
 
+@each("pair", CASES, lambda case: Pair(*case))
 def test_whitened_rows_give_the_rates(pair):
     """J M^-1/2 on M^1/2 v is the rate of the rows."""
     state, bodies = pair.assembly.state, pair.assembly.model.bodies
@@ -224,7 +224,7 @@ def test_the_points_of_an_ideal_joint_vary_together_by_a_parameter():
     joint = {side: {"body": body, "point": point, "axis": [0, 0, 1]} for side, (body, point) in sides.items()}
     mechanism = made(small(bodies=bodies, joints={"J": {"type": "revolute", **joint}}, parameters={"arm": 2.0}))
     assert assemble(set_values(mechanism, {"parameters.arm": 3.0})).state.x[0].tolist() == [3.0, 0.0, 0.0]
-    with pytest.raises(MechanismError, match=r"joints.J: the points of bearing and journal are 1 m apart"):
+    with pytest.raises(MechanismError, match=r"joints\.J\b.* 1 m\b"):
         assemble(set_values(mechanism, {"joints.J.bearing.point.x": -3.0}))
 
 

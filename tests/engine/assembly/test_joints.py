@@ -11,6 +11,7 @@ from engine.errors import MechanismError
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import TURN
 from engine.mechanism import set_values
+from tests.each import each
 from tests.engine.assembly.pairs_of_bodies import PLAY, joined
 from tests.engine.small import made, small
 
@@ -207,7 +208,7 @@ def test_one_word_makes_a_joint_ideal_or_loose(kind):
             assert assembly.state.gap.tolist() == pytest.approx(play, abs=1e-14)
 
 
-@pytest.mark.parametrize("key", ["material", "friction", *PLAY["revolute"], "journal.radius"])
+@each("key", ["material", "friction", *PLAY["revolute"], "journal.radius"])
 def test_an_ideal_joint_needs_no_key_of_its_loose_form(key):
     """Any one of them left out is no fault of an ideal joint."""
     data = joined("revolute", np.random.default_rng(22))

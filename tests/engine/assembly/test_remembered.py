@@ -6,7 +6,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,6 +16,7 @@ from engine.assembly.remembered import remembered
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, get_value, library_names, set_values
 from engine.mechanism.keys.values import settable_keys
+from tests.each import each
 from tests.engine.small import made, shipped
 
 EVERY = [(name, bench) for name in library_names() for bench in (None, *load_mechanism(name).benches)]
@@ -76,7 +76,7 @@ def test_an_assembly_does_not_depend_on_those_before(turns):
         assert bits(mechanism) == bits(anew(mechanism))
 
 
-@pytest.mark.parametrize("which", EVERY, ids=lambda which: "-".join(filter(None, which)))
+@each("which", EVERY)
 def test_every_number_that_may_be_set_has_the_same_effect_on_what_is_kept(which):
     """One number after the other, each also in a mechanism that is assembled anew; every twentieth of the C-60's.
 

@@ -184,7 +184,7 @@ def test_without_occt(monkeypatch):
     keep(hashlib.sha256(LATCH.read_bytes()).hexdigest(), 1e-4, content)
     monkeypatch.setattr("engine.cad.occt_process.find_spec", lambda name: None)
     assert read_step(LATCH).parts
-    with pytest.raises(CadError, match=r"needs OCCT, which is not installed; pip install 'clearcap\[cad\]'"):
+    with pytest.raises(CadError, match=r"clearcap\[cad\]"):
         read_step(LATCH, recognition=0.0)
 
 

@@ -108,7 +108,7 @@ def test_equal_radii(latch, tmp_path):
     assert len(unloaded_directions(found, path.read_text())) == 4
     assert "both drawn with radius 3.05 mm" in asked[0]
     assert "# radial_clearance" in path.read_text()
-    with pytest.raises(MechanismError, match=r"joints\.base-crank\.radial_clearance: missing"):
+    with pytest.raises(MechanismError, match=r"joints\.base-crank\.radial_clearance"):
         load_without_cad(found)
 
 

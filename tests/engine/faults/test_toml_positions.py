@@ -3,7 +3,6 @@
 import tomllib
 from pathlib import Path
 
-import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +11,7 @@ import campaign
 import engine
 from engine.faults.fault import Fault
 from engine.faults.toml_positions import TextPosition, key_positions, position_of, with_positions
+from tests.each import each
 
 SHIPPED = [
     *sorted((Path(engine.__file__).parent / "mechanism" / "library").glob("*.toml")),
@@ -83,7 +83,7 @@ def keys_of(place):
     return [{"y.z": "y z", "a_b": "a.b"}.get(word, word) for word in place.split()]
 
 
-@pytest.mark.parametrize("place", PLACES)
+@each("place", PLACES)
 def test_each_key_has_its_place(place):
     """Headers, dotted and quoted keys, inline tables, lists, lists of tables; none in strings and comments."""
     assert position_of(TEXT, keys_of(place)) == TextPosition(*PLACES[place])
@@ -98,7 +98,7 @@ def paths(value, path=()):
         yield from paths(inner, (*path, str(key)))
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: f"{path.parent.parent.name} {path.stem}")
+@each("path", SHIPPED)
 def test_every_key_of_a_shipped_file_is_found(path):
     """All of them, and no other; the text there begins with the key."""
     text = path.read_text("utf-8")

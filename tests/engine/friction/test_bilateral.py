@@ -1,11 +1,11 @@
 """Tied rows: against the dense solution by a null space, redundant rows, long chains, with contacts."""
 
 import numpy as np
-import pytest
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.solver import solve_friction
+from tests.each import each
 from tests.engine.friction.chains import dense_bilateral, dense_rows, tied_bodies
 from tests.engine.friction.problems import project_cone
 
@@ -29,8 +29,8 @@ def free_directions(J):
     return V[np.sum(s > 1e-9 * s[0]) :].T
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", range(3))
+@each("case", CASES)
+@each("seed", range(3))
 def test_ties_hold_by_the_least_change_of_the_velocities(case, seed):
     """J w + c = 0 with the w of least norm, as numpy's least squares give it; redundant rows included."""
     p, n = tied_bodies(seed, **case)
@@ -48,8 +48,8 @@ def test_ties_hold_by_the_least_change_of_the_velocities(case, seed):
     np.testing.assert_allclose(J.T @ impulse, w, atol=1e-9 * scale)
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("seed", range(3))
+@each("case", CASES)
+@each("seed", range(3))
 def test_contacts_between_tied_bodies(case, seed):
     """Coulomb's law holds with the velocities of the projected problem, w = P G' r, P onto what the ties allow."""
     p, n = tied_bodies(seed, contacts=2 * case["links"], **case)

@@ -1,12 +1,12 @@
 """Compliant contacts: u = G w + C r + q, against springs that are velocities of their own."""
 
 import numpy as np
-import pytest
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.blocks import BODY, ROW
 from engine.friction.problem import FrictionProblem, solver_arrays
 from engine.friction.solver import solve_friction
+from tests.each import each
 from tests.engine.friction.problems import random_problem
 
 TOLERANCE = 1e-11
@@ -27,9 +27,9 @@ def arrays_of(problem, compliance=None):
     return place, nc, arrays
 
 
-@pytest.mark.parametrize("start", [0.0, 1.0], ids=["from zero impulses", "from wrong impulses: interior point"])
-@pytest.mark.parametrize("kind", ["static", "moving"])
-@pytest.mark.parametrize("size", [1e-4, 1e-2, 1.0])
+@each("start", [0.0, 1.0])
+@each("kind", ["static", "moving"])
+@each("size", [1e-4, 1e-2, 1.0])
 def test_a_compliance_is_a_spring_of_its_own(kind, size, start):
     """The same impulses and velocities, with a third of the contacts rigid and some without friction."""
     for seed in range(4):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from engine.friction import FrictionError, FrictionProblem, read_fclib, read_fclib_impulses, solve, write_fclib
+from tests.each import each
 from tests.engine.friction.problems import random_problem
 
 
@@ -93,7 +94,7 @@ def spoil(file, name, value):
         file[name] = value
 
 
-@pytest.mark.parametrize(
+@each(
     ("form", "name", "value", "text"),
     [
         ("local", "fclib_local/vectors/q", None, "fclib_local/vectors/q: missing"),

@@ -6,6 +6,7 @@ from scipy.optimize import linprog
 
 from engine.friction import FrictionError
 from engine.friction.indeterminacy import normal_force_range
+from tests.each import each
 
 LOAD = 3.0
 CLOSE = 1e-7  # of the largest force
@@ -77,7 +78,7 @@ def with_planes(H, mu, r, contact, outside):
         yield sign * found.fun
 
 
-@pytest.mark.parametrize("seed", range(40))
+@each("seed", range(40))
 def test_between_the_linear_programmes_with_planes_inside_and_outside_the_cones(seed):
     """Up to three bodies, random contacts, some frictionless: the cones themselves lie between the two."""
     rng = np.random.default_rng(seed)
@@ -97,7 +98,7 @@ def test_between_the_linear_programmes_with_planes_inside_and_outside_the_cones(
 def test_malformed_questions_are_named():
     """Shapes, the contact's number, forces outside their cones."""
     H = corners([(1, 0, 0)], [(0, 0, 1)])
-    with pytest.raises(FrictionError, match=r"contact 1; allowed: 0 \.\.\. 0"):
+    with pytest.raises(FrictionError, match=r"contact 1\b"):
         normal_force_range(H, [0.1], [1.0, 0, 0], 1)
     with pytest.raises(FrictionError, match="outside Coulomb's cone"):
         normal_force_range(H, [0.1], [1.0, 0.5, 0], 0)

@@ -5,6 +5,7 @@ import pytest
 
 from engine.friction import FrictionProblem, solve
 from engine.friction.infeasibility import squeezing_impulses
+from tests.each import each
 
 SEEDS = range(100)
 MORE_SEEDS = range(100, 1000)
@@ -134,7 +135,7 @@ def test_a_contact_between_fixed_bodies_that_closes(q):
     assert solution.certificate.tolist() == [1.0]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_walls_that_close_on_a_body_that_also_slides(seed):
     """Rank-deficient: two walls face each other, whatever slides; the certificate names both, and no other."""
     rng = np.random.default_rng(seed)
@@ -147,8 +148,8 @@ def test_walls_that_close_on_a_body_that_also_slides(seed):
     np.testing.assert_allclose(solution.certificate, [0.5, 0.5, 0], atol=1e-12)
 
 
-@pytest.mark.parametrize("angle", [1e-8, 1e-6, 1e-4, 1e-2])
-@pytest.mark.parametrize("mass", [1.0, 1e6])
+@each("angle", [1e-8, 1e-6, 1e-4, 1e-2])
+@each("mass", [1.0, 1e6])
 def test_a_thin_wedge_may_still_escape(angle, mass):
     """Two walls that close on a particle, open by a small angle: a quick enough escape satisfies both."""
     N = np.array([[1.0, 0, 0], [-np.cos(angle), np.sin(angle), 0]]) / np.sqrt(mass)

@@ -1,9 +1,9 @@
 """An orthonormal basis of a null space, against its definition and LAPACK's rank."""
 
 import numpy as np
-import pytest
 
 from engine.friction.null_space import null_space
+from tests.each import each
 
 
 def matrix(seed: int, size: float) -> np.ndarray:
@@ -17,8 +17,8 @@ def matrix(seed: int, size: float) -> np.ndarray:
     return size * rows
 
 
-@pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
-@pytest.mark.parametrize("seed", range(40))
+@each("size", [1e-30, 1.0, 1e30])
+@each("seed", range(40))
 def test_a_basis_of_the_null_space(seed, size):
     """It is orthonormal, the rows vanish on it, and its dimension is what the rank leaves."""
     rows = matrix(seed, size)

@@ -9,6 +9,7 @@ from engine.friction import FrictionError, FrictionProblem, solve
 from engine.friction.problem import solver_arrays
 from engine.friction.solver import solve_friction
 from engine.lanes import LANES
+from tests.each import each
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem
 
 
@@ -37,8 +38,8 @@ def test_particle_that_slides_obeys_coulomb():
     np.testing.assert_allclose(solution.u, [0.0, 2.7, 3.6], atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["static", "moving", "impact"])
-@pytest.mark.parametrize("contacts", [1, 5, 12, 24, 40, 70])
+@each("kind", ["static", "moving", "impact"])
+@each("contacts", [1, 5, 12, 24, 40, 70])
 def test_random_problems_reach_the_tolerance(kind, contacts):
     """Redundant problems (up to 5 rows per degree of freedom) reach 1e-8, and the residual told is the true one."""
     for seed in range(8):

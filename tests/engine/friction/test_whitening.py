@@ -7,6 +7,7 @@ from engine.friction.arrays import dense_rows
 from engine.friction.blocks import ROW
 from engine.friction.problem import FrictionProblem, solver_arrays
 from engine.friction.whitening import factorise_mass, unwhiten
+from tests.each import each
 from tests.engine.friction.problems import random_problem
 
 
@@ -22,8 +23,8 @@ def mass_matrix(kind, n, rng):
     return M
 
 
-@pytest.mark.parametrize("kind", ["dense", "blocks", "some zeros"])
-@pytest.mark.parametrize("n", [1, 6, 7, 20])
+@each("kind", ["dense", "blocks", "some zeros"])
+@each("n", [1, 6, 7, 20])
 def test_the_factor_is_cholesky_s(kind, n):
     """L L' = M, whatever of M is zero; the diagonal is inverted."""
     M = mass_matrix(kind, n, np.random.default_rng(n))

@@ -12,6 +12,7 @@ from engine.friction.arrays import dense_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import relative_velocity, whitened_rows
 from engine.mechanism.contacts import PAIRS, Contact
+from tests.each import each
 from tests.engine.kernels.shapes import Poses, brute_gap, drawn, unit
 from tests.engine.small import made, place, small
 
@@ -106,7 +107,7 @@ def scatter(pair: Pair, rng: np.random.Generator) -> None:
         place(pair.assembly, body, rng.normal(size=3), Rotation.random(random_state=rng))
 
 
-@pytest.mark.parametrize("kind", [JOINT, *PAIRS])
+@each("kind", [JOINT, *PAIRS])
 def test_assembly_puts_features_where_the_file_has_them(kind):
     """At the start pose and at others the gap is that of the described features; origin, axis and angle place them."""
     rng = np.random.default_rng(50 + len(kind))
@@ -123,14 +124,17 @@ def test_assembly_puts_features_where_the_file_has_them(kind):
         assert pair.found()[0] == pytest.approx(pair.brute_gap(), abs=1e-9)
 
 
-@pytest.fixture(params=[(kind, seed) for kind in KINDS for seed in SEEDS], ids=lambda p: f"{p[0]}-{p[1]}")
-def made_pair(request):
+CASES = [(kind, seed) for kind in KINDS for seed in SEEDS]
+
+
+def with_generator(case: tuple[str, int]) -> tuple[Pair, np.random.Generator]:
     """Return two bodies with a contact, and the random generator."""
-    kind, seed = request.param
+    kind, seed = case
     rng = np.random.default_rng(1000 * KINDS.index(kind) + seed)
     return pair_of(kind, rng), rng
 
 
+@each("made_pair", CASES, with_generator)
 def test_tangential_velocity_is_that_of_the_common_point(made_pair):
     """T . u from rigid-body kinematics at the contact point; a rigid motion of both bodies together gives none."""
     pair, rng = made_pair
@@ -147,6 +151,7 @@ def test_tangential_velocity_is_that_of_the_common_point(made_pair):
         np.testing.assert_allclose(pair.speed(twist), 0, atol=1e-12)
 
 
+@each("made_pair", CASES, with_generator)
 def test_whitened_rows_give_the_relative_velocity(made_pair):
     """G M^-1/2 applied to M^1/2 v is G v, with M^1/2 = sqrt(m) and L' of the file's inertia."""
     pair, rng = made_pair

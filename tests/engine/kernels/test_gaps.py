@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.mechanism.contacts import PAIRS, Contact
+from tests.each import each
 from tests.engine.kernels.shapes import Poses, brute_gap, distance, drawn, found, scattered, twists
 
 CONTACTS = 5  # drawn of each pair
@@ -12,11 +13,10 @@ POSES = 400  # of each of them
 PLATES_AND_BALLS = ("disc", "rectangle", "sphere", "socket")
 
 
-@pytest.fixture(params=PAIRS)
-def cases(request):
+def cases_of(pair: str) -> tuple[list[tuple[Contact, Poses]], np.random.Generator]:
     """Return contacts of a pair of primitives, with random poses each, and the random generator."""
-    rng = np.random.default_rng(PAIRS.index(request.param))
-    return [(drawn(request.param, rng), scattered(POSES, rng, 0.7)) for _ in range(CONTACTS)], rng
+    rng = np.random.default_rng(PAIRS.index(pair))
+    return [(drawn(pair, rng), scattered(POSES, rng, 0.7)) for _ in range(CONTACTS)], rng
 
 
 def reach(contact: Contact) -> float:
@@ -42,6 +42,7 @@ def point_speed(poses: Poses, point: np.ndarray, twist: tuple[np.ndarray, np.nda
     return at[0] - at[1]
 
 
+@each("cases", PAIRS, cases_of)
 def test_gap_is_the_least_distance(cases):
     """The engine's gap is that found by searching the drawn features, whatever the pose: at every second one."""
     for contact, every in cases[0]:
@@ -49,6 +50,7 @@ def test_gap_is_the_least_distance(cases):
         np.testing.assert_allclose(found(contact, poses)[0], brute_gap(contact, poses), atol=1e-9, rtol=0)
 
 
+@each("cases", PAIRS, cases_of)
 def test_point_lies_on_b_and_the_gap_is_measured_from_it(cases):
     """The common point is on the surface of b, and one gap further along N that is the distance from b."""
     for contact, poses in cases[0]:
@@ -65,6 +67,7 @@ def test_point_lies_on_b_and_the_gap_is_measured_from_it(cases):
             np.testing.assert_allclose(above[counts], over[counts], atol=1e-9)
 
 
+@each("cases", PAIRS, cases_of)
 def test_normal_velocity_is_the_rate_of_the_gap(cases):
     """N . u at the common point against the central difference, but where the gap has a kink."""
     dt, kinks, total = 1e-6, 0, 0
@@ -79,6 +82,7 @@ def test_normal_velocity_is_the_rate_of_the_gap(cases):
     assert kinks <= 0.02 * total
 
 
+@each("cases", PAIRS, cases_of)
 def test_gap_changes_no_faster_than_the_features_move(cases):
     """However far: shifting b and turning a about its origin changes the gap by at most their longest way."""
     for contact, poses in cases[0]:
@@ -92,6 +96,7 @@ def test_gap_changes_no_faster_than_the_features_move(cases):
         assert np.all(np.abs(found(contact, there)[0] - found(contact, poses)[0]) <= way + 1e-12)
 
 
+@each("cases", PAIRS, cases_of)
 def test_frame_is_orthonormal_and_right_handed(cases):
     """Rows N, T1, T2 with N x T1 = T2."""
     for contact, poses in cases[0]:
@@ -102,6 +107,7 @@ def test_frame_is_orthonormal_and_right_handed(cases):
         np.testing.assert_allclose(np.cross(frame[:, 0], frame[:, 1]), frame[:, 2], atol=1e-11)
 
 
+@each("cases", PAIRS, cases_of)
 def test_tangents_turn_no_more_than_normal_and_body(cases):
     """Along a smooth motion T1 does not flip: it turns with body b, with N, and on a cylinder's end with the radius.
 
@@ -177,7 +183,7 @@ HEIGHTS = [
 ]
 
 
-@pytest.mark.parametrize(("b", "at", "gap", "normal"), HEIGHTS)
+@each(("b", "at", "gap", "normal"), HEIGHTS)
 def test_a_point_round_every_edge(b, at, gap, normal):
     """Faces, edges, corners, backs and axes of the solids, from numbers one can see."""
     g, _, frame = found(made(POINT, b), placed(at))
@@ -210,7 +216,7 @@ SYMMETRIC = [
 ]
 
 
-@pytest.mark.parametrize(("a", "b", "at", "turn", "gap"), SYMMETRIC)
+@each(("a", "b", "at", "turn", "gap"), SYMMETRIC)
 def test_concentric_parallel_and_on_the_axis(a, b, at, turn, gap):
     """Where many points are nearest: the right gap, a whole frame, and the same a hair away from it, anyhow turned."""
     rng = np.random.default_rng(3)
@@ -231,7 +237,7 @@ UNDECIDED = [case for case in SYMMETRIC if (case[1].keys(), case[3]) != ({"cylin
 UNDECIDED.append((POINT, {"turned": {"point": [0, 0, 0], "axis": [0, 0, 1], **HOLE}}, (0, 0, 0), UPRIGHT, 1))
 
 
-@pytest.mark.parametrize(("a", "b", "at", "turn", "gap"), UNDECIDED)
+@each(("a", "b", "at", "turn", "gap"), UNDECIDED)
 def test_rounding_chooses_no_direction(a, b, at, turn, gap):
     """Where many points are nearest, anywhere in the world: point and frame that are tied to the bodies."""
     rng, contact, poses = np.random.default_rng(5), made(a, b), placed(at, turn=turn)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.kernels.loads import apply_loads, potential_energy
+from tests.each import each
 from tests.engine.small import made, place, small
 
 RNG_SEEDS = range(8)
@@ -129,7 +130,7 @@ def check_action_is_reaction(assembly: Assembly) -> None:
     np.testing.assert_allclose(moment, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_linear_spring_is_the_gradient_of_its_energy(seed):
     """Force and torque on both bodies, stretched or compressed, from 1/2 k (length - free length)^2."""
     assembly = two_bodies(springs={"S": LINEAR})
@@ -160,14 +161,14 @@ SPRINGS = [
 ]
 
 
-@pytest.mark.parametrize(("acts", "preload", "length", "push", "energy"), SPRINGS)
+@each(("acts", "preload", "length", "push", "energy"), SPRINGS)
 def test_springs_with_preload_and_of_one_way(acts, preload, length, push, energy):
     """Force k (free length - length) + preload where the spring acts that way, by hand; energy force^2 / 2 k."""
     found = stretched_to(length, acts=acts, preload=preload)
     assert found == pytest.approx((push, energy), abs=1e-12)
 
 
-@pytest.mark.parametrize(
+@each(
     ("acts", "length", "speed", "push"),
     [
         ("push", 1.0, 0.5, 1.4 - 0.4),  # lengthens: the damper pulls, less than the spring pushes
@@ -185,8 +186,8 @@ def test_damping_of_a_spring_of_one_way_never_acts_the_other_way(acts, length, s
     assert stretched_to(length, speed, acts=acts, damping=0.8)[0] == pytest.approx(push, abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
-@pytest.mark.parametrize("acts", ["both", "push", "pull"])
+@each("seed", RNG_SEEDS)
+@each("acts", ["both", "push", "pull"])
 def test_loads_are_the_gradient_of_the_potential_energy(acts, seed):
     """Weight and linear springs with a preload, at any pose."""
     spring = {**LINEAR, "free_length": 3.0, "preload": 2.0, "acts": acts}
@@ -206,7 +207,7 @@ def test_potential_energy_by_hand():
     assert stored(assemble(made(data))) == pytest.approx(30.0 + 0.5 * 5.0 * 0.7**2, rel=1e-14)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_torsion_couple_is_the_slope_of_the_potential_energy(seed):
     """Along turns about the spring's axis, for the pair turned anyhow in the world."""
     assembly, rng = two_bodies(springs={"S": TORSION}), np.random.default_rng(seed)
@@ -222,8 +223,8 @@ def test_torsion_couple_is_the_slope_of_the_potential_energy(seed):
     assert wrench(assembly)[1, 3:] @ R[0] @ AXIS == pytest.approx(-slope, abs=1e-8)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
-@pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
+@each("seed", RNG_SEEDS)
+@each("spring", [LINEAR, TORSION])
 def test_a_damper_is_the_damping_of_a_spring(spring, seed):
     """A spring with damping is a spring and a damper side by side; the damper stores nothing."""
     damper = {key: value for key, value in spring.items() if key in ("type", "a", "b", "axis")}
@@ -237,7 +238,7 @@ def test_a_damper_is_the_damping_of_a_spring(spring, seed):
     assert stored(two) == stored(one)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_torsion_spring_is_the_gradient_of_its_energy(seed):
     """Body b turned about the spring's axis by any angle, the pair turned anyhow in the world."""
     assembly, rng = two_bodies(springs={"S": TORSION}), np.random.default_rng(seed)
@@ -249,7 +250,7 @@ def test_torsion_spring_is_the_gradient_of_its_energy(seed):
     check_action_is_reaction(assembly)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_torsion_spring_is_a_pure_balanced_couple_at_any_pose(seed):
     """Also when the bodies are turned across the axis: no force, opposite torques along a's axis."""
     assembly = two_bodies(springs={"S": TORSION})
@@ -277,8 +278,8 @@ def test_torsion_spring_counts_from_the_start_angle(start, angle):
     assert wrench(assembly)[0, 3:] @ AXIS == pytest.approx(-5.0 * (angle - 0.4 + 0.3), rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
-@pytest.mark.parametrize("fixed", ["a", "b"])
+@each("seed", RNG_SEEDS)
+@each("fixed", ["a", "b"])
 def test_torsion_spring_to_a_fixed_body_that_is_turned(fixed, seed):
     """The frames as the file places them: b turned by phi about the axis from a; then turned further."""
     rng = np.random.default_rng(seed)
@@ -297,8 +298,8 @@ def test_torsion_spring_to_a_fixed_body_that_is_turned(fixed, seed):
     np.testing.assert_allclose(wrench(assembly)[0, 3:], -sign * 5.0 * (phi + more - 0.1) * axis, atol=1e-13)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
-@pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
+@each("seed", RNG_SEEDS)
+@each("spring", [LINEAR, TORSION])
 def test_damping_dissipates_and_rigid_motion_feels_none(spring, seed):
     """The damper's power is - c rate^2, with the rate from finite differences; together as one body: nothing."""
     damped, bare = (two_bodies(springs={"S": {**spring, "damping": c}}) for c in (0.8, 0.0))
@@ -343,7 +344,7 @@ def scattered(seed: int, **tables: Any) -> Assembly:
     return assembly
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_actions_that_say_what_a_torsion_spring_does(seed):
     """A couple on b, as two forces, and the opposite torque on a: with the axis along z of both, the same loads.
 
@@ -363,7 +364,7 @@ def test_actions_that_say_what_a_torsion_spring_does(seed):
     assert (stored(usual) > 0, stored(told)) == (True, 0.0)
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
+@each("seed", RNG_SEEDS)
 def test_actions_that_say_what_a_linear_spring_does(seed):
     """Between points on the axes of two bodies that keep their attitude: pushed apart along x, as without actions."""
     ends = {name: {"body": name, "point": [x, 0.2, 0.1]} for name, x in (("a", 0.3), ("b", 1.7))}
@@ -398,8 +399,8 @@ def test_gravity_is_the_weight_at_the_centre_of_mass():
     np.testing.assert_array_equal(loads[1], [3.0, 6.0, -9.0, 0, 0, 0])
 
 
-@pytest.mark.parametrize("seed", RNG_SEEDS)
-@pytest.mark.parametrize("frame", ["world", "body"])
+@each("seed", RNG_SEEDS)
+@each("frame", ["world", "body"])
 def test_constant_force_acts_at_its_point(frame, seed):
     """F and (point - centre of mass) x F, the force in world or in body axes."""
     force, torque = [1.0, -2.0, 0.5], [0.3, 0.1, -0.7]

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.kernels.bilateral import row_targets, row_velocity, row_violations
+from tests.each import each
 from tests.engine.small import made, place, small
 
 SEEDS = range(6)
@@ -64,8 +65,8 @@ def moved(assembly: Assembly, twist: np.ndarray, dt: float) -> None:
         place(assembly, body, x, rotation(assembly, body) * Rotation.from_rotvec(dt * twist[body, 3:]))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("against", ["a", "fixed a", "world"])
+@each("seed", SEEDS)
+@each("against", ["a", "fixed a", "world"])
 def test_nothing_is_missed_at_the_start(against, seed):
     """Wherever the bodies are, against a moving body, a fixed one, or the world."""
     motions = {"S": SLIDE, "T": TURN}

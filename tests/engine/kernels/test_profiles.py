@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.mechanism.contacts import Contact
+from tests.each import each
 from tests.engine.kernels.shapes import Poses, brute_gap, distance, drawn, found, scattered
 from tests.engine.test_determinism import fresh
 
@@ -83,7 +84,7 @@ HEIGHTS = [
 ]
 
 
-@pytest.mark.parametrize(("b", "place", "gap", "normal"), HEIGHTS)
+@each(("b", "place", "gap", "normal"), HEIGHTS)
 def test_a_point_round_every_corner(b, place, gap, normal):
     g, point, frame = found(against(POINT, b), at(place))
     assert g[0] == pytest.approx(gap, abs=1e-15)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from engine.assembly import Assembly, assemble
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.responses import measure, update_reported
+from tests.each import each
 from tests.engine.small import made, place, small
 
 SEEDS = range(6)
@@ -427,7 +428,7 @@ EVENTS = [
 ]
 
 
-@pytest.mark.parametrize(("limit", "search", "expected"), EVENTS, ids=str)
+@each(("limit", "search", "expected"), EVENTS)
 def test_an_event_is_the_first_crossing_and_stays(limit, search, expected):
     """Its time lies where the straight line between two steps crosses the limit."""
     event = {"type": "time", "at": {"response": "s", **limit}, **search}

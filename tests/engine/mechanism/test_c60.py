@@ -5,6 +5,7 @@ import pytest
 
 from engine.mechanism import load_mechanism, set_values
 from engine.mechanism.contacts import Contact, Side
+from tests.each import each
 
 C60 = load_mechanism("c60")
 
@@ -111,7 +112,7 @@ PUBLISHED = {
 }
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+@each("name", PUBLISHED)
 def test_gap_at_the_start_is_the_published_one(name):
     assert gap(C60.contacts[name]) == pytest.approx(PUBLISHED[name], abs=1e-4)
 
@@ -183,7 +184,7 @@ RINGS = {
 }
 
 
-@pytest.mark.parametrize("name", RINGS)
+@each("name", RINGS)
 def test_rings_lie_where_published(name):
     joint, (heights, eccentricity) = C60.joints[name], RINGS[name]
     bearing, journal = joint.bearing, joint.journal

@@ -1,14 +1,13 @@
 """A word is suggested for a slip of the pen or a part of it, not because some letters are the same."""
 
-import pytest
-
 from engine.mechanism.closest import closest, slip_count
+from tests.each import each
 
 MECHANISM = ["simulation", "materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "responses"]
 CAMPAIGN = ["mechanism", "samples", "seed", "sampler", "simulation", "variables", "correlations", "responses"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "words", "meant"),
     [
         ("samples", MECHANISM, None),

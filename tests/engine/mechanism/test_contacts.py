@@ -11,6 +11,7 @@ from engine.assembly import assemble
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, mechanism_from, set_values, unit_of
 from engine.mechanism.contacts import FLATS, PAIRS, PRIMITIVES
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 SHAPES: dict[str, Any] = {
@@ -59,8 +60,8 @@ def row(mechanism: Mechanism, side: str = "b") -> np.ndarray:
     return rows[assembly.contact_names.index("stop")]
 
 
-@pytest.mark.parametrize("first", PRIMITIVES)
-@pytest.mark.parametrize("second", PRIMITIVES)
+@each("first", PRIMITIVES)
+@each("second", PRIMITIVES)
 def test_every_pair_is_taken_in_both_orders_or_refused(first, second):
     data = touching((first, {}), (second, {}))
     if f"{first}-{second}" in PAIRS or f"{second}-{first}" in PAIRS:
@@ -87,7 +88,7 @@ def test_an_arc_without_middle_and_angle_is_a_full_circle():
     assert g[3:6] @ g[6:9] == pytest.approx(0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "changes", "bounds"),
     [
         ("disc", {}, [-math.inf, 2, -2, 0]),
@@ -135,7 +136,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("first", "second", "where", "remedy"), REFUSED, ids=lambda x: str(x)[:40])
+@each(("first", "second", "where", "remedy"), REFUSED)
 def test_a_primitive_that_cannot_be_says_where_and_what_to_do(first, second, where, remedy):
     (line,) = faults(touching(first, second))
     assert line.startswith(where)
@@ -147,7 +148,7 @@ def test_single_numbers_of_primitives_can_be_set():
     changed = set_values(mechanism, {"contacts.stop.b.disc.radius": 3, "contacts.stop.a.sphere.radius": 0.25})
     assert row(changed)[10] == 3
     assert unit_of(mechanism, "contacts.stop.b.disc.depth") == "mm"
-    with pytest.raises(MechanismError, match=r"contacts.stop.b.disc.depth = 0.0 mm"):
+    with pytest.raises(MechanismError, match=r"contacts\.stop\.b\.disc\.depth = 0\.0 mm"):
         set_values(mechanism, {"contacts.stop.b.disc.depth": 0})
 
 

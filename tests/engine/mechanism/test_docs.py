@@ -11,6 +11,7 @@ import pytest
 from engine.mechanism import get_value, load_mechanism, mechanism_from, mechanism_schema, set_values
 from engine.mechanism.contacts import Contact
 from engine.mechanism.surfaces.bezier import mean_direction, points
+from tests.each import each
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "mechanism.md").read_text(encoding="utf-8")
@@ -54,7 +55,7 @@ def test_every_key_of_the_format_is_described():
     assert keys - set(re.findall(r"\w+", code)) == set()
 
 
-@pytest.mark.parametrize("number", ["0.9599", "0.006", "-0.49872", "0.39", "-15", "1.16", "244.46", "3.82"])
+@each("number", ["0.9599", "0.006", "-0.49872", "0.39", "-15", "1.16", "244.46", "3.82"])
 def test_the_page_of_the_c60_has_the_numbers_of_its_file(number):
     page = (DOCS / "c60.md").read_text(encoding="utf-8")
     mechanism = load_mechanism("c60")

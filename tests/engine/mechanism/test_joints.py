@@ -7,6 +7,7 @@ import pytest
 
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, full_key, get_value, mechanism_from, set_values, settable_keys, unit_of
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 from tests.engine.mechanism.test_models import faults
 
@@ -154,7 +155,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "key", "value", "where", "allowed"), REFUSED, ids=lambda x: str(x)[:40])
+@each(("kind", "key", "value", "where", "allowed"), REFUSED)
 def test_a_loose_joint_that_cannot_be_made_says_why(kind, key, value, where, allowed):
     """One line that names key, value, what is allowed and a remedy."""
     (line,) = faults(with_joint(f"clearance_{kind}", **{key: copy.deepcopy(value)}))

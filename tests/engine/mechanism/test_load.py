@@ -13,6 +13,7 @@ import pytest
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, library_names, load, load_mechanism, load_mechanism_text, mechanism_from
 from engine.mechanism.bodies import Body
+from tests.each import each
 
 MINIMAL = """
 format = 1
@@ -76,7 +77,7 @@ def test_a_text_loads_as_its_file_does(tmp_path):
     assert load_mechanism_text(MINIMAL) == load_mechanism_text(b"\xef\xbb\xbf" + MINIMAL.encode()) == mechanism
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("", "a.toml: 6 faults\n  format: missing"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, mechanism_from, mechanism_schema, settable_keys
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 
@@ -147,7 +148,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("path", "value", "where", "allowed"), REFUSED, ids=lambda x: str(x)[:40])
+@each(("path", "value", "where", "allowed"), REFUSED)
 def test_a_fault_has_a_line_that_names_key_and_remedy(path, value, where, allowed):
     lines = faults(put(pendulum(), path, copy.deepcopy(value)))
     mine = [line for line in lines if line.startswith(where)]

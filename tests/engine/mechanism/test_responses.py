@@ -8,6 +8,7 @@ import pytest
 from engine.assembly import assemble
 from engine.errors import MechanismError
 from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values, unit_of
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 POINT = {"body": "link", "point": [0, -8, 0]}
@@ -138,7 +139,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("path", "value", "where", "allowed"), REFUSED, ids=lambda x: str(x)[:40])
+@each(("path", "value", "where", "allowed"), REFUSED)
 def test_a_fault_has_a_line_that_names_key_and_remedy(path, value, where, allowed):
     """One line, which begins with the key."""
     (line,) = lines(put(described(), f"responses.{path}", value))

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from engine import simulate
 from engine.run import Run
+from tests.each import each
 from tests.engine.oracles.machines import DOWN, GROUND, UNIT, along, brick, feet, force, slide
 from tests.engine.oracles.reference import order
 from tests.engine.small import CORNERS, FLOOR, GRAVITY, coordinates, made, small
@@ -146,8 +147,8 @@ def test_a_row_of_balls_follows_newtons_law(gap, expected):
     assert list(found.values()) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("size", [1e-5, 1.0, 10.0])
-@pytest.mark.parametrize(("friction", "restitution"), [(1.5, 0.0), (0.3, 0.5), (1.5, 0.9)])
+@each("size", [1e-5, 1.0, 10.0])
+@each(("friction", "restitution"), [(1.5, 0.0), (0.3, 0.5), (1.5, 0.9)])
 def test_a_brick_that_has_bounced_lies_on_the_floor(size, friction, restitution):
     """And not above it by what it moves in a step: near rest nothing bounces, and gaps close."""
     time = float(np.sqrt(size / GRAVITY))

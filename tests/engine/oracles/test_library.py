@@ -6,13 +6,14 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.chain import chain
 from engine import library_names, load_mechanism, simulate
+from tests.each import each
 from tests.engine.oracles.reference import recorded
 from tests.engine.small import made, shipped, turned
 
 MM = {"SI": 1e-3, "mm-g-ms": 1.0}
 
 
-@pytest.mark.parametrize("name", library_names())
+@each("name", library_names())
 def test_it_runs_within_its_certificate(name):
     """Status ok; after every step gaps hold to 1e-8 mm, ideal joints to 1e-10 mm, friction to 1e-8.
 
@@ -27,7 +28,7 @@ def test_it_runs_within_its_certificate(name):
         assert run.certificate.max_violation <= 1e-10 * MM[mechanism.units]
 
 
-@pytest.mark.parametrize("name", [name for name in library_names() if name != "c60"])
+@each("name", [name for name in library_names() if name != "c60"])
 def test_it_is_the_same_elsewhere(name):
     """Moved by a metre, turned, in another order: as many steps, and responses to 5e-6 of their units.
 

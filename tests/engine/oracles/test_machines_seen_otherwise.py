@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from engine import simulate
 from engine.run import Run
+from tests.each import each
 from tests.engine.linkages import in_millimetres, mirrored
 from tests.engine.oracles.machines import detent, oscillator, plates, seesaw, tether, toggle, wedge
 from tests.engine.small import made, turned
@@ -24,7 +25,7 @@ MACHINES: dict[str, Callable[[], dict[str, Any]]] = {
     "detent": lambda: detent(10.0, 0.6, 0.15, 20.0),
     "toggle": lambda: toggle(0.15, 1e-4, 0.1),
 }
-MANY = pytest.mark.parametrize("name", MACHINES)
+MANY = each("name", MACHINES)
 
 
 def ran(data: dict[str, Any]) -> Run:

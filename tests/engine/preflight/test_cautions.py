@@ -4,10 +4,11 @@ import pytest
 
 from engine import library_names, load_mechanism, set_values
 from engine.preflight import cautions
+from tests.each import each
 from tests.engine.preflight.examples import lever, warned
 
 
-@pytest.mark.parametrize("name", library_names())
+@each("name", library_names())
 def test_no_shipped_mechanism_is_warned_of(name):
     """Nor any of its benches or presets."""
     mechanism = load_mechanism(name)

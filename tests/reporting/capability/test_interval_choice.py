@@ -49,6 +49,7 @@ def test_heavy_tails_are_covered(shape: str, least: float) -> None:
     assert min(coverage(shape, 500, 250).values()) >= least - 0.041
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["normal", "t5", "lognormal"])
 @pytest.mark.parametrize("cc", [0.0, 0.1])
 def test_the_joint_interval_holds_in_the_middle_and_beside_it(shape: str, cc: float) -> None:

@@ -23,12 +23,13 @@ from reporting.capability.intervals import (
 )
 from reporting.capability.noncentral import cpk_survival, noncentral_t_cdf
 from reporting.capability.shares import ppm_of_z
+from tests.each import each
 
 INDICES = ("cp", "cpk", "cpl", "cpu", "z_lsl", "z_usl", "z_bench")
 
 
-@pytest.mark.parametrize("n", [2, 3, 10, 50, 500, 30_850])
-@pytest.mark.parametrize("index", [0.01, 0.3, 1.33, 4.58])
+@each("n", [2, 3, 10, 50, 500, 30_850])
+@each("index", [0.01, 0.3, 1.33, 4.58])
 def test_noncentral_t_is_that_of_scipy(n: int, index: float) -> None:
     t = 3 * math.sqrt(n) * index
     for low_or_high in one_sided_interval(index, n, 0.95):

@@ -9,14 +9,16 @@ from reporting import capability
 from reporting.capability.row_order import FALSE_ALARMS, FEWEST, neighbours_in_random_order, row_order
 from reporting.capability.verdict import verdict
 from studies.row_order.processes import CORRELATED, STABLE, drift, step
+from tests.each import each
 
 
 def normals(n: int, seed: int = 1) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=n)
 
 
-@pytest.mark.parametrize("process", STABLE, ids=lambda process: process.name)
-@pytest.mark.parametrize("n", [FEWEST, 50, 300])
+@pytest.mark.slow
+@each("process", STABLE)
+@each("n", [FEWEST, 50, 300])
 def test_a_stable_process_raises_an_alarm_in_one_of_a_hundred(process, n) -> None:
     """2,000 samples; three standard errors of a share of 1 % are 0.7 %."""
     rng = np.random.default_rng(n)

@@ -6,6 +6,7 @@ import pytest
 from scipy import stats
 
 from reporting.content.normal_factors import one_sided_factor, two_sided_factor
+from tests.each import each
 
 # ISO 16269-6:2014, annex F: factors of m samples of n values each, rounded up. (content, confidence, n, m): k.
 ISO_TWO_SIDED = {
@@ -47,7 +48,7 @@ ONE_SIDED = {
 }
 
 
-@pytest.mark.parametrize(("asked", "k"), ISO_TWO_SIDED.items())
+@each(("asked", "k"), ISO_TWO_SIDED.items())
 def test_two_sided_factors_are_those_of_iso_16269_6(asked, k):
     """To the last digit of the table, whose numbers are rounded up."""
     content, confidence, n, samples = asked
@@ -55,7 +56,7 @@ def test_two_sided_factors_are_those_of_iso_16269_6(asked, k):
     assert math.ceil(found * 1e4 - 1e-6) / 1e4 == pytest.approx(k, abs=1e-9)
 
 
-@pytest.mark.parametrize(("asked", "k"), ONE_SIDED.items())
+@each(("asked", "k"), ONE_SIDED.items())
 def test_one_sided_factors_are_those_of_hahn_and_meeker(asked, k):
     """To the last digit of the table."""
     content, n = asked

@@ -83,7 +83,7 @@ def test_too_few_values():
     """A model needs three values a coefficient; failed runs are none."""
     z, w = plain(2, 20)
     y = np.where(np.arange(20) < 8, z[:, 0], np.nan)
-    with pytest.raises(ReportError, match="8 values of y are too few for a model of 2 variables: 9 are needed"):
+    with pytest.raises(ReportError, match=r"8 values of y.*\b9\b"):
         find_targets(z, w, {"y": y}, {"y": (None, 3.0)})
 
 

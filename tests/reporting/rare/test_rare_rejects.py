@@ -15,6 +15,7 @@ from reporting.render.html import render_html
 from reporting.samples import read_samples
 from reporting.spec import ProposalPart
 from reporting.trust.rare_shares import rare_checks
+from tests.each import each
 from tests.reporting.synthetic import analysis_of
 
 LIMIT = 4.753424  # standard scores: 1 ppm beyond
@@ -106,7 +107,8 @@ SCENES = {  # limit state, truth, components, runs
 }
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.slow
+@each("scene", SCENES)
 def test_intervals_hold(scene):
     """Coverage over 200 campaigns is at least 92 % (2 errors below at most), where the campaign aims well or not."""
     limit_state, truth, components, n = SCENES[scene]

@@ -10,7 +10,7 @@ from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 def test_policy() -> None:
     """Nothing is loaded, sent or run, and the one style sheet is named by its hash."""
-    page = render_html(analysis_of(c60_table(50, 4), c60_spec(50)))
+    page = render_html(analysis_of(c60_table(60, 4), c60_spec(60)))
     [policy] = re.findall(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     assert rules["default-src"] == rules["base-uri"] == rules["form-action"] == "'none'"

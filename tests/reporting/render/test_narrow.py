@@ -32,7 +32,7 @@ def test_a_name_with_marks_is_text() -> None:
     from dataclasses import replace
 
     hostile = 'J"1" onmouseover="x" <b>'
-    spec, table = c60_spec(40), c60_table(40)
+    spec, table = c60_spec(60), c60_table(60)
     spec = replace(spec, variables=(replace(spec.variables[0], name=hostile), *spec.variables[1:]))
     table = table.rename_columns([hostile if name == "J1" else name for name in table.column_names])
     page = render_html(analysis_of(table, spec))

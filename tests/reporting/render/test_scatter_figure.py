@@ -52,10 +52,10 @@ def test_the_unit_of_a_slope(response, variable, unit) -> None:
 def test_ten_responses_of_many_samples_stay_small() -> None:
     """The page says how many of the samples it shows, and has less than two megabytes."""
     spec = c60_spec(3_000)
-    named = [replace(spec.responses[i % 7], name=f"R{i}") for i in range(10)]
+    named = [replace(spec.responses[0], name=f"R{i}") for i in range(10)]
     table = c60_table(3_000)
-    for i, each in enumerate(named):
-        table = table.append_column(each.name, table[spec.responses[i % 7].name])
+    for each in named:
+        table = table.append_column(each.name, table["FC-1"])
     page = render_html(analysis_of(table, replace(spec, responses=tuple(named))))
     assert len(page.encode()) < 2e6
     assert "of 3\u202f000 samples, drawn at random, and those of the smallest and largest values" in page

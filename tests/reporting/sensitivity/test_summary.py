@@ -155,7 +155,7 @@ def test_odd_data_never_stop_it():
 
 def test_columns_of_different_lengths_are_refused():
     """With their names."""
-    with pytest.raises(ReportError, match="y: differs in length from the others"):
+    with pytest.raises(ReportError, match=r"\by: .*length"):
         sensitivity({"a": np.zeros(5)}, {"y": np.zeros(6)})
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from reporting.shape.atoms import ties
 from reporting.shape.fits import fit_families
+from tests.each import each
 
 
 def zeros(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -33,8 +34,8 @@ def habit(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.where(rng.random(n) < 0.35, np.maximum(50 * np.round(grams / 50), 50), grams)
 
 
-@pytest.mark.parametrize("n", [120, 500, 30_000])
-@pytest.mark.parametrize(
+@each("n", [120, 500, 30_000])
+@each(
     ("draw", "value", "where"),
     [
         (zeros, 0.0, "inside"),
@@ -57,9 +58,9 @@ def test_an_atom_is_named_with_its_share_and_its_end_and_not_fitted(draw, value:
     assert f"{atom.value:.6g}" in found.notes[0]
 
 
-@pytest.mark.parametrize("n", [50, 500, 30_000])
-@pytest.mark.parametrize("digits", [1, 2, 4])
-@pytest.mark.parametrize("family", ["normal", "exponential", "laplace", "standard_cauchy"])
+@each("n", [50, 500, 30_000])
+@each("digits", [1, 2, 4])
+@each("family", ["normal", "exponential", "laplace", "standard_cauchy"])
 def test_rounded_values_are_no_atoms(family: str, digits: int, n: int) -> None:
     x = np.sort(getattr(np.random.default_rng(4), family)(size=n).round(digits))
     assert ties(x).atoms() == ()
@@ -89,7 +90,7 @@ def test_a_discrete_response_says_so() -> None:
     assert "different values" in found.notes[0]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@each("seed", range(8))
 def test_no_component_of_a_mixture_is_a_spike(seed: int) -> None:
     """A few values that happen to be close are no second distribution."""
     rng = np.random.default_rng(seed)

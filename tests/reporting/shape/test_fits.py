@@ -9,12 +9,13 @@ from scipy import stats
 from reporting.shape.condensed import anderson_darling, condense, distance
 from reporting.shape.fits import fit_families
 from reporting.shape.fitting import JUDGED, SEARCHED, distribution
+from tests.each import each
 
 RNG = np.random.default_rng(6)
 WEIBULL = 3 * RNG.weibull(2, 500)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "x", "known", "fixed"),
     [
         ("weibull", WEIBULL, stats.weibull_min, {"floc": 0}),
@@ -60,7 +61,7 @@ def test_yeo_johnson_finds_scipys_power_of_the_standardised_values() -> None:
     assert fit.parameters["lambda"] == pytest.approx(stats.yeojohnson((x - fit.shift) / fit.scale)[1], abs=1e-4)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "x"),
     [
         ("normal", RNG.normal(13.66, 0.478, 4000)),
@@ -125,7 +126,7 @@ def test_what_cannot_be_fitted_says_why() -> None:
     assert "sigma away" in fit_families(1e6 + np.linspace(0, 1, 30)).refused["gamma"]
 
 
-@pytest.mark.parametrize(
+@each(
     "x",
     [
         [],

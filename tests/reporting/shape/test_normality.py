@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from reporting.shape.normality import normality, probability_plot
+from tests.each import each
 
 
 def quantiles(known, n: int) -> np.ndarray:
@@ -40,7 +41,7 @@ def test_the_p_value_of_anderson_darling_is_a_share_of_normal_samples() -> None:
         assert np.mean(p <= level) == pytest.approx(level, abs=3 * np.sqrt(level * (1 - level) / 1500) + 0.005)
 
 
-@pytest.mark.parametrize(
+@each(
     ("known", "n", "verdict"),
     [
         (stats.norm, 20, "undecided"),

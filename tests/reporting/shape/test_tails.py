@@ -7,6 +7,7 @@ from scipy import stats
 from reporting.shape.tails import MOST_EXCESSES, pareto_tails
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("known", "limit"), [(stats.norm(), 4.0), (stats.t(5), 9.0), (stats.lognorm(0.3), 3.4)])
 def test_the_tail_of_known_distributions(known, limit: float) -> None:
     """60 campaigns of 20,000: 20 to 140 ppm, a few rejects each; three binomial standard errors are 0.084."""

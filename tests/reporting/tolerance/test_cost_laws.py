@@ -10,6 +10,7 @@ from scipy import optimize
 
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import cheapest, costs
+from tests.each import each
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0, 3.0])
@@ -73,7 +74,7 @@ def test_a_table_keeps_what_nothing_beats():
     assert table.at(0.5) is None
 
 
-@pytest.mark.parametrize(
+@each(
     "law",
     [
         PowerLaw(0.0, 0.0),

@@ -12,6 +12,7 @@ from reporting.tolerance.allocation_problem import CostedVariable, Requirement
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import cheapest, costs
 from reporting.tolerance.process_choice import Programme, cheapest_choice
+from tests.each import each
 
 
 def random_programme(rng, variables, choices, responses, continuous=0):
@@ -64,7 +65,7 @@ def cost_of(p, found):
     return sum(c.cost for c in chosen) + costs(p.laws, optimum.tolerance).sum()
 
 
-@pytest.mark.parametrize("seed", range(30))
+@each("seed", range(30))
 def test_processes_are_the_cheapest_of_all(seed):
     """Up to six variables with up to five processes, one to three responses."""
     rng = np.random.default_rng(seed)

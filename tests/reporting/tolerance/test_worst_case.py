@@ -50,7 +50,7 @@ def test_corners_without_a_value_are_counted_and_never_within():
 
 def test_columns_of_different_lengths_are_refused():
     """With their names."""
-    with pytest.raises(ReportError, match="J2: differs in length from the response"):
+    with pytest.raises(ReportError, match=r"J2: .*length"):
         worst_case(np.zeros(8), INPUTS | {"J2": np.zeros(7)})
 
 

@@ -7,6 +7,7 @@ from engine import load_mechanism
 from engine.mechanism import set_values
 from studies.axial_play.plays import CENTRED, SHIPPED, plays
 from studies.axial_play.runs import starts
+from tests.each import each
 from tests.engine.mechanism.test_c60 import axial_gaps
 
 ALL = plays()
@@ -26,7 +27,7 @@ def test_starts_differ():
     assert ALL[1].name == CENTRED
 
 
-@pytest.mark.parametrize("play", ALL, ids=lambda play: play.name)
+@each("play", ALL)
 def test_no_start_overlaps(play):
     """Every stop is open or just touched, in every sample."""
     assert min(min(gaps(play, sample).values()) for sample in range(20)) > -1e-9

@@ -10,9 +10,10 @@ from engine import check
 from engine.mechanism import get_value
 from studies.c60_spread.runs import clearances, mechanism_of, run
 from studies.c60_spread.variants import ENDS, UNIFORM, Variant, variants
+from tests.each import each
 
 
-@pytest.mark.parametrize("variant", variants(), ids=lambda variant: variant.name)
+@each("variant", variants())
 def test_every_variant_can_start(variant):
     """With its first sample's clearances and its values; it has its response."""
     mechanism = mechanism_of(variant, np.random.default_rng(1))

@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 
 from studies.coverage.outcomes import COVERED, HIGH, LOW, WARNED, WITHHELD, Statement, Tally, tallied
+from tests.each import each
 
 
 @pytest.mark.parametrize(
@@ -24,7 +25,7 @@ def test_each_interval_has_one_outcome(interval, warned, outcome):
     assert Statement("Cpk", interval, 1.0, warned).outcome() == outcome
 
 
-@pytest.mark.parametrize(
+@each(
     ("counts", "number", "fault"),
     [
         ({COVERED: 950, LOW: 50}, "Cpk", ""),

@@ -15,6 +15,7 @@ from studies.coverage.productions import (
     moments,
     truth,
 )
+from tests.each import each
 
 KNOWN = {
     "normal": stats.norm(),
@@ -55,7 +56,7 @@ def test_first_order_indices_of_a_lognormal():
     assert first_order(Production("lognormal", "lognormal")) == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("production", [*SHAPES, *LOTS], ids=lambda production: production.name)
+@each("production", [*SHAPES, *LOTS])
 def test_draws_have_the_truth(production):
     """Over many campaigns, within five standard errors."""
     true = truth(production.shape)

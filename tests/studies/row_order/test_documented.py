@@ -2,11 +2,10 @@
 
 import re
 
-import pytest
-
 from reporting.capability.intervals import share_interval
 from studies.row_order.__main__ import SIZES, alarms
 from studies.row_order.processes import PROCESSES
+from tests.each import each
 from tests.house import ROOT
 
 DRAWS = 300
@@ -26,7 +25,7 @@ def test_the_document_has_every_process():
     assert list(documented()) == [process.name for process in PROCESSES]
 
 
-@pytest.mark.parametrize("process", PROCESSES, ids=lambda process: process.name)
+@each("process", PROCESSES)
 def test_the_document_agrees_with_the_study(process):
     for n, share in zip(SIZES, documented()[process.name], strict=True):
         low, high = share_interval(round(alarms(process, n, DRAWS) * DRAWS), DRAWS, 1 - CHANCE)

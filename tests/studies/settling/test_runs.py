@@ -5,12 +5,13 @@ import pytest
 from engine import check, load_mechanism, simulate
 from studies.settling.runs import mechanism_of, run
 from studies.settling.settlings import CHOSEN, CONTINUED, Settling, settlings
+from tests.each import each
 
 GAPS = {f"J{i}": 0.06 for i in range(1, 8)}
 BY_NAME = {settling.name: settling for settling in settlings()}
 
 
-@pytest.mark.parametrize("settling", settlings(), ids=lambda settling: settling.name)
+@each("settling", settlings())
 def test_every_settling_can_start(settling):
     """Its mechanism is a C-60 with the phases that it asks for."""
     mechanism = mechanism_of(settling)

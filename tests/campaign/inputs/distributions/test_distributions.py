@@ -14,6 +14,7 @@ from campaign.inputs.distributions import DISTRIBUTIONS, Variable
 from campaign.inputs.distributions.weibull import Weibull
 from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.statistics import check_sample
+from tests.each import each
 
 C60 = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower": 0.01, "upper": 0.13}
 
@@ -107,7 +108,7 @@ def test_every_distribution_is_tested():
     assert {e["distribution"] for e in (*CONTINUOUS, *DISCRETE)} | {"constant"} == set(DISTRIBUTIONS)
 
 
-@pytest.mark.parametrize(("keys", "oracle"), PARENTS, ids=name)
+@each(("keys", "oracle"), PARENTS)
 def test_uncut_is_scipys(keys, oracle):
     """Quantiles, probabilities, densities, moments and ends agree with scipy's."""
     variable, x = make(keys), oracle.ppf(U)
@@ -119,7 +120,7 @@ def test_uncut_is_scipys(keys, oracle):
     assert variable.support() == pytest.approx(oracle.support())
 
 
-@pytest.mark.parametrize("case", CUTS, ids=lambda case: name(cut(case)))
+@each("case", CUTS)
 def test_cut_is_the_conditioned_distribution(case):
     """Probabilities are scipy's, conditioned; moments are those of its density, integrated; tails keep their digits."""
     variable, (_, parent, low, high) = make(cut(case)), case
@@ -194,13 +195,13 @@ def test_bounds_hold_in_every_batch():
         check_sample(values, oracle)
 
 
-@pytest.mark.parametrize("keys", [*CONTINUOUS, *DISCRETE], ids=name)
+@each("keys", [*CONTINUOUS, *DISCRETE])
 def test_samples_follow_the_distribution(keys):
     """Bounds, moments and shape of 20,000 draws."""
     check_sample(make(keys).ppf(uniforms(11, "x", 0, 20_000)), make(keys))
 
 
-@pytest.mark.parametrize("keys", [*CONTINUOUS, *BATCHED, *DISCRETE], ids=name)
+@each("keys", [*CONTINUOUS, *BATCHED, *DISCRETE])
 def test_bits_depend_on_the_own_number_alone(keys):
     """Alone, in the middle of others, or at the end of an odd number of them: the same bits."""
     variable, u = make(keys), uniforms(5, "x", 0, 259)
@@ -215,7 +216,7 @@ def test_bits_depend_on_the_own_number_alone(keys):
         assert np.concatenate(pieces).tobytes() == whole.tobytes()
 
 
-@pytest.mark.parametrize("keys", [*CONTINUOUS, *DISCRETE], ids=name)
+@each("keys", [*CONTINUOUS, *DISCRETE])
 @settings(deadline=None, max_examples=12)
 @given(st.floats(2.0**-40, 1.0 - 2.0**-40), st.floats(2.0**-40, 1.0 - 2.0**-40))
 def test_quantiles_invert_probabilities(keys, u, v):
@@ -236,7 +237,7 @@ def test_quantiles_invert_probabilities(keys, u, v):
         assert x == low or float(variable.cdf(np.array([np.nextafter(x, -np.inf)]))[0]) < u * (1 + 1e-12)
 
 
-@pytest.mark.parametrize("keys", [keys for keys in CONTINUOUS if 0.5 not in keys.values()], ids=name)
+@each("keys", [keys for keys in CONTINUOUS if 0.5 not in keys.values()])
 def test_density_integrates_to_one(keys):
     """The curve that is drawn is a density: over the ends it holds all but the 1e-6 tails."""
     x, y = np.array(make(keys).density_points(40_001)).T
@@ -354,7 +355,7 @@ IMPOSSIBLE = [
 ]
 
 
-@pytest.mark.parametrize(("keys", "said"), IMPOSSIBLE, ids=lambda v: name(v) if isinstance(v, dict) else "")
+@each(("keys", "said"), IMPOSSIBLE)
 def test_impossible_is_refused(keys, said):
     """What cannot be drawn is refused with key, value and remedy."""
     with pytest.raises(ValidationError, match=said):
@@ -373,7 +374,7 @@ ABSURD = [
 ]
 
 
-@pytest.mark.parametrize("table", ABSURD, ids=lambda table: "-".join(map(str, table.values())))
+@each("table", ABSURD)
 def test_a_distribution_of_absurd_sizes_is_refused(table):
     """It gave infinite values, or an overflow where it was used."""
     with pytest.raises(ValidationError, match="allowed"):

@@ -50,5 +50,5 @@ def test_list_is_the_users_table():
 def test_batches_are_not_passed_over(sampler):
     """A sampler that draws nothing refuses variables that vary by production batch."""
     more = {"grid": {"grid": {"a": 2}}, "list": {"table": {"columns": {"a": [0.5]}}}}.get(sampler, {})
-    with pytest.raises(ValidationError, match=r"variables\.a\.batch: sampler .* would ignore it"):
+    with pytest.raises(ValidationError, match=r"variables\.a\.batch"):
         spec({"a": {**UNIT, "batch": {"size": 2, "std": 0.01}}}, samples=1, sampler=sampler, **more)

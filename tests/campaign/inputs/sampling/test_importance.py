@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from campaign.inputs.sampling import draw, sampler_named
 from tests.campaign.inputs.sampling.campaigns import BOLT, CORRELATED, INDEPENDENT, UNIT, J, spec
+from tests.each import each
 
 NORMAL = {"distribution": "normal", "mean": 0.0, "std": 1.0}
 SAMPLER = sampler_named("importance")
@@ -184,7 +185,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("more", "keys", "message"), REFUSED)
+@each(("more", "keys", "message"), REFUSED)
 def test_what_cannot_be_weighted_is_refused(more, keys, message):
     """Each refusal names the key and the remedy."""
     variables = {"a": NORMAL, "b": J, "k": {"distribution": "constant", "value": 1.0}, **more}

@@ -20,6 +20,7 @@ from campaign.spec.load import load_campaign
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
+from tests.each import each
 
 DOCS = (Path(__file__).parents[4] / "docs" / "campaign.md").read_text()
 
@@ -78,18 +79,18 @@ def test_following_the_recipe_is_enough(antithetic, tmp_path):
 
 def test_what_the_sampler_refuses_is_refused(antithetic, tmp_path):
     """Its own check, and what follows from what it says of itself."""
-    with pytest.raises(SpecError, match="samples = 25: sampler antithetic draws pairs"):
+    with pytest.raises(SpecError, match="samples = 25"):
         load_campaign(written(tmp_path, sampler="antithetic"))
     stop = '\n[stop]\nresponse = "FC-1"\nstatistic = "mean"\nhalf_width = 1.0\n'
     path = Path(written(tmp_path, sampler="antithetic", samples=24))
     path.write_text(path.read_text() + stop)
-    with pytest.raises(SpecError, match=r"stop: .* first samples .* but pairs are complete; remove stop"):
+    with pytest.raises(SpecError, match=r"\bstop: "):
         load_campaign(str(path))
 
 
 def test_an_unknown_sampler_is_refused_everywhere(campaign, plan, tmp_path):
     """No name falls through to another sampler: in the file, in a plan, in a spec that nobody checked."""
-    with pytest.raises(SpecError, match=r"sampler = .sobl.: must be 'random', .*'grid' or 'list'"):
+    with pytest.raises(SpecError, match=r"sampler = .sobl."):
         load_campaign(written(tmp_path, sampler="sobl"))
     content = json.loads(plan.to_json())
     content["spec"]["sampler"] = "sobl"
@@ -109,7 +110,7 @@ def test_an_unknown_sampler_is_refused_everywhere(campaign, plan, tmp_path):
             refuse()
 
 
-@pytest.mark.parametrize("name", SAMPLERS)
+@each("name", SAMPLERS)
 def test_every_sampler_says_what_it_is(name):
     """In the documentation, in the schema of the campaign file, and in the report."""
     sampler = sampler_named(name)

@@ -11,6 +11,7 @@ from campaign.inputs.sampling import draw, sampler_named
 from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.inputs.sampling.campaigns import CORRELATED, DRAWING, EVEN, MIXED, UNIT, J, spec
 from tests.campaign.statistics import check_sample, strata
+from tests.each import each
 
 
 @pytest.mark.parametrize("sampler", DRAWING)
@@ -167,7 +168,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("keys", "said"), REFUSED)
+@each(("keys", "said"), REFUSED)
 def test_what_cannot_be_drawn_is_refused(keys, said):
     """Correlations that cannot hold, and samplers that lack something or would pass over it: key, value, remedy."""
     variables = {**ONE, "c2": UNIT, "k": {"distribution": "constant", "value": 1.0}}

@@ -7,6 +7,7 @@ import pytest
 from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.pictures.sketches.sketch_canvas import LETTER, LINE
 from engine import load_mechanism
+from tests.each import each
 from tests.engine.small import block_on_floor, made
 
 
@@ -36,13 +37,12 @@ def crowded(count, vertical):
     return made(data)
 
 
-@pytest.mark.parametrize(
+@each(
     "mechanism",
     [
         *(load_mechanism(name) for name in ("c60", "four_bar", "chain", "sphere_roll", "spinning_top", "incline")),
         *(crowded(count, vertical) for count in (10, 40) for vertical in (True, False)),
     ],
-    ids=lambda mechanism: f"{mechanism.name} {len(mechanism.responses)}",
 )
 def test_names_are_on_the_canvas_and_not_on_each_other(mechanism):
     """Also with 40 responses of one point, in the plane of the picture and along the line of sight."""

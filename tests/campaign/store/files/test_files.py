@@ -14,6 +14,7 @@ import pytest
 from campaign.errors import SpecError, StoreError
 from campaign.store.files.files import DEAD_AFTER, Files
 from campaign.store.files.patience import HASTY
+from tests.each import each
 
 
 @pytest.fixture(params=["folder", "memory"])
@@ -59,7 +60,7 @@ def test_failed_write_leaves_nothing(tmp_path, monkeypatch):
     files = Files(str(tmp_path / "s"), HASTY)
     files.write("a/x", b"before")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(StoreError, match=r"a/x cannot be written \(No space left on device\); free or repair"):
+    with pytest.raises(StoreError, match=r"a/x.*No space left on device"):
         files.write("a/x", b"after")
     assert files.names("a") == ["x"]
     assert files.read("a/x") == b"before"
@@ -99,7 +100,7 @@ def test_sweep_goes_by_the_clock_that_dates_the_files(tmp_path):
     assert in_work.exists()
 
 
-@pytest.mark.parametrize("name", ["../x", "a/../../x", "/etc/passwd", "a\\b", "x" * 501, "a\n", "~root"])
+@each("name", ["../x", "a/../../x", "/etc/passwd", "a\\b", "x" * 501, "a\n", "~root"])
 def test_names_stay_inside(files, name):
     """No name leads out of the root, whatever wrote it."""
     for action in (files.read, files.exists, files.remove, lambda name: files.write(name, b"")):
@@ -112,7 +113,7 @@ def test_too_large_is_refused_unread(tmp_path):
     path = tmp_path / "manifest.json"
     with path.open("wb") as file:
         file.truncate(10 * 2**30)
-    with pytest.raises(StoreError, match=r"manifest\.json has 10737418240 bytes; allowed: up to"):
+    with pytest.raises(StoreError, match=r"manifest\.json.*10737418240"):
         Files(str(tmp_path)).read("manifest.json")
 
 
@@ -131,7 +132,7 @@ def test_full_disk(small_disk):
     files = Files(str(small_disk), HASTY)
     files.write("parts/a", b"a" * 100_000)
     for _ in range(3):
-        with pytest.raises(StoreError, match=r"parts/b cannot be written \(No space left on device\); free or repair"):
+        with pytest.raises(StoreError, match=r"parts/b.*No space left on device"):
             files.write("parts/b", b"b" * 200_000)
     assert files.names("parts") == ["a"]
     assert files.read("parts/a") == b"a" * 100_000
@@ -144,9 +145,9 @@ def test_read_only_store(small_disk):
     files.write("parts/a", b"a")
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     assert files.read("parts/a") == b"a"
-    with pytest.raises(StoreError, match=r"not writable \(Read-only file system\)"):
+    with pytest.raises(StoreError, match="Read-only file system"):
         files.check_writable()
-    with pytest.raises(StoreError, match=r"parts/a cannot be written \(Read-only file system\)"):
+    with pytest.raises(StoreError, match=r"parts/a.*Read-only file system"):
         files.write("parts/a", b"b")
 
 

@@ -113,7 +113,7 @@ def test_files_share_what_they_know(tmp_path, clock):
     files = Files(str(tmp_path), HASTY, KnownOutage())
     files._backend = silent = Silent(files._backend, clock)
     for operation in (files.names, files.hasty.names, files.sizes, files.hasty.stamps):
-        with pytest.raises(StoreError, match=r"a cannot be listed \(no answer within 8 s\)"):
+        with pytest.raises(StoreError, match=r"\ba .*no answer within 8 s"):
             operation("a")
     assert silent.asked == 1
     assert "no answer within 8 s" in files.fault

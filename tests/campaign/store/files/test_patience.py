@@ -13,6 +13,7 @@ from campaign.errors import StoreError
 from campaign.store.files.files import Files
 from campaign.store.files.odd_file import OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Patience
+from tests.each import each
 
 SOON = Patience(30.0, 0.001, 0.01)
 NAMES = ("EIO", "EROFS", "ESTALE", "ENOSPC", "EDQUOT", "ETIMEDOUT", "ECONNRESET", "EACCES", "EAGAIN")
@@ -59,20 +60,15 @@ OPERATIONS = {
 }
 
 
-@pytest.fixture(params=["folder", "memory"])
-def files(request, tmp_path):
-    """Return files with one in them, in a folder and behind a URL."""
-    url = str(tmp_path) if request.param == "folder" else f"memory://patience-{tmp_path.name}"
-    files = Files(url, SOON)
-    files.write("a/x", b"before")
-    return files
-
-
-@pytest.mark.parametrize("after", [False, True])
-@pytest.mark.parametrize("name", OPERATIONS)
-def test_every_operation_outlives_an_outage(files, name, after, caplog):
+@pytest.mark.parametrize("place", ["{}", "memory://patience{}"], ids=["folder", "memory"])
+@each("after", [False, True])
+@each("name", OPERATIONS)
+def test_every_operation_outlives_an_outage(place, name, after, tmp_path, caplog):
     """It is tried until it succeeds, also if it was done and only the answer was lost; two messages say so."""
+    files = Files(place.format(tmp_path / f"{name} {after}"), SOON)
+    files.write("a/x", b"before")
     caplog.set_level(logging.INFO)
+    caplog.clear()
     operation, expected = OPERATIONS[name]
     files._backend = Faulty(files._backend, 4, after)
     assert operation(files) == expected
@@ -105,7 +101,7 @@ def test_what_remains_is_one_error(tmp_path, caplog):
     files = Files(str(tmp_path), Patience(0.05, 0.001))
     files._backend = Faulty(files._backend, 10**9)
     for operation in (lambda: files.write("a", b"x"), lambda: files.read("a"), lambda: files.names("")):
-        with pytest.raises(StoreError, match=r"\(it is away\); free or repair the disk, then run the same command"):
+        with pytest.raises(StoreError, match="it is away"):
             operation()
     assert list(tmp_path.iterdir()) == []
 

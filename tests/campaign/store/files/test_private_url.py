@@ -12,11 +12,12 @@ from campaign.store.files.files import Files
 from campaign.store.files.patience import HASTY
 from campaign.store.files.private_url import PrivateUrl
 from campaign.worker.messages import CampaignAddress
+from tests.each import each
 
 PASSWORD = "S3cretPassw0rd"  # tracebacks quote sources, so tests of them do not spell it out
 
 
-@pytest.mark.parametrize(
+@each(
     ("full", "shown"),
     [
         ("ftp://alice:S3cret99@host/runs", "ftp://alice:***@host/runs"),
@@ -68,7 +69,7 @@ def test_no_error_quotes_it(protocol):
 
 def test_probe_does_not_quote_it():
     """Checking a store that is not there is an error of the store, without the password."""
-    with pytest.raises(StoreError, match=r"store ftp://alice:\*\*\*@127.0.0.1:1/runs: not writable") as caught:
+    with pytest.raises(StoreError, match=r"ftp://alice:\*\*\*@127\.0\.0\.1:1/runs") as caught:
         Files(f"ftp://alice:{PASSWORD}@127.0.0.1:1/runs").check_writable()
     assert PASSWORD not in "".join(traceback.format_exception(caught.value))
 
@@ -87,7 +88,7 @@ def test_store_refuses_to_keep_it():
     """The last line of defence: a document that would hold the password is not written."""
     files = Files("memory://alice:S3cretPassw0rd@host/refuse")
     for write in (files.write, files.create):
-        with pytest.raises(StoreError, match=r"x/a is not written, because its content holds the password"):
+        with pytest.raises(StoreError, match=r"x/a\b.*password"):
             write("x/a", b'{"store": "S3cretPassw0rd"}')
     assert files.names("x") == []
 

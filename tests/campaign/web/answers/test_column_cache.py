@@ -149,5 +149,5 @@ def test_the_folder_is_below_the_users_cache(tmp_path, monkeypatch):
     (foreign / "clearcap" / "columns").mkdir()
     (foreign / "clearcap" / "columns" / "planted").symlink_to("/etc/passwd")
     monkeypatch.setenv("XDG_CACHE_HOME", str(foreign))
-    with pytest.raises(SpecError, match=r"planted is a link.*XDG_CACHE_HOME"):
+    with pytest.raises(SpecError, match=r"planted.*XDG_CACHE_HOME"):
         columns_folder()

@@ -28,7 +28,7 @@ def test_one_process_compiles_while_jobs_are_refused(tmp_path, caplog):
     caplog.set_level(logging.INFO, "campaign")
 
     async def ask(pool):
-        with pytest.raises(EngineCompiling, match=r"being compiled for this machine.*ask again in \d+ s") as refused:
+        with pytest.raises(EngineCompiling, match=r"\d+ s\b") as refused:
             await pool.run("u", strange_jobs.add, 1, 2)
         assert 5 <= refused.value.retry_after_s <= 30
         assert pool.compiling_s >= 0.0

@@ -10,6 +10,7 @@ from campaign.web.api.campaigns import ListQuestion, listed
 from campaign.web.watch.conclusions import Weakest
 from campaign.web.watch.entry import CampaignEntry
 from tests.campaign.web.conftest import serving
+from tests.each import each
 
 API = "/api/v1/campaigns"
 
@@ -45,7 +46,7 @@ def _entries(n=5):
     return [(entry, entry.model_dump_json().encode()) for entry in entries]
 
 
-@pytest.mark.parametrize(
+@each(
     ("question", "ids"),
     [
         ({}, [0, 1, 2, 3]),

@@ -15,6 +15,7 @@ from campaign.web.http.asking import COOKIE, CSRF_FIELD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
 from tests.campaign.web.conftest import URL, serving
+from tests.each import each
 
 LATCH = shipped_text("c60")
 
@@ -226,7 +227,7 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize("content", HOSTILE, ids=range(len(HOSTILE)))
+@each("content", HOSTILE)
 def test_hostile_content_is_refused(computing, content):
     _, client, headers = computing
     import json

@@ -5,6 +5,7 @@ import pytest
 from campaign.web.access import Role
 from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from tests.campaign.web.conftest import PASSWORD
+from tests.each import each
 
 EVA = {"name": "eva", "role": "engineer"}
 
@@ -66,7 +67,7 @@ def test_users_come_in_pages(client, as_user):
     assert names == ["admin", "approver", "engineer", "viewer"]
 
 
-@pytest.mark.parametrize(
+@each(
     "body",
     [
         {"name": "<script>", "role": "viewer"},

@@ -1,11 +1,10 @@
 """HEAD is answered with the head of GET, and does nothing."""
 
-import pytest
-
 from tests.campaign.web.running import exchange, in_a_thread
+from tests.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     "path",
     [
         "/healthz",
@@ -25,8 +24,8 @@ def test_head_of_get(client, as_user, path):
     headers = as_user("viewer")
     asked, got = client.head(path, headers=headers), client.get(path, headers=headers)
     assert (asked.status_code, asked.content) == (got.status_code, b"")
-    for each in ("content-type", "etag", "allow", "location", "cache-control"):
-        assert asked.headers.get(each) == got.headers.get(each)
+    for name in ("content-type", "etag", "allow", "location", "cache-control"):
+        assert asked.headers.get(name) == got.headers.get(name)
     if path != "/metrics":  # which counts these requests
         assert asked.headers.get("content-length") == got.headers.get("content-length")
 

@@ -11,9 +11,10 @@ from campaign.web.answers.turns import Busy
 from campaign.web.http.problems import problem, refusal_of
 from engine import EngineError
 from tests.campaign.web.answers import strange_jobs
+from tests.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("error", "status", "comes_back"),
     [
         (SpecError("std = -1"), 422, None),

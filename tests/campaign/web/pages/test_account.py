@@ -7,6 +7,7 @@ import pytest
 from campaign.web.access import Role
 from tests.campaign.web.conftest import PASSWORD, URL
 from tests.campaign.web.pages.forms import Page
+from tests.each import each
 
 NEW = "another long password"
 
@@ -181,7 +182,7 @@ def test_shared_link_shows_the_sign_offs(client, service, visit, reported, home)
     assert "Nobody has signed" in text
 
 
-@pytest.mark.parametrize(
+@each(
     "path",
     [
         *("/account/tokens", "/account/tokens/1/revoke", "/account/password", "/account/sessions/end", "/admin/users"),

@@ -8,6 +8,7 @@ from campaign.web.access import Role
 from campaign.web.http.asking import COOKIE, SHARE_COOKIE
 from campaign.web.pages.login import own_path
 from tests.campaign.web.conftest import PASSWORD, URL
+from tests.each import each
 
 
 @pytest.fixture
@@ -94,7 +95,7 @@ def test_who_is_not_logged_in_comes_back_after_it(client):
     assert '<input type="hidden" name="next" value="/campaigns?tag=a&amp;sort=cpk">' in answer.text
 
 
-@pytest.mark.parametrize(
+@each(
     "wanted",
     [
         "https://evil.example",

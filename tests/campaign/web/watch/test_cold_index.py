@@ -209,7 +209,7 @@ def test_a_program_gets_all_campaigns(monkeypatch):
 def test_a_program_does_not_wait_for_ever(monkeypatch):
     now = iter(range(0, 10_000, 20))
     monkeypatch.setattr(campaign_list, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
-    with pytest.raises(UnreachableError, match="7 campaigns of its store are still to be read"):
+    with pytest.raises(UnreachableError, match=r"\b7 campaigns"):
         list(listed_campaigns(Listing(9, 8, 7), {}))
 
 

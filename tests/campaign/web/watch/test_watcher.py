@@ -93,7 +93,7 @@ def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
 
 def test_folder_in_place_of_the_index_is_named(tmp_path):
     (tmp_path / "index.sqlite").mkdir()
-    with pytest.raises(SpecError, match=r"index\.sqlite: this index of the campaigns .* remove it"):
+    with pytest.raises(SpecError, match=r"index\.sqlite"):
         CampaignIndex(tmp_path / "index.sqlite")
 
 

@@ -25,6 +25,7 @@ from campaign.web.webhooks.campaign_news import campaign_news
 from campaign.web.webhooks.webhook_book import MOST_ATTEMPTS, WebhookBook
 from campaign.web.webhooks.webhook_sender import WebhookSender
 from campaign.web.webhooks.webhook_target import is_public, target_addresses, webhook_target
+from tests.each import each
 
 
 def ended(state="completed", **more):
@@ -212,7 +213,7 @@ def test_it_is_given_up_after_a_day(book):
 # -- where it may be sent ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     "address",
     [
         *("127.0.0.1", "10.1.2.3", "172.16.0.1", "192.168.1.1", "169.254.169.254", "100.64.0.1", "0.0.0.0"),
@@ -239,7 +240,7 @@ def test_public_addresses(address):
     assert is_public(address)
 
 
-@pytest.mark.parametrize(
+@each(
     "url",
     [
         *("http://quality.example/", "ftp://quality.example/", "https://", "https://eva:x@quality.example/", "quality"),

@@ -17,6 +17,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from scipy.interpolate import BSpline
 
+from tests.each import each
 from tests.engine.cad.step_files import (
     Drawing,
     box,
@@ -122,8 +123,8 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("name", list(SHAPES))
+@each("turned", [False, True])
+@each("name", list(SHAPES))
 def test_they_cover_the_face_and_nothing_else(read, name, turned):
     """Areas agree, all points are on the shape, and normals point out; also those of its mirror image in space."""
     shape, count = SHAPES[name]

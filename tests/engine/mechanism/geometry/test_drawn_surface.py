@@ -21,6 +21,7 @@ from campaign.geometry_summary import geometry_lines, geometry_provenance
 from engine import MechanismError, load_mechanism
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from
+from tests.each import each
 from tests.engine.cad.spline_shapes import elliptic_cam, parabolic_bowl, spline_surface, standing_on
 from tests.engine.cad.step_files import box, cut, cylinder, faces, place
 from tests.engine.kernels.shapes import Poses, found
@@ -252,7 +253,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("surface", "key", "words"), REFUSED, ids=[words[:20] for _, _, words in REFUSED])
+@each(("surface", "key", "words"), REFUSED)
 def test_what_is_refused(load, surface, key, words):
     """A round bar: none, two, an end that no parameter lines bound, one face twice, and what the patches cannot be."""
     found = faults(load, one_part(cylinder((0.0, 0.0, 0.0), 3.0, 4.0)), surface)

@@ -12,6 +12,7 @@ import tomli_w
 
 from engine import MechanismError, load_mechanism, load_mechanism_text
 from engine.mechanism import mechanism_from
+from tests.each import each
 from tests.engine.mechanism.geometry.latch_file import LATCH, latch_file
 
 
@@ -183,7 +184,7 @@ def test_what_a_worker_gets(load):
     assert not {"cad", "part", "hole"} & set(str(mechanism.model_dump(exclude={"geometry"})).split("'"))
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "value", "key", "words"),
     [
         (("cad", "sha256"), "0" * 64, "cad.sha256", "has another content"),

@@ -8,6 +8,7 @@ import pytest
 from engine.errors import MechanismError
 from engine.mechanism import get_value, load_mechanism, mechanism_from, set_values, settable_keys, unit_of
 from engine.mechanism.keys.formulas import following
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 
@@ -118,7 +119,7 @@ def faults(data):
     return [line.strip() for line in str(caught.value).split("\n")[1:]]
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "value", "said"),
     [
         (

@@ -7,6 +7,7 @@ import jsonschema
 import pytest
 
 from engine.mechanism import mechanism_schema
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 SCHEMA = mechanism_schema()
@@ -23,7 +24,7 @@ def test_the_shipped_lever_is_valid():
     assert valid(pendulum())
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "expression"),
     [
         ("bodies.link.mass", "a"),

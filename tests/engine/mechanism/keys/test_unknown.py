@@ -1,15 +1,14 @@
 """A key that does not exist is answered with what stands where it goes wrong, and the key that is meant."""
 
-import pytest
-
 from engine.mechanism import load_mechanism, mechanism_from
 from engine.mechanism.keys.unknown import meant_key, unknown_key
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum
 
 C60 = load_mechanism("c60")
 
 
-@pytest.mark.parametrize(
+@each(
     ("key", "meant"),
     [
         ("joints.J2.bearing.point.0", "joints.J2.bearing.point.x"),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from engine.errors import MechanismError
 from engine.mechanism import get_value, load_mechanism, mechanism_from, set_values, settable_keys, unit_of
+from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
 MECHANISM = mechanism_from(pendulum(), "FILE")
@@ -56,7 +57,7 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("key", UNITS)
+@each("key", UNITS)
 def test_units(key):
     si = mechanism_from(put(pendulum(), "units", "SI"), "FILE")
     assert (unit_of(MECHANISM, key), unit_of(si, key)) == UNITS[key]
@@ -84,7 +85,7 @@ def test_numbers_of_numpy_are_numbers(number):
     assert get_value(set_values(MECHANISM, {"J1": number}), "J1") == float(number)
 
 
-@pytest.mark.parametrize("number", ["0.1", None, True, float("nan"), float("inf"), 10**400, [0.1], np.bool_(True)])
+@each("number", ["0.1", None, True, float("nan"), float("inf"), 10**400, [0.1], np.bool_(True)])
 def test_what_is_not_a_finite_number_is_refused(number):
     (line,) = refused({"J1": number})
     assert line.startswith("J1: " if number is None else "J1 = ")
@@ -98,7 +99,7 @@ def test_a_clearance_outside_the_bore_is_refused_with_the_range(clearance):
     assert "allowed: 0 < radial_clearance <= 0.3" in line
 
 
-@pytest.mark.parametrize(
+@each(
     ("key", "text"),
     [
         ("J2", "unknown key; allowed: a joint (J1)"),
@@ -158,7 +159,7 @@ COMPONENTS = {
 }
 
 
-@pytest.mark.parametrize("key", COMPONENTS)
+@each("key", COMPONENTS)
 def test_a_component_is_set_as_if_it_were_typed_in(key):
     """A mechanism with the number in its file is the same, bit for bit; the other components stay as written."""
     *tables, last = key.split(".")

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.mechanism.parameters.expression import DEEPEST, ExpressionFault, evaluate, names_in, parse
+from tests.each import each
 
 VALUES = {"a": 3.0, "b": 4.0, "arm": 12.0, "pi2": 1.0}
 
@@ -17,7 +18,7 @@ def value(text):
     return evaluate(parse(text), VALUES)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "expected"),
     [
         ("arm", 12.0),
@@ -51,7 +52,7 @@ def test_values_are_those_of_python(a, b, c):
     assert evaluate(parse("a*cos(c) + sqrt(b)"), {"a": a, "b": b, "c": c}) == a * math.cos(c) + math.sqrt(b)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("1e308**9", "is not a finite number"),

@@ -1,8 +1,7 @@
 """Parameters follow from numbers and from each other, in any order of the file; what is wrong with one is named."""
 
-import pytest
-
 from engine.mechanism.parameters.parameter_table import parameter_values
+from tests.each import each
 
 
 def test_values_in_the_order_of_the_file():
@@ -12,7 +11,7 @@ def test_values_in_the_order_of_the_file():
     assert list(values.items()) == [("half", 6.0), ("arm", 12.0), ("third", 4.0)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("table", "said"),
     [
         ({"a": "b", "b": "c + 1", "c": "a"}, "follows from itself: "),

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from engine.mechanism.surfaces.edges import meeting_edges
 from engine.mechanism.surfaces.joined_faces import joined_faces, sharp_gap
 from engine.mechanism.surfaces.surface import FreeFormSurface
+from tests.each import each
 from tests.engine.kernels.surface_shapes import graded_rectangle
 
 
@@ -32,8 +33,8 @@ def test_what_is_near_becomes_one():
     assert sharp_gap(patches, meeting) is None
 
 
-@pytest.mark.parametrize(("angle", "is_sharp"), [(1.0, False), (1.5, False), (1.65, True), (2.5, True), (-2.0, True)])
-@pytest.mark.parametrize(("gap", "patches"), [(1e-4, (1, 1)), (0.0, (1, 2))])
+@each(("angle", "is_sharp"), [(1.0, False), (1.5, False), (1.65, True), (2.5, True), (-2.0, True)])
+@each(("gap", "patches"), [(1e-4, (1, 1)), (0.0, (1, 2))])
 def test_edges_that_are_not_the_same_may_not_be_sharp(angle, is_sharp, gap, patches):
     """Up to a right angle between the normals each of them tells the side; beyond, not."""
     joined, _ = joined_faces([FLAT, flap(angle, gap, patches)])

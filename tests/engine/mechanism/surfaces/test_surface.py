@@ -11,6 +11,7 @@ from engine.errors import MechanismError
 from engine.mechanism import load_mechanism_text, mechanism_from, mechanism_schema, set_values, unit_of
 from engine.mechanism.keys.listing import settable_numbers
 from engine.mechanism.surfaces.surface import FreeFormSurface
+from tests.each import each
 from tests.engine.kernels.surface_shapes import graded_rectangle, knots, sphere_octant
 from tests.engine.mechanism.plain import pendulum, put
 
@@ -69,7 +70,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("surface", "changes", "where", "remedy"), REFUSED, ids=lambda x: str(x)[:30])
+@each(("surface", "changes", "where", "remedy"), REFUSED)
 def test_a_surface_that_cannot_be_says_where_and_what_to_do(surface, changes, where, remedy):
     line = fault(with_surface(surface, **changes))
     assert line.startswith(f"contacts.stop.a.{where}")

@@ -6,11 +6,12 @@ from scipy import stats
 
 from reporting.shape.family import distributions as shapes
 from reporting.shape.family.families import FAMILIES, Scaled
+from tests.each import each
 
 P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
 
 
-@pytest.mark.parametrize(
+@each(
     ("shape", "known"),
     [
         (shapes.normal(1.0, 2.0), stats.norm(1, 2)),
@@ -76,7 +77,7 @@ def test_a_scaled_distribution_is_that_of_the_scaled_values(scale: float) -> Non
     assert found.ppf(P) == pytest.approx(known.ppf(P), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", [name for name in FAMILIES if name != "beta"])
+@each("name", [name for name in FAMILIES if name != "beta"])
 def test_outside_its_range_a_distribution_has_no_value(name: str) -> None:
     """A limit may lie anywhere: shares there are 0 or 1, never NaN."""
     family = FAMILIES[name]
@@ -85,7 +86,7 @@ def test_outside_its_range_a_distribution_has_no_value(name: str) -> None:
     assert found.cdf([-1e6, 1e6]) + found.sf([-1e6, 1e6]) == pytest.approx([1, 1])
 
 
-@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+@each("family", FAMILIES.values())
 def test_many_distributions_at_once_are_the_same_one_by_one(family) -> None:
     """Parameters as columns: what a search and the intervals evaluate."""
     rng = np.random.default_rng(5)
