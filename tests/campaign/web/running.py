@@ -1,5 +1,6 @@
 """A server as its users have it: on a port, in a thread of the tests or in a process of its own."""
 
+import asyncio
 import json
 import os
 import signal
@@ -8,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -19,18 +20,18 @@ from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
 from campaign.web.server import http_server
 from campaign.web.web_service import open_service
+from tests.until import until
 
-PATIENCE = 60.0  # s, for whatever must happen
+PATIENCE = 600.0  # s, which only a hang reaches
 ROOT = Path(__file__).parents[3]
 
 
-def until(ready, what="", seconds=PATIENCE):
-    """Wait until something holds; return it."""
-    end = time.monotonic() + seconds
-    while not (seen := ready()):
-        assert time.monotonic() < end, f"not within {seconds:g} s: {what() if callable(what) else what}"
-        time.sleep(0.02)
-    return seen
+async def until_true(condition, what=""):
+    """Wait in an event loop, which goes on meanwhile, until a condition holds; see `until`."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, f"not within {PATIENCE:g} s: {what}"
+        await asyncio.sleep(0.01)
 
 
 @contextmanager
@@ -128,17 +129,16 @@ class Served:
         return self
 
     def __exit__(self, *_):
-        left = psutil.Process(self.process.pid).children(recursive=True) if self.process.poll() is None else []
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-            try:
-                self.process.wait(40)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-        for child in left:
-            if child.is_running():
-                child.kill()
+        if self.process.poll() is not None:
+            return
+        left = psutil.Process(self.process.pid).children(recursive=True)
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(PATIENCE)
+        finally:
+            for each in (self.process, *left):
+                with suppress(psutil.NoSuchProcess):
+                    each.kill()
 
 
 def served_address(log):
