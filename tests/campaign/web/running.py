@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -34,15 +35,44 @@ async def until_true(condition, what=""):
         await asyncio.sleep(0.01)
 
 
+class HeldClock:
+    """The clock of the event loop of a server in a thread: it stands, but where a test moves it."""
+
+    def __init__(self):
+        self.now, self._released = 0.0, None
+
+    def loop(self):
+        """Return a new event loop with this clock."""
+        self._loop = asyncio.new_event_loop()
+        self._loop.time = lambda: self.now if self._released is None else self.now + time.monotonic() - self._released
+        return self._loop
+
+    def move(self, seconds):
+        """Have the server do all that it can do at once, let time pass, and have it do what is due then."""
+        self._turn()
+        self.now += seconds
+        self._turn()
+
+    def release(self):
+        """Go on by itself."""
+        self._released = time.monotonic()
+
+    def _turn(self):
+        for _ in range(10):  # of the loop, in each of which it reads what has come
+            asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._loop).result(PATIENCE)
+
+
 @contextmanager
-def in_a_thread(settings):
-    """Serve in a thread of this process; yield the service and the port."""
+def in_a_thread(settings, clock=None):
+    """Serve in a thread of this process, by a clock of its own if one is given; yield the service and the port."""
     service = open_service(settings)
     for role in Role:
         service.users.add(role.word, role)
     listening = socket.socket()
     listening.bind(("127.0.0.1", 0))
     server = http_server(service)
+    if clock is not None:
+        server.config.get_loop_factory = lambda: clock.loop
     thread = threading.Thread(target=server.run, args=([listening],))
     thread.start()
     try:
@@ -50,27 +80,38 @@ def in_a_thread(settings):
         yield service, listening.getsockname()[1]
     finally:
         server.should_exit = True
+        if clock is not None:
+            clock.release()
         thread.join(PATIENCE)
         listening.close()
         assert not thread.is_alive()
 
 
-def exchange(port, *pieces, pause=0.0, seconds=PATIENCE):
-    """Send bytes in pieces over a connection of its own; return all that comes until the server closes it."""
-    with socket.create_connection(("127.0.0.1", port), timeout=seconds) as connection:
-        answer = b""
-        try:
+def exchange(port, *pieces, clock=None, step=0.0):
+    """Send bytes in pieces over a connection of its own; return all that comes until the server closes it.
+
+    By the server's clock, `step` [s] pass after each piece; see `taken`.
+    """
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as connection:
+        with suppress(BrokenPipeError, ConnectionResetError):  # it has answered already
             for piece in pieces:
                 connection.sendall(piece)
-                time.sleep(pause)
-        except (BrokenPipeError, ConnectionResetError):
-            pass  # it has answered already
-        try:
-            while more := connection.recv(1 << 16):
-                answer += more
-        except ConnectionResetError:
-            pass
-        return answer
+                if clock is not None:
+                    clock.move(step)
+        return taken(connection, clock, step)
+
+
+def taken(connection, clock=None, step=0.0):
+    """Return all that comes until the server closes a connection; while nothing comes, its clock moves on by steps."""
+    answer = b""
+    with suppress(ConnectionResetError):
+        while True:
+            while clock is not None and not select.select([connection], [], [], 0.02)[0]:
+                clock.move(step)
+            if not (more := connection.recv(1 << 16)):
+                break
+            answer += more
+    return answer
 
 
 class Served:
