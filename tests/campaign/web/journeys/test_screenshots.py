@@ -35,7 +35,7 @@ NAMES = ("campaigns", "live", "report", "whatif", "new", "try")
 COLOURS = 256
 MOST_BYTES = 200_000
 BLOCK = 50  # px, of which the shades are compared: figures of another run differ within them
-ALIKE = 0.95  # least correlation of the shades; two runs have 0.98 or more, a table that moves makes it 0.89
+ALIKE = 0.95  # least correlation of the shades; two runs have 0.99 or more, a table that moves makes it 0.89
 SAMPLES, HELD, RATE = 4000, 300, 45.0  # of the campaign that is shown while it is computed: all, done, 1/s
 DONE = "return Number(document.querySelector('[data-field=done]').textContent.replace(/\\D/g, ''))"
 FRAMED = "return document.readyState"
