@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import psutil
@@ -20,6 +19,7 @@ from engine import simulate
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
+from tests.until import until
 
 COMMAND = Path(sys.executable).with_name("clearcap")
 
@@ -96,7 +96,7 @@ def hostile(tmp_path):
 def command(folder, *words, program=(str(COMMAND),)):
     """Run the command in a folder, without what the environment of this test says of paths."""
     words = [*program, *words]
-    done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(words, cwd=folder, env=environment(), capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -149,7 +149,7 @@ def test_a_child_imports_what_its_parent_can(tmp_path):
         env={**environment(), "PYTHONPATH": python_environment()["PYTHONPATH"]},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
     )
     assert done.stdout == "42 True\n", done.stderr
 
@@ -164,7 +164,7 @@ def test_a_campaign_is_the_same_there(hostile, tmp_path):
     running = subprocess.Popen([COMMAND, *words], cwd=folder, env=environment(), stderr=subprocess.PIPE, text=True)
     try:
         kill_worker_after(folder / "runs" / plan.campaign_id / "parts" / "part-000000.parquet", running)
-        _, messages = running.communicate(timeout=300)
+        _, messages = running.communicate(timeout=600)
     finally:
         running.kill()
         running.wait()
@@ -176,9 +176,7 @@ def test_a_campaign_is_the_same_there(hostile, tmp_path):
 
 def kill_worker_after(part, running):
     """Kill -9 the worker of a running command as soon as it has written a part and computes the next one."""
-    until = time.monotonic() + 240.0
-    while not part.exists() and running.poll() is None and time.monotonic() < until:
-        time.sleep(0.02)
+    until(lambda: part.exists() or running.poll() is not None, "the first part", pause=0.02)
     children = psutil.Process(running.pid).children(recursive=True)
     workers = [child for child in children if any("spawn_main" in word for word in child.cmdline())]
     max(workers, key=lambda worker: sum(worker.cpu_times()[:2])).kill()
@@ -191,6 +189,6 @@ def test_numba_takes_no_settings_from_there(hostile):
         "import engine.jit, numba.core.config as c; c.reload_config(); print(c.DISABLE_JIT, c.CPU_NAME, c.BOUNDSCHECK)"
     )
     done = subprocess.run(
-        [sys.executable, "-P", "-c", code], cwd=folder, env=environment(), capture_output=True, text=True, timeout=60
+        [sys.executable, "-P", "-c", code], cwd=folder, env=environment(), capture_output=True, text=True, timeout=600
     )
     assert done.stdout == "0 None None\n", done.stderr

@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 import zipfile
 from contextlib import contextmanager
 from functools import partial
@@ -23,6 +22,7 @@ from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap_here
 from tests.campaign.conftest import SPEC
+from tests.until import until
 
 PASSWORD = "S3cretPassw0rd"
 
@@ -123,17 +123,15 @@ def test_no_process_shows_the_password(tmp_path):
     (tmp_path / "demo.toml").write_text(SPEC.replace("samples = 25", "samples = 4"))
     with ftp_server(tmp_path / "served") as url:
         environment = {**os.environ, STORE: url, "PYTHONPATH": str(ROOT)}
-        run = partial(subprocess.run, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=400)
+        run = partial(subprocess.run, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
         command = [sys.executable, "-m", "campaign"]
         submitted = run([*command, "submit", "demo.toml", "--workers", "1", "--json"])
         assert submitted.returncode == 0, submitted.stderr
         pid = json.loads(submitted.stdout)["pid"]
         lines = set()
-        until = time.monotonic() + 400.0
-        while not ended(pid):
-            assert time.monotonic() < until
-            lines |= {" ".join(line) for line in command_lines(pid)}
-            time.sleep(0.2)
+        until(
+            lambda: lines.update(map(" ".join, command_lines(pid))) or ended(pid), "the end of the campaign", pause=0.2
+        )
         status = run([*command, "status", "--json"])
     assert json.loads(status.stdout)["state"] == "completed"
     assert any("coordinate" in line for line in lines)

@@ -2,6 +2,7 @@
 
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from threading import Lock
 from typing import Any
 
@@ -21,10 +22,12 @@ class CountedStatuses:
     ----------
     store : Store
         The store of the campaigns.
+    clock : callable
+        Returns the current time [s]; only differences matter.
     """
 
-    def __init__(self, store: Store) -> None:
-        self._store, self._lock = store, Lock()
+    def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._clock, self._lock = store, clock, Lock()
         self._kept: OrderedDict[str, tuple[str, float, dict[str, Any]]] = OrderedDict()  # token, time, and document
 
     def status(self, campaign: str) -> dict[str, Any]:
@@ -40,7 +43,7 @@ class CountedStatuses:
         token = change_token(self._store, campaign)
         with self._lock:
             known = self._kept.get(campaign)
-        if known is not None and known[0] == token and time.monotonic() - known[1] < RECOUNT_AFTER:
+        if known is not None and known[0] == token and self._clock() - known[1] < RECOUNT_AFTER:
             return known[2]
         remarks: list[str] = []
         document = running_report(self._store, campaign, remarks.append)
@@ -51,7 +54,7 @@ class CountedStatuses:
         with self._lock:
             self._kept.pop(campaign, None)
             if token is not None and document["state"] in RESTING:
-                self._kept[campaign] = token, time.monotonic(), document
+                self._kept[campaign] = token, self._clock(), document
             while len(self._kept) > MOST_KEPT:
                 self._kept.popitem(last=False)
         return document

@@ -32,7 +32,7 @@ class CampaignNews:
     content: dict[str, Any]
 
 
-def campaign_news(entry: CampaignEntry, address: str) -> list[CampaignNews]:
+def campaign_news(entry: CampaignEntry, address: str, now: float | None = None) -> list[CampaignNews]:
     """Return the news that follows from the state of a campaign; as the state is in the store, no restart loses news.
 
     Parameters
@@ -41,12 +41,14 @@ def campaign_news(entry: CampaignEntry, address: str) -> list[CampaignNews]:
         The campaign's entry in the list.
     address : str
         Address of the server, for the link.
+    now : float, optional
+        Current time [s since 1970]; by default that of the system clock.
     """
     if entry.state not in ENDED:
         return []
     since = 0.0 if entry.since is None else entry.since.timestamp()
     lacks_report = entry.state == "completed" and not entry.has_report and not entry.message
-    if lacks_report and time.time() - since < REPORT_WITHIN:
+    if lacks_report and (time.time() if now is None else now) - since < REPORT_WITHIN:
         return []
     about = {"campaign": entry.campaign, "title": entry.title, "owner": entry.owner, "tags": entry.tags}
     about |= {"link": f"{address}/campaigns/{entry.campaign}"}

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from sqlite3 import Row
 
@@ -81,14 +81,16 @@ class WebhookBook:
     ----------
     database : Database
         The database that keeps them.
+    clock : callable
+        Returns the current time [s since 1970].
     """
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
+    def __init__(self, database: Database, clock: Callable[[], float] = time.time) -> None:
+        self._database, self._clock = database, clock
 
     def add(self, user: str, campaign: str | None, url: str, past: Iterable[CampaignNews]) -> Webhook:
         """Create a webhook, which gets none of the `past` news."""
-        values = (user, campaign, url, new_secret("webhook"), time.time())
+        values = (user, campaign, url, new_secret("webhook"), self._clock())
         with self._database.write() as connection:
             made = connection.execute(
                 "INSERT INTO webhooks (user, campaign, url, secret, created) VALUES (?, ?, ?, ?, ?)", values
@@ -119,7 +121,7 @@ class WebhookBook:
         """Queue news for the webhooks that want it, except news that was queued for them before."""
         webhooks = self.all()
         rows = [
-            (webhook.id, each.key, json.dumps({"id": f"{webhook.id} {each.key}", **each.content}), time.time())
+            (webhook.id, each.key, json.dumps({"id": f"{webhook.id} {each.key}", **each.content}), self._clock())
             for each in news
             for webhook in webhooks
             if webhook.wants(each)
@@ -132,10 +134,11 @@ class WebhookBook:
                     rows,
                 )
 
-    def due(self, now: float, count: int) -> list[tuple[Webhook, Delivery]]:
-        """Return at most `count` deliveries that are due at the time `now` [s since 1970], oldest first."""
+    def due(self, count: int) -> list[tuple[Webhook, Delivery]]:
+        """Return at most `count` deliveries that are due now, oldest first."""
         webhooks = {webhook.id: webhook for webhook in self.all()}
-        rows = self._database.rows("SELECT * FROM deliveries WHERE next <= ? ORDER BY next LIMIT ?", now, 10 * count)
+        statement = "SELECT * FROM deliveries WHERE next <= ? ORDER BY next LIMIT ?"
+        rows = self._database.rows(statement, self._clock(), 10 * count)
         found = [_delivery(row) for row in rows]
         return [(webhooks[each.webhook], each) for each in found if each.webhook in webhooks][:count]
 
@@ -144,7 +147,7 @@ class WebhookBook:
         attempts = delivery.attempts + 1
         pause = min(FIRST_PAUSE * 2.0 ** min(delivery.attempts, 20), LONGEST_PAUSE)
         is_over = fault is None or attempts >= MOST_ATTEMPTS
-        following = None if is_over else time.time() + pause
+        following = None if is_over else self._clock() + pause
         status = "delivered" if fault is None else f"given up: {fault}" if is_over else fault
         with self._database.write() as connection:
             connection.execute(

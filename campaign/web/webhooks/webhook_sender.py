@@ -33,10 +33,18 @@ class WebhookSender:
         Returns the news that follows from the states of all campaigns.
     allowed : iterable of str
         Hosts in the server's own network to which news may be sent.
+    clock : callable
+        Returns the current time [s since 1970].
     """
 
-    def __init__(self, book: WebhookBook, news: Callable[[], Iterable[CampaignNews]], allowed: Iterable[str]) -> None:
-        self._book, self._news = book, news
+    def __init__(
+        self,
+        book: WebhookBook,
+        news: Callable[[], Iterable[CampaignNews]],
+        allowed: Iterable[str],
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._book, self._news, self._clock = book, news, clock
         self._allowed = tuple(allowed)
         self._webhooks, self._told = set[int](), set[str]()  # webhooks, and keys of the news, that the book has
 
@@ -45,7 +53,7 @@ class WebhookSender:
         while True:
             try:
                 await asyncio.to_thread(self.tell)
-                due = await asyncio.to_thread(self._book.due, time.time(), AT_ONCE)
+                due = await asyncio.to_thread(self._book.due, AT_ONCE)
                 await asyncio.gather(*(self._attempt(*each) for each in due))
             except Exception:
                 logger.exception("news could not be sent to webhooks")
@@ -84,7 +92,7 @@ class WebhookSender:
                 "Host": target.authority,
                 "Content-Type": "application/json",
                 "User-Agent": "clearcap",
-                "X-Clearcap-Signature": signature(webhook.secret, body, int(time.time())),
+                "X-Clearcap-Signature": signature(webhook.secret, body, int(self._clock())),
             }
             async with (
                 asyncio.timeout(ANSWER_WITHIN),

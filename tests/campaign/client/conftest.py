@@ -2,7 +2,6 @@
 
 import socket
 import threading
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +18,8 @@ from campaign.web.settings import Settings
 from campaign.web.web_service import open_service
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
+from tests.campaign.web.running import PATIENCE
+from tests.until import until
 
 
 @contextmanager
@@ -36,14 +37,14 @@ def live(settings):
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
         thread.start()
-        while not server.started:
-            time.sleep(0.01)
+        until(lambda: server.started, "the server starts")
         try:
             yield service, f"http://127.0.0.1:{listening.getsockname()[1]}"
         finally:
             service.end_streams()
             server.should_exit = True
-            thread.join(30)
+            thread.join(PATIENCE)
+            assert not thread.is_alive()
 
 
 @pytest.fixture(scope="module")

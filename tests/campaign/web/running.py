@@ -1,14 +1,16 @@
 """A server as its users have it: on a port, in a thread of the tests or in a process of its own."""
 
+import asyncio
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -19,29 +21,58 @@ from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
 from campaign.web.server import http_server
 from campaign.web.web_service import open_service
+from tests.until import until
 
-PATIENCE = 60.0  # s, for whatever must happen
+PATIENCE = 600.0  # s, which only a hang reaches
 ROOT = Path(__file__).parents[3]
 
 
-def until(ready, what="", seconds=PATIENCE):
-    """Wait until something holds; return it."""
-    end = time.monotonic() + seconds
-    while not (seen := ready()):
-        assert time.monotonic() < end, f"not within {seconds:g} s: {what() if callable(what) else what}"
-        time.sleep(0.02)
-    return seen
+async def until_true(condition, what=""):
+    """Wait in an event loop, which goes on meanwhile, until a condition holds; see `until`."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, f"not within {PATIENCE:g} s: {what}"
+        await asyncio.sleep(0.01)
+
+
+class HeldClock:
+    """The clock of the event loop of a server in a thread: it stands, but where a test moves it."""
+
+    def __init__(self):
+        self.now, self._released = 0.0, None
+
+    def loop(self):
+        """Return a new event loop with this clock."""
+        self._loop = asyncio.new_event_loop()
+        self._loop.time = lambda: self.now if self._released is None else self.now + time.monotonic() - self._released
+        return self._loop
+
+    def move(self, seconds):
+        """Have the server do all that it can do at once, let time pass, and have it do what is due then."""
+        self._turn()
+        self.now += seconds
+        self._turn()
+
+    def release(self):
+        """Go on by itself."""
+        self._released = time.monotonic()
+
+    def _turn(self):
+        for _ in range(10):  # of the loop, in each of which it reads what has come
+            asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._loop).result(PATIENCE)
 
 
 @contextmanager
-def in_a_thread(settings):
-    """Serve in a thread of this process; yield the service and the port."""
+def in_a_thread(settings, clock=None):
+    """Serve in a thread of this process, by a clock of its own if one is given; yield the service and the port."""
     service = open_service(settings)
     for role in Role:
         service.users.add(role.word, role)
     listening = socket.socket()
     listening.bind(("127.0.0.1", 0))
     server = http_server(service)
+    if clock is not None:
+        server.config.get_loop_factory = lambda: clock.loop
     thread = threading.Thread(target=server.run, args=([listening],))
     thread.start()
     try:
@@ -49,27 +80,38 @@ def in_a_thread(settings):
         yield service, listening.getsockname()[1]
     finally:
         server.should_exit = True
+        if clock is not None:
+            clock.release()
         thread.join(PATIENCE)
         listening.close()
         assert not thread.is_alive()
 
 
-def exchange(port, *pieces, pause=0.0, seconds=PATIENCE):
-    """Send bytes in pieces over a connection of its own; return all that comes until the server closes it."""
-    with socket.create_connection(("127.0.0.1", port), timeout=seconds) as connection:
-        answer = b""
-        try:
+def exchange(port, *pieces, clock=None, step=0.0):
+    """Send bytes in pieces over a connection of its own; return all that comes until the server closes it.
+
+    By the server's clock, `step` [s] pass after each piece; see `taken`.
+    """
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as connection:
+        with suppress(BrokenPipeError, ConnectionResetError):  # it has answered already
             for piece in pieces:
                 connection.sendall(piece)
-                time.sleep(pause)
-        except (BrokenPipeError, ConnectionResetError):
-            pass  # it has answered already
-        try:
-            while more := connection.recv(1 << 16):
-                answer += more
-        except ConnectionResetError:
-            pass
-        return answer
+                if clock is not None:
+                    clock.move(step)
+        return taken(connection, clock, step)
+
+
+def taken(connection, clock=None, step=0.0):
+    """Return all that comes until the server closes a connection; while nothing comes, its clock moves on by steps."""
+    answer = b""
+    with suppress(ConnectionResetError):
+        while True:
+            while clock is not None and not select.select([connection], [], [], 0.02)[0]:
+                clock.move(step)
+            if not (more := connection.recv(1 << 16)):
+                break
+            answer += more
+    return answer
 
 
 class Served:
@@ -128,17 +170,16 @@ class Served:
         return self
 
     def __exit__(self, *_):
-        left = psutil.Process(self.process.pid).children(recursive=True) if self.process.poll() is None else []
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-            try:
-                self.process.wait(40)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-        for child in left:
-            if child.is_running():
-                child.kill()
+        if self.process.poll() is not None:
+            return
+        left = psutil.Process(self.process.pid).children(recursive=True)
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            self.process.wait(PATIENCE)
+        finally:
+            for each in (self.process, *left):
+                with suppress(psutil.NoSuchProcess):
+                    each.kill()
 
 
 def served_address(log):

@@ -44,9 +44,9 @@ def described(finished_store, storage, tmp_path_factory):
     runs, campaign = finished_store
     folder = tmp_path_factory.mktemp("described")
     copy_store(runs, address := storage(folder))
-    limits = Limits(job_seconds=30.0, failures=10**6)  # a busy machine must not refuse what it has no time for
+    limits = Limits(job_seconds=600.0, failures=10**6)  # a busy machine must not refuse what it has no time for
     with serving(Settings(address, folder / "data", processes=1, limits=limits)) as (service, client):
-        client.timeout = 120.0
+        client.timeout = 600.0
         tokens = {role.word: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
         yield schemathesis.openapi.from_dict(client.app.openapi()), client, tokens, campaign
 

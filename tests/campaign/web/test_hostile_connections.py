@@ -1,30 +1,33 @@
 """What others send to the port: too much, too slowly, without an end, two requests that look like one."""
 
 import socket
-import time
 
 import psutil
 import pytest
 
 from campaign.web.access import Role
-from campaign.web.connection import LARGEST_HEAD
+from campaign.web.connection import LARGEST_HEAD, SEND_BUFFER
 from campaign.web.settings import Limits, Settings
-from tests.campaign.web.running import exchange, in_a_thread, until
+from tests.campaign.web.running import PATIENCE, HeldClock, exchange, in_a_thread, taken
 from tests.each import each
+from tests.until import until
 
 LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0)
 CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+STEP = 0.1  # s, by which time passes
+SOME = 2 * SEND_BUFFER  # bytes: of fewer the server may not hear
 HIDDEN = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
 @pytest.fixture(scope="module")
 def listening(tmp_path_factory):
-    """Return the port of a server with narrow limits, and how a user's call begins there."""
+    """Return the port of a server with narrow limits whose time stands, how a user's call begins, and its clock."""
     folder = tmp_path_factory.mktemp("hostile")
     settings = Settings(str(folder / "runs"), folder / "data", processes=0, limits=LIMITS)
-    with in_a_thread(settings) as (service, port):
+    clock = HeldClock()
+    with in_a_thread(settings, clock) as (service, port):
         _, secret = service.tokens.add("admin", "test", Role.ADMIN, 3600.0)
-        yield port, f"{CALL}Authorization: Bearer {secret}\r\n".encode()
+        yield port, f"{CALL}Authorization: Bearer {secret}\r\n".encode(), clock
 
 
 @pytest.fixture
@@ -37,6 +40,12 @@ def port(listening):
 def call(listening):
     """Return how a user's call begins."""
     return listening[1]
+
+
+@pytest.fixture
+def clock(listening):
+    """Return the clock of the server."""
+    return listening[2]
 
 
 @pytest.fixture(autouse=True)
@@ -67,22 +76,25 @@ def test_endless_body(port, call):
     assert _status(exchange(port, head, *(chunk for _ in range(100)))) == 413
 
 
-def test_slow_body(port, call):
+def test_slow_body(port, call, clock):
     """One that never ends, and one of which a byte arrives now and then."""
     head = call + b"Content-Length: 1000\r\n\r\n"
-    assert _status(exchange(port, head, b"{")) == 408
-    assert _status(exchange(port, head, *[b" "] * 10, pause=0.1)) == 408
+    assert _status(exchange(port, head, b"{", clock=clock, step=STEP)) == 408
+    assert _status(exchange(port, head, *[b" "] * 10, clock=clock, step=STEP)) == 408
 
 
 @pytest.mark.parametrize("head", [b"", b"GET /healthz HT", b"GET /healthz HTTP/1.1\r\nHost: local", b"\r\n\r\n"])
-def test_slow_head(port, head):
+def test_slow_head(port, head, clock):
     """A connection that does not finish its head is closed."""
-    assert _status(exchange(port, head)) == 408
+    assert _status(exchange(port, head, clock=clock, step=STEP)) == 408
 
 
-def test_slow_head_by_drips(port):
-    pieces = [b"X-A: b\r\n"] * 12
-    assert _status(exchange(port, b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n", *pieces, pause=0.1)) == 408
+def test_slow_head_by_drips(port, clock):
+    """No piece of a head gives time for the next."""
+    begin, pieces = clock.now, [b"X-A: b\r\n"] * 100
+    head = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n"
+    assert _status(exchange(port, head, *pieces, clock=clock, step=STEP)) == 408
+    assert clock.now - begin < 2 * LIMITS.head_seconds
 
 
 def test_endless_second_head(port, call):
@@ -92,13 +104,17 @@ def test_endless_second_head(port, call):
     assert b'{"status":"ok"}' not in exchange(port, head + pieces[0], *pieces[1:])
 
 
-def test_endless_trailers(port):
+def test_endless_trailers(port, clock):
     """What a stranger sends behind his body is not kept, and ends with the time that a body may take."""
     head = b"POST /login HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n"
     head += b"Content-Type: application/x-www-form-urlencoded\r\n\r\n0\r\n"
     trailers = (b"X-A: " + b"b" * 1000 + b"\r\n") * 60
     before = psutil.Process().memory_info().rss
-    assert _status(exchange(port, head, *[trailers] * 500)) == 408
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as connection:
+        connection.sendall(head)
+        for _ in range(500):
+            connection.sendall(trailers)
+        assert _status(taken(connection, clock, STEP)) == 408
     assert psutil.Process().memory_info().rss - before < 15 << 20  # of 30 MB
 
 
@@ -110,7 +126,7 @@ def test_trailers_are_no_headers(port):
     assert _status(exchange(port, head, b"%x\r\n%s\r\n0\r\nHost: evil\r\n\r\n" % (len(body), body))) == 401
 
 
-def test_answers_that_nobody_reads(port):
+def test_answers_that_nobody_reads(port, clock):
     """A connection that takes nothing of its answers is closed."""
     ask = b"GET /api/v1/openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with socket.socket() as connection:
@@ -118,21 +134,24 @@ def test_answers_that_nobody_reads(port):
         connection.connect(("127.0.0.1", port))
         own = connection.getsockname()
         connection.sendall(ask * 400)
-        until(lambda: own not in _connected(port), "it is closed")
+        until(lambda: clock.move(LIMITS.read_seconds) or own not in _connected(port), "it is closed")
 
 
-def test_answer_that_is_read_slowly(port):
-    """Whoever takes an answer a little at a time has it whole."""
+def test_answer_that_is_read_slowly(port, clock):
+    """Whoever takes some of an answer between any two looks at him has it whole."""
     ask = b"GET /api/v1/openapi.json HTTP/1.1\r\nHost: localhost\r\n"
     whole = exchange(port, ask + b"Connection: close\r\n\r\n").partition(b"\r\n\r\n")[2]
-    with socket.create_connection(("127.0.0.1", port)) as connection:
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)  # little waits here, unseen by the server
+        connection.settimeout(PATIENCE)
+        connection.connect(("127.0.0.1", port))
         connection.sendall((ask + b"\r\n") * 19 + ask + b"Connection: close\r\n\r\n")
-        taken = b""
-        while more := connection.recv(1 << 17):
-            taken += more
-            time.sleep(0.04)
-    assert taken.endswith(whole)
-    assert taken.count(whole) == 20
+        answers, reader = b"", connection.makefile("rb")
+        while more := reader.read(SOME):
+            answers += more
+            clock.move(LIMITS.read_seconds)
+    assert answers.endswith(whole)
+    assert answers.count(whole) == 20
 
 
 def _connected(port):
@@ -140,11 +159,16 @@ def _connected(port):
     return {c.raddr for c in psutil.Process().net_connections("tcp4") if c.laddr.port == port and c.raddr}
 
 
-def test_slow_second_head(port):
+def test_slow_second_head(port, clock):
     """A connection that asked once is held to the same afterwards, also with blank lines only."""
     for piece in (b"GET /heal", b"\r\n"):
-        answers = exchange(port, HIDDEN, piece, pause=0.1)
-        assert [_status(b"HTTP/1.1" + part) for part in answers.split(b"HTTP/1.1")[1:]] == [200, 408]
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) as connection:
+            connection.sendall(HIDDEN)
+            answer = b""
+            while not answer.endswith(b'{"status":"ok"}'):
+                answer += connection.recv(1 << 16)
+            connection.sendall(piece)
+            assert _status(taken(connection, clock, STEP)) == 408
 
 
 def test_endless_head(port):
@@ -179,8 +203,9 @@ def test_request_in_a_request(port, call, headers):
 
 
 @pytest.mark.parametrize("line", ["GET / HTTP/9.9", "GARBAGE", "G\0T / HTTP/1.1", "\x16\x03\x01\x02\x00"])
-def test_garbage(port, line):
-    assert _status(exchange(port, line.encode("latin-1") + b"\r\nHost: localhost\r\n\r\n")) in (400, 408, 505)
+def test_garbage(port, line, clock):
+    piece = line.encode("latin-1") + b"\r\nHost: localhost\r\n\r\n"
+    assert _status(exchange(port, piece, clock=clock, step=STEP)) in (400, 408, 505)
 
 
 @each("method", ["HEAD", "OPTIONS", "TRACE", "CONNECT", "PROPFIND"])
@@ -201,13 +226,11 @@ def test_deep_json(port, call, text):
     assert _status(exchange(port, head + text.encode())) in (400, 413, 422)
 
 
-def test_silent_connections_do_not_keep_others_out(port):
+def test_silent_connections_do_not_keep_others_out(port, clock):
     """A crowd of connections that say nothing is gone after the time that a head may take."""
-    crowd = [socket.create_connection(("127.0.0.1", port)) for _ in range(300)]
+    crowd = [socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) for _ in range(300)]
     close = HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
     assert _status(exchange(port, close)) == 200
     for connection in crowd:
-        connection.settimeout(30.0)
-    until(lambda: all(_status(connection.recv(100)) == 408 for connection in crowd), "they are cut off")
-    for connection in crowd:
+        assert _status(taken(connection, clock, STEP)) == 408
         connection.close()

@@ -42,7 +42,7 @@ def open_to_all(finished_store, storage, tmp_path_factory):
     runs, campaign = finished_store
     folder = tmp_path_factory.mktemp("hostile-names")
     copy_store(runs, address := storage(folder))
-    limits = Limits(job_seconds=30.0, failures=10**6)  # a busy machine must not refuse what it has no time for
+    limits = Limits(job_seconds=600.0, failures=10**6)  # a busy machine must not refuse what it has no time for
     with serving(Settings(address, folder / "data", processes=1, limits=limits)) as (service, client):
         _, token = service.tokens.add("admin", "test", Role.ADMIN, 3600.0)
 

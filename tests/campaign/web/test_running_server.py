@@ -2,7 +2,6 @@
 
 import signal
 import socket
-import time
 from contextlib import ExitStack
 from http.client import HTTPConnection
 
@@ -14,7 +13,8 @@ from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.label_versions import read_labels
-from tests.campaign.web.running import Served, until
+from tests.campaign.web.running import PATIENCE, Served
+from tests.until import until
 
 pytestmark = pytest.mark.slow
 
@@ -37,19 +37,18 @@ def test_sigterm_drains(tmp_path, queued):
         )
         body = b'{"note": "kept"}'
         token = headers["Authorization"]
-        upload = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=30.0))
+        upload = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE))
         upload.sendall(f"{head}Authorization: {token}\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body[:5])
         address = f"{server.url}/api/v1/campaigns/{queued}/events"
-        stream = stack.enter_context(httpx.stream("GET", address, headers=headers, timeout=30.0))
+        stream = stack.enter_context(httpx.stream("GET", address, headers=headers, timeout=PATIENCE))
         events = stream.iter_text()
         while "data: " not in next(events):  # what comes before says only when to ask again
             pass
         server.process.send_signal(signal.SIGTERM)
-        time.sleep(1.0)  # it looks ten times a second whether it should end
+        list(events)  # to its end, with which the server begins its own: one that is cut off raises
         upload.sendall(body[5:])
         assert upload.recv(1000).startswith(b"HTTP/1.1 200"), server.said()
-        list(events)  # to its end: one that is cut off raises
-        assert server.process.wait(40) == 143, server.said()
+        assert server.process.wait(PATIENCE) == 143, server.said()
         assert "Traceback" not in server.said()
     assert read_labels(open_store(str(tmp_path / "runs")), queued).note == "kept"
 
@@ -58,7 +57,7 @@ def test_sigterm_ends_the_coordinator(tmp_path):
     with Served(tmp_path, "--workers", "1").wait() as server:
         coordinator = until(lambda: _coordinators(server), server.said)
         server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(60) == 143, server.said()
+        assert server.process.wait(PATIENCE) == 143, server.said()
         assert not any(process.is_running() for process in coordinator)
 
 
@@ -91,20 +90,20 @@ def test_one_server_for_one_data_folder(tmp_path):
         headers = first.token()
         (tmp_path / "second").mkdir()
         with Served(tmp_path / "second", "--no-drive", "--data", str(first.data)) as second:
-            assert second.process.wait(60) == 2
+            assert second.process.wait(PATIENCE) == 2
             assert f"another server uses this folder (process {first.process.pid}, {first.url})" in second.said()
-        assert httpx.get(f"{first.url}/api/v1/users", headers=headers).status_code == 200
+        assert httpx.get(f"{first.url}/api/v1/users", headers=headers, timeout=PATIENCE).status_code == 200
         first.process.kill()
         first.process.wait()
     with Served(tmp_path, "--no-drive").wait() as third:
-        assert httpx.get(f"{third.url}/api/v1/users", headers=headers).status_code == 200
-        assert httpx.get(f"{third.url}/api/v1/audit/check", headers=headers).json()["whole"]
+        assert httpx.get(f"{third.url}/api/v1/users", headers=headers, timeout=PATIENCE).status_code == 200
+        assert httpx.get(f"{third.url}/api/v1/audit/check", headers=headers, timeout=PATIENCE).json()["whole"]
 
 
 def test_ten_thousand_wrong_tokens(tmp_path):
     """They are refused, soon without a look; others are served meanwhile, and nothing is kept of them."""
-    with Served(tmp_path, "--no-drive").wait() as server, httpx.Client(base_url=server.url, timeout=30.0) as client:
-        connection = HTTPConnection("127.0.0.1", server.port, timeout=30.0)
+    with Served(tmp_path, "--no-drive").wait() as server, httpx.Client(base_url=server.url, timeout=PATIENCE) as client:
+        connection = HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)
         headers, statuses, sizes = server.token(), [], []
         for number in range(GUESSES):
             guess = {"Authorization": f"Bearer clearcap_token_{number:043d}"}

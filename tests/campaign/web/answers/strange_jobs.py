@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
+from tests.until import until
 
 
 def add(a, b):
@@ -35,6 +36,12 @@ def sleep(seconds):
     """Take time, but no processor."""
     time.sleep(seconds)
     return "slept"
+
+
+def hold(folder):
+    """Wait until there is a file ``go`` in a folder."""
+    until(Path(folder, "go").exists, "a file go")
+    return "held"
 
 
 def spin():
@@ -100,12 +107,10 @@ def start_child(note):
     child.wait()
 
 
-def count_calls(note, seconds, answer):
+def count_calls(note):
     """Note each call in a file."""
     with open(note, "ab") as file:
         file.write(b"x")
-    time.sleep(seconds)
-    return answer
 
 
 @dataclass(frozen=True)
@@ -131,8 +136,7 @@ def compile_slowly(folder):
     with Path(folder, "calls").open("a") as file:
         file.write("c" if compiles else "l")
     if compiles:
-        while not Path(folder, "go").exists():
-            time.sleep(0.02)
+        hold(folder)
         Path(folder, "compiled").touch()
 
 

@@ -23,6 +23,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting.tolerance.reweighting import weights
 from tests.campaign import fake_engine
+from tests.campaign.web.running import until_true
 
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
@@ -119,8 +120,7 @@ def test_equal_questions_at_once_are_computed_once(filled, asked, monkeypatch):
 
         monkeypatch.setattr(answers._pool, "run", counted)
         tasks = [asyncio.create_task(answers.what_if(f"user {n}", plan.campaign_id, NARROWER)) for n in range(50)]
-        while not jobs:
-            await asyncio.sleep(0.01)
+        await until_true(lambda: jobs, "a job")
         tasks[0].cancel()
         found = await asyncio.gather(*tasks[1:])
         assert len({each.content for each in found}) == 1
@@ -129,14 +129,21 @@ def test_equal_questions_at_once_are_computed_once(filled, asked, monkeypatch):
     assert asked(store, ask) == 1
 
 
-def test_a_question_that_nobody_waits_for_is_ended(filled, asked):
+def test_a_question_that_nobody_waits_for_is_ended(filled, asked, monkeypatch):
     """Its place is free at once, and the next who asks it is answered."""
     store, plan = filled
 
     async def ask(answers):
+        begun, run = asyncio.Event(), answers._pool.run
+
+        async def noted(*words):
+            begun.set()
+            return await run(*words)
+
+        monkeypatch.setattr(answers._pool, "run", noted)
         task = asyncio.create_task(answers.what_if("u", plan.campaign_id, NARROWER))
-        while not answers._pool.running:
-            await asyncio.sleep(0.005)
+        await begun.wait()
+        assert answers._pool.running == 1
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task

@@ -11,8 +11,10 @@ from campaign.web.answers.engine_warm_up import EngineCompiling
 from campaign.web.answers.job_limits import JobPostponed
 from campaign.web.settings import Settings
 from tests.campaign.web.answers import strange_jobs
-from tests.campaign.web.answers.test_job_pool import in_pool, until
+from tests.campaign.web.answers.test_job_pool import in_pool
 from tests.campaign.web.conftest import serving
+from tests.campaign.web.running import until_true
+from tests.until import until
 
 BROWSER = {"Accept": "text/html"}
 
@@ -34,10 +36,10 @@ def test_one_process_compiles_while_jobs_are_refused(tmp_path, caplog):
         assert pool.compiling_s >= 0.0
         assert (pool.running, pool.waiting) == (0, 0)
         (tmp_path / "go").touch()
-        await until(lambda: pool.compiling_s is None)
+        await until_true(lambda: pool.compiling_s is None)
         for _ in range(3):
             assert (await pool.data("u", strange_jobs.add, 1, 2))["sum"] == 3
-        await until(lambda: len((tmp_path / "calls").read_text()) == 3)
+        await until_true(lambda: len((tmp_path / "calls").read_text()) == 3)
         return (tmp_path / "calls").read_text()
 
     assert in_pool(ask, processes=3, **compiled_in(tmp_path)) == "cll"
@@ -107,8 +109,9 @@ def test_calls_and_pages_say_what_goes_on(compiling):
     assert '<meta http-equiv="refresh" content="5">' in page.text
     assert client.get("/campaigns", headers=headers | BROWSER).status_code == 200  # needs no job
     go.touch()
-    while (ready := client.get("/readyz")).status_code == 503:
-        assert "is being compiled" in ready.json()["detail"]
+    seen = []
+    until(lambda: seen.append(client.get("/readyz")) or seen[-1].status_code != 503, "it is ready")
+    assert all("is being compiled" in ready.json()["detail"] for ready in seen[:-1])
     page = client.get("/mechanisms/c60/try", headers=headers | BROWSER)
     assert page.status_code == 200
     assert "http-equiv" not in page.text

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import os
-import time
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -15,8 +14,10 @@ from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, 
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.turns import Busy, Quota
 from tests.campaign.web.answers import strange_jobs
+from tests.campaign.web.running import until_true
+from tests.until import until
 
-LIMITS = JobLimits(processor_s=20.0, wall_s=60.0, memory_gib=1.0, answer_mib=1.0)
+LIMITS = JobLimits(processor_s=200.0, wall_s=600.0, memory_gib=1.0, answer_mib=1.0)  # only a hang reaches its times
 
 
 def in_pool(ask, processes=1, **settings):
@@ -34,15 +35,6 @@ def is_running(pid):
     with suppress(FileNotFoundError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     return False
-
-
-async def until(true):
-    """Wait until something is true."""
-    for _ in range(600):
-        if true():
-            return
-        await asyncio.sleep(0.05)
-    raise AssertionError("it did not happen")
 
 
 def test_a_process_serves_again_and_again():
@@ -81,7 +73,7 @@ def test_errors_of_the_input_come_as_what_they_are():
     ("job", "limits", "kind", "words"),
     [
         (partial(strange_jobs.sleep, 600), JobLimits(wall_s=0.5), JobPostponed, "longer than 0.5 s"),
-        (strange_jobs.spin, JobLimits(processor_s=0.5), JobTooLarge, "more than 0.5 s of processor time"),
+        (strange_jobs.spin, JobLimits(processor_s=0.5, wall_s=600.0), JobTooLarge, "more than 0.5 s of processor time"),
         (strange_jobs.eat, LIMITS, JobTooLarge, "more than 1 GiB of memory"),
         (partial(strange_jobs.raw, 3 << 20), LIMITS, JobTooLarge, "more than 1 MiB"),
         (strange_jobs.crash, LIMITS, JobFailed, r"by signal 11 \(Segmentation fault\)"),
@@ -116,13 +108,13 @@ def test_a_cancelled_job_ends_with_all_it_has_started(tmp_path):
 
     async def ask(pool):
         job = asyncio.create_task(pool.run("u", strange_jobs.start_child, str(note)))
-        await until(lambda: note.exists() and note.read_text())
+        await until_true(lambda: note.exists() and note.read_text())
         child = int(note.read_text())
         assert is_running(child)
         job.cancel()
         with pytest.raises(asyncio.CancelledError):
             await job
-        await until(lambda: not is_running(child))
+        await until_true(lambda: not is_running(child))
         assert (await pool.data("u", strange_jobs.add, 1, 2))["sum"] == 3
 
     in_pool(ask, quota=Quota(at_once=1))
@@ -150,25 +142,27 @@ def test_a_process_that_died_idle_is_replaced_before_it_is_asked():
     async def ask(pool):
         process = (await pool.data("u", strange_jobs.add, 1, 2))["process"]
         os.kill(process, 9)
-        await until(lambda: not is_running(process))
-        await asyncio.sleep(0.2)  # the event loop hears of it
+        (started,) = pool._idle
+        await until_true(lambda: not started.result().alive, "the event loop has heard of it")
         assert (await pool.data("u", strange_jobs.add, 1, 2))["sum"] == 3
 
     in_pool(ask)
 
 
-def test_two_jobs_run_at_a_time_and_more_wait_or_are_refused():
+def test_two_jobs_run_at_a_time_and_more_wait_or_are_refused(tmp_path):
     """As many as there are processes; a user's third waits, and one more is refused with a time."""
 
     async def ask(pool):
-        two = [asyncio.create_task(pool.data("u", strange_jobs.sleep, 0.5)) for _ in range(2)]
-        await until(lambda: pool.running == 2)
+        two = [asyncio.create_task(pool.data("u", strange_jobs.hold, str(tmp_path))) for _ in range(2)]
+        await until_true(lambda: pool.running == 2)
         third = asyncio.create_task(pool.data("u", strange_jobs.add, 1, 2))
-        await until(lambda: pool.waiting == 1)
+        await until_true(lambda: pool.waiting == 1)
         with pytest.raises(Busy) as refused:
             await pool.run("u", strange_jobs.add, 1, 2)
         assert refused.value.retry_after_s >= 1
-        assert await asyncio.gather(*two) == ["slept", "slept"]
+        assert (pool.running, pool.waiting) == (2, 1)
+        (tmp_path / "go").touch()
+        assert await asyncio.gather(*two) == ["held", "held"]
         assert (await third)["sum"] == 3
 
     in_pool(ask, processes=2, quota=Quota(at_once=2, waiting=1))
@@ -199,7 +193,7 @@ def test_processes_warm_up_before_they_serve(tmp_path):
         await pool.run("u", strange_jobs.add, 1, 2)
         return note.read_bytes()
 
-    assert in_pool(ask, warm_up=partial(strange_jobs.count_calls, str(note), 0.0, None)) == b"x"
+    assert in_pool(ask, warm_up=partial(strange_jobs.count_calls, str(note))) == b"x"
 
     async def ask_cold(pool):
         with pytest.raises(JobPostponed, match="no process could be started"):
@@ -213,10 +207,10 @@ def test_jobs_end_with_the_pool():
 
     async def leave():
         async with JobPool(1, quota=Quota(at_once=1), limits=LIMITS) as pool:
+            await pool.run("u", strange_jobs.add, 1, 2)  # its process has started
             jobs = [asyncio.create_task(pool.run("u", strange_jobs.sleep, 600)) for _ in range(2)]
-            await until(lambda: (pool.running, pool.waiting) == (1, 1))
-        async with asyncio.timeout(30):
-            return await asyncio.gather(*jobs, return_exceptions=True)
+            await until_true(lambda: (pool.running, pool.waiting) == (1, 1))
+        return await asyncio.gather(*jobs, return_exceptions=True)
 
     running, waiting = asyncio.run(leave())
     assert isinstance(running, JobFailed)
@@ -231,11 +225,8 @@ def test_nothing_is_left_of_a_pool():
     async def ask(pool):
         pids.append(json.loads(await pool.run("u", strange_jobs.add, 1, 2))["process"])
         job = asyncio.create_task(pool.run("u", strange_jobs.sleep, 600))
-        await until(lambda: pool.running == 1)
+        await until_true(lambda: pool.running == 1)
         job.cancel()
 
     in_pool(ask)
-    end = time.monotonic() + 20
-    while is_running(pids[0]) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not is_running(pids[0])
+    until(lambda: not is_running(pids[0]), "the process has ended")

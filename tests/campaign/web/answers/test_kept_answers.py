@@ -46,9 +46,10 @@ def test_an_error_is_everybodys_and_is_not_kept():
 
 def test_that_another_is_busy_is_no_reason():
     """Who shares a computation that may not wait tries his own."""
+    shared = asyncio.Event()
 
     async def busy():
-        await asyncio.sleep(0.01)
+        await shared.wait()
         raise Busy("2 jobs of a wait", 3)
 
     async def compute():
@@ -59,6 +60,9 @@ def test_that_another_is_busy_is_no_reason():
         first = asyncio.create_task(flights.once("k", busy))
         await asyncio.sleep(0)
         second = asyncio.create_task(flights.once("k", compute))
+        await asyncio.sleep(0)
+        assert not second.done()
+        shared.set()
         with pytest.raises(Busy):
             await first
         assert await second == b"yes"

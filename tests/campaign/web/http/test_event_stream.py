@@ -9,7 +9,8 @@ from campaign.coordinator.submit import submit
 from campaign.store import open_store
 from campaign.web.settings import Limits, Settings
 from campaign.web.watch import watcher
-from tests.campaign.web.running import in_a_thread, until
+from tests.campaign.web.running import PATIENCE, in_a_thread
+from tests.until import until
 
 MOST, AT_ONCE = 2, 12
 
@@ -27,7 +28,7 @@ def followed(tmp_path, campaign, monkeypatch):
 def test_many_at_once_are_bounded(followed):
     """Those that come at the same moment count, too; and none counts that was closed."""
     service, url, home = followed
-    _, secret = service.tokens.add("viewer", "test", service.users.get("viewer").role, 60.0)
+    _, secret = service.tokens.add("viewer", "test", service.users.get("viewer").role, 3600.0)
 
     async def statuses():
         async def first_line(port):
@@ -49,11 +50,11 @@ def test_many_at_once_are_bounded(followed):
 def test_a_stream_ends_with_its_login(followed):
     """Whoever follows by a link that is revoked hears no more of the campaign."""
     service, url, home = followed
-    share, secret = service.tokens.share(home.rpartition("/")[2], "engineer", "", 60.0)
+    share, secret = service.tokens.share(home.rpartition("/")[2], "engineer", "", 3600.0)
     headers = {"Authorization": f"Bearer {secret}"}
-    with httpx.stream("GET", f"{url}{home}/events", headers=headers, timeout=30.0) as stream:
+    with httpx.stream("GET", f"{url}{home}/events", headers=headers, timeout=PATIENCE) as stream:
         lines = stream.iter_lines()
         until(lambda: next(lines).startswith("data: "), "the first event")
         assert service.tokens.revoke_share(share.campaign, share.id)
         assert "event: end" not in list(lines)
-    assert httpx.get(f"{url}{home}", headers=headers).status_code == 401
+    assert httpx.get(f"{url}{home}", headers=headers, timeout=PATIENCE).status_code == 401

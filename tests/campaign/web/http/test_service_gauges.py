@@ -15,6 +15,7 @@ from campaign.web.http.service_gauges import ServiceGauges
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from tests.campaign.web.answers import strange_jobs
+from tests.campaign.web.running import until_true
 
 
 @pytest.fixture
@@ -35,9 +36,7 @@ def counted(store, tmp_path):
 
 async def _until(name, count, value, **state):
     """Wait until a gauge has a value."""
-    async with asyncio.timeout(30):
-        while value(name, **state) != count:
-            await asyncio.sleep(0.01)
+    await until_true(lambda: value(name, **state) == count, f"{name} {state} is {count}")
 
 
 def test_campaigns_by_state(store, plan, counted):

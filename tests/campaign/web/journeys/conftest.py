@@ -20,8 +20,8 @@ from tests.campaign.driving import computed
 from tests.campaign.web.conftest import PASSWORD
 from tests.campaign.web.journeys.keyboard import Keyboard
 from tests.campaign.web.journeys.live_server import HOST, LiveServer, live_server
-from tests.campaign.web.running import until
 from tests.chromium import chromium
+from tests.until import until
 
 TEXT = """\
 format = 1
@@ -48,7 +48,6 @@ WIDER = (
     .replace("std = 0.0175", "std = 0.025", 1)
 )
 SAMPLES, FEWER = 400, 100  # of the first, and of the other
-REPORTED_WITHIN = 300.0  # s, on a machine that has other things to do
 
 
 @dataclass(frozen=True)
@@ -93,11 +92,7 @@ def finished(tmp_path_factory, cheap_passwords):
     untouched = tmp_path_factory.mktemp("untouched")
     shutil.copytree(folder / "data", untouched / "data")
     with live_server(folder) as server:
-        until(
-            lambda: all(server.store.files.exists(f"{each}/report/report.html") for each in ids),
-            "the reports",
-            REPORTED_WITHIN,
-        )
+        until(lambda: all(server.store.files.exists(f"{each}/report/report.html") for each in ids), "the reports")
     for each in ids:  # while no server writes there; and not the lease of its coordinator
         shutil.copytree(folder / "runs" / each, untouched / "runs" / each)
     with live_server(folder) as server:

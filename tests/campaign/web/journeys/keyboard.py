@@ -1,7 +1,6 @@
 """A browser that is driven by its keyboard alone, and whose every page is looked at."""
 
 import json
-import time
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
@@ -11,9 +10,9 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import axe_faults, axe_run, set_width
+from tests.until import until
 
 STOPS = 250  # most presses of Tab to anything on a page
-PATIENCE = 90.0  # s
 FOCUS = """
 const e = document.activeElement, s = getComputedStyle(e), r = e.getBoundingClientRect();
 const outlined = s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2;
@@ -98,16 +97,14 @@ class Keyboard:
 
     def until(self, holds: Callable[[], Any], what: str) -> Any:
         """Wait until something holds, and return it."""
-        over = time.monotonic() + PATIENCE
-        while time.monotonic() < over:
+
+        def found() -> Any:
             try:
-                found = holds()
+                return holds()
             except (StaleElementReferenceException, JavascriptException):  # the page is being replaced
-                found = None
-            if found:
-                return found
-            time.sleep(0.05)
-        raise AssertionError(f"{what}: not within {PATIENCE:g} s; {self.path} shows:\n{self.text}")
+                return None
+
+        return until(found, lambda: f"{what}: not on {self.path}, which shows:\n{self.text}")
 
     def tab_to(self, name: str, kind: str = "") -> Any:
         """Press Tab until an element has the focus; each on the way shows that it has it.
@@ -141,8 +138,8 @@ class Keyboard:
         element.send_keys(text)
 
     def press(self, name: str, kind: str = "", key: str = Keys.ENTER) -> None:
-        """Press Enter on a link or a button of the same page."""
-        self.tab_to(name, kind).send_keys(key)
+        """Press Enter on a link or a button of the same page, again where the page has replaced it meanwhile."""
+        self.until(lambda: self.tab_to(name, kind).send_keys(key) is None, f"{name} is pressed")
 
     def go(self, name: str, kind: str = "") -> None:
         """Press Enter on a link or a button, and wait for the page that comes."""

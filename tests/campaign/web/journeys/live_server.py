@@ -15,10 +15,10 @@ import httpx2 as httpx
 from campaign.compiling import compile_engine
 from campaign.store import Store, open_store
 from tests.bounded import bounded
+from tests.campaign.web.running import PATIENCE
 
 HOST = "127.0.0.1"
 WORKERS = 1
-SAYS_WITHIN, ENDS_WITHIN = 120.0, 60.0  # s
 
 
 @dataclass(frozen=True)
@@ -71,18 +71,18 @@ def live_server(folder: Path, *options: str, store: str = "") -> Iterator[LiveSe
     assert process.stdout is not None
     try:
         lines = []
-        with bounded("what the server says first", SAYS_WITHIN):
+        with bounded("what the server says first", PATIENCE):
             while not lines or lines[-1] not in ("", "}\n"):
                 lines.append(process.stdout.readline())
         assert lines[-1], log.read_text()
         told = json.loads("".join(lines))
-        with httpx.Client(transport=httpx.HTTPTransport(retries=20)) as client:
+        with httpx.Client(transport=httpx.HTTPTransport(retries=20), timeout=PATIENCE) as client:
             client.get(f"{told['address']}/healthz").raise_for_status()
         yield LiveServer(told["address"], told["login"] or "", open_store(store))
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(ENDS_WITHIN)
+            process.wait(PATIENCE)
         finally:
             process.kill()
             process.stdout.close()

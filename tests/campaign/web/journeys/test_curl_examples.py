@@ -18,6 +18,7 @@ from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 from tests.campaign.web.journeys.live_server import live_server
 from tests.campaign.web.routes import all_ways
+from tests.campaign.web.running import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which("curl") is None, reason="no curl on this machine")]
 PAGE = (Path(__file__).parents[4] / "docs/service.md").read_text("utf-8")
@@ -27,7 +28,7 @@ LINES = [
 ]
 # only a browser may do the first two, and the third needs a host that answers
 WITHOUT_LINE = {"PUT /api/v1/account/password", "POST /api/v1/tokens", "POST /api/v1/webhooks"}
-CURL = "curl --silent --show-error --max-time 120 --write-out '\\n%{http_code}' "
+CURL = "curl --silent --show-error --max-time 600 --write-out '\\n%{http_code}' "
 
 
 def _finished(folder, seed):
@@ -60,7 +61,7 @@ def _ask(line, known, folder):
         cwd=folder,
         env={**os.environ, **known},
         capture_output=True,
-        timeout=150,
+        timeout=PATIENCE,
         check=False,
     )
     if not line.startswith("curl "):

@@ -1,7 +1,6 @@
 """From an empty store to a signed report, by keyboard alone, in a wide window and on a telephone."""
 
 import re
-import time
 
 import httpx2 as httpx
 import pytest
@@ -11,11 +10,16 @@ from campaign.cli import app
 from tests.campaign.store.files.test_s3 import bucket, s3_server
 from tests.campaign.web.journeys.conftest import TEXT
 from tests.campaign.web.journeys.live_server import live_server
+from tests.campaign.web.running import PATIENCE
 from tests.chromium import needs_axe, needs_chromium
 
 pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
 OWN = "Bolt with play"
 INSERTED = "<script>top.document.title = document.title = 'run'</script>"
+COMPLETED = """
+const [state, done] = ["state", "done"].map((name) => document.querySelector(`[data-field=${name}]`).textContent);
+return window.isSame && state === "completed" ? done : null;
+"""
 FRAMED = "return document.querySelector('iframe.report').getBoundingClientRect().height"
 
 
@@ -72,7 +76,7 @@ def _submit(user, server):
         f"{server.url}/api/v1/campaigns",
         json={"text": TEXT},
         headers={"Authorization": f"Bearer {secret}"},
-        timeout=200,
+        timeout=PATIENCE,
     )
     assert answer.status_code == 201, answer.text
     return answer.json()["campaign"]
@@ -85,19 +89,15 @@ def _follow(user, campaign):
     assert user.path == f"/campaigns/{campaign}"
     user.look()
     user.browser.execute_script("window.isSame = true")
-    same = "return window.isSame && document.querySelector('[data-field=state]').textContent === 'completed'"
-    user.until(lambda: user.browser.execute_script(same), "completed, on the same page")
-    assert "30" in user.browser.find_element("css selector", "[data-field=done]").text
+    done = user.until(lambda: user.browser.execute_script(COMPLETED), "completed, on the same page")
+    assert "30" in done
     user.until(lambda: not user.browser.execute_script("return window.isSame"), "the page at its end")
     user.look()
-    over = time.monotonic() + 60
-    user.go("Report", "a")
-    while "report.html" not in user.text and time.monotonic() < over:
-        user.go("Report", "a")
+    user.until(lambda: user.go("Report", "a") or "report.html" in user.text, "the report")
     user.look()
-    assert user.browser.execute_script(FRAMED) > 300
+    user.until(lambda: user.browser.execute_script(FRAMED) > 300, "the height of the report")
     user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe.report"))
-    assert OWN in user.text
+    user.until(lambda: OWN in user.text, "the text of the report")
     user.browser.switch_to.default_content()
 
 
@@ -183,7 +183,8 @@ def _change(user, store, campaign):
     user.go("Report", "a")
     user.look()
     user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe.report"))
-    assert INSERTED in user.browser.page_source
+    user.until(lambda: INSERTED in user.browser.page_source, "the changed report")
+    user.until(lambda: user.browser.execute_script("return document.readyState === 'complete'"), "all of it")
     assert user.browser.execute_script("return document.title") != "run"
     user.browser.switch_to.default_content()
     assert OWN in user.browser.title

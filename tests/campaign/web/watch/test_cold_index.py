@@ -25,6 +25,7 @@ from campaign.web.watch.entry import REPORT_DOCUMENT, entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from tests.campaign.web.conftest import serving
+from tests.campaign.web.running import until_true
 
 COUNT = 7
 _RESPONSES = [("a", 1.5, [1.4, 1.6]), ("b", 1.1, [1.0, 1.2]), ("c", None, None), ("d", 1.2, [None, 1.25])]
@@ -80,9 +81,7 @@ def test_the_reader_goes_on_by_itself(full_store, index):
     async def look():
         watcher = Watcher(full_store, index)
         looking = asyncio.create_task(watcher.run())
-        async with asyncio.timeout(30):
-            while len(_known(index)) < COUNT:
-                await asyncio.sleep(0.01)
+        await until_true(lambda: len(_known(index)) == COUNT, "all campaigns")
         looking.cancel()
 
     asyncio.run(look())

@@ -18,7 +18,13 @@ from tests.campaign.web.conftest import only_in_a_folder
 
 
 @pytest.fixture
-def counted(campaign, storage, tmp_path, monkeypatch):
+def now():
+    """Return the time of the statuses, which a test moves [s]."""
+    return [0.0]
+
+
+@pytest.fixture
+def counted(campaign, storage, tmp_path, monkeypatch, now):
     """Return the store and plan of a completed campaign, statuses of it, and the ids whose rows were counted."""
     monkeypatch.setattr(local, "RECENT", -1e9)  # a file's own stamp must tell that it has changed
     store, plan = computed(storage(tmp_path), campaign, 10)
@@ -30,7 +36,7 @@ def counted(campaign, storage, tmp_path, monkeypatch):
         return progress_report(store, header, say)
 
     monkeypatch.setattr(counted_status, "progress_report", counting)
-    return store, plan, CountedStatuses(store.hasty), counts
+    return store, plan, CountedStatuses(store.hasty, lambda: now[0]), counts
 
 
 def test_rows_are_counted_once_until_files_change(counted):
@@ -47,14 +53,15 @@ def test_rows_are_counted_once_until_files_change(counted):
 
 
 @only_in_a_folder
-def test_damage_that_changes_no_listing_is_found_after_a_minute(counted, monkeypatch):
+def test_damage_that_changes_no_listing_is_found_after_a_minute(counted, now):
     store, plan, statuses, _ = counted
     assert statuses.status(plan.campaign_id)["remarks"] == []
     part = store.files.address(f"{plan.campaign_id}/parts/part-000001.parquet")
     with open(part, "r+b") as file:
         file.truncate(100)
+    now[0] = 59.0
     assert statuses.status(plan.campaign_id)["remarks"] == []
-    monkeypatch.setattr(counted_status, "RECOUNT_AFTER", 0.0)
+    now[0] = 61.0
     found = statuses.status(plan.campaign_id)
     assert found["left"] == 10
     assert "truncated" in found["remarks"][0]

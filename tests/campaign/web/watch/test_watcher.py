@@ -8,6 +8,7 @@ from itertools import groupby
 
 import pytest
 
+from campaign.coordinator.follow import observe
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import close_campaign, write_state
 from campaign.errors import SpecError
@@ -23,6 +24,8 @@ from campaign.web.watch import watcher as watching
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
+from tests.campaign.web.running import PATIENCE, until_true
+from tests.until import until
 
 
 @pytest.fixture
@@ -123,10 +126,11 @@ def test_index_is_closed_when_no_thread_writes(store, plan, index):
             order.append(statement)
 
     with ThreadPoolExecutor(2) as threads:
-        closing = threads.submit(lambda: (writing.wait(10), index.close(), order.append("closed")))
+        closing = threads.submit(lambda: (writing.wait(PATIENCE), index.close(), order.append("closed")))
+        until(closing.running, "who closes is there")
         index._connection.set_trace_callback(slow)
-        threads.submit(index.refresh, store, change_tokens(store)).result(10)
-        closing.result(10)
+        threads.submit(index.refresh, store, change_tokens(store)).result(PATIENCE)
+        closing.result(PATIENCE)
     assert order[-1] == "closed"
     assert any("COMMIT" in statement for statement in order)
 
@@ -134,14 +138,14 @@ def test_index_is_closed_when_no_thread_writes(store, plan, index):
 def test_reader_that_ends_after_the_index_was_closed(store, plan, index, monkeypatch):
     reading, go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(10), entry_of(s, c))[2]
+        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
     )
     with ThreadPoolExecutor(1) as thread:
         late = thread.submit(index.refresh, store, change_tokens(store))
-        assert reading.wait(10)
+        assert reading.wait(PATIENCE)
         index.close()
         go_on.set()
-        late.result(10)
+        late.result(PATIENCE)
     assert index.entry(plan.campaign_id) is not None
 
 
@@ -149,7 +153,7 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
     """Who ends the watcher waits for the look that is under way; a change that comes later is no error."""
     reading, go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(10), entry_of(s, c))[2]
+        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
     )
 
     others = set(threading.enumerate())  # of watchers of other tests, idle
@@ -157,11 +161,15 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
     async def begin_and_end():
         watcher = Watcher(store, index)
         looking = asyncio.create_task(watcher.run())
-        assert await asyncio.to_thread(reading.wait, 10)
+        assert await asyncio.to_thread(reading.wait, PATIENCE)
         looking.cancel()
-        asyncio.get_running_loop().call_later(0.1, go_on.set)
+        for _ in range(100):
+            await asyncio.sleep(0)
+        has_waited = not looking.done()
+        go_on.set()
         with pytest.raises(asyncio.CancelledError):
             await looking
+        assert has_waited
         new = set(threading.enumerate()) - others
         return watcher, [each.name for each in new if each.name.startswith("store-reader")]
 
@@ -192,14 +200,13 @@ def test_a_deletion_at_work_does_not_disturb_others(store, plan, index):
 
 async def _seen(watcher, campaign, state):
     """Wait until a campaign that is followed was seen in a state."""
-    while (latest := watcher._feeds[campaign].latest) is None or latest.state != state:
-        await asyncio.sleep(0.01)
+    await until_true(lambda: getattr(watcher._feeds[campaign].latest, "state", "") == state, state)
 
 
 def test_followers_of_a_served_store_hear_how_it_goes_on(store, plan, index, quick):
     """A coordinator that died is started again, and the report is written after the last row: neither is the end."""
 
-    async def act(watcher):
+    async def act(watcher, _):
         await _seen(watcher, plan.campaign_id, "interrupted")
         write_state(store, plan.campaign_id, "completed", is_open=True)
         await _seen(watcher, plan.campaign_id, "completed")
@@ -215,7 +222,7 @@ def test_followers_of_a_served_store_hear_how_it_goes_on(store, plan, index, qui
 def test_followers_of_other_stores_hear_of_the_interruption(store, plan, index, quick):
     """Nobody is known who would go on."""
 
-    async def act(_):
+    async def act(*_):
         pass
 
     write_state(store, plan.campaign_id, "running")
@@ -230,7 +237,7 @@ def _followed(store, index, campaign, act, last="", most=10, is_served=False):
         watcher = Watcher(store, index, is_served=is_served)
         looking = asyncio.create_task(watcher.run())
         events = []
-        acting = asyncio.create_task(act(watcher))
+        acting = asyncio.create_task(act(watcher, events))
         async for event in watcher.follow(campaign, last):
             events.append(event)
             if len(events) == most:
@@ -240,7 +247,7 @@ def _followed(store, index, campaign, act, last="", most=10, is_served=False):
         looking.cancel()
         return [event for event in events if event.startswith((b"id", b"event"))]
 
-    return asyncio.run(asyncio.wait_for(follow(), 30))
+    return asyncio.run(follow())
 
 
 @pytest.fixture
@@ -252,25 +259,25 @@ def _data(event):
     return json.loads(event.decode().split("data: ")[1])
 
 
-def test_follower_hears_each_change_once(store, plan, index, quick):
-    async def act(watcher):
-        write_state(store, plan.campaign_id, "queued")
+def test_follower_hears_each_change_once(store, plan, index, quick, monkeypatch):
+    """However often the store is looked at."""
+    looks = []
+    monkeypatch.setattr(watching, "observe", lambda *what: (looks.append(what), observe(*what))[1])
+
+    async def act(watcher, _):
         await _seen(watcher, plan.campaign_id, "queued")
-        await asyncio.sleep(0.1)
+        await until_true(lambda: len(looks) > 4, "looks at what has not changed")
         write_state(store, plan.campaign_id, "cancelled", "by a test")
 
     write_state(store, plan.campaign_id, "queued")
     events = _followed(store, index, plan.campaign_id, act)
-    assert [_data(event).get("state") for event in events] in (
-        ["queued", "cancelled", None],
-        ["queued", "queued", "cancelled", None],  # the second one since another moment
-    )
+    assert [_data(event).get("state") for event in events] == ["queued", "cancelled", None]
     assert _data(events[-2])["message"] == "by a test"
     assert events[-1] == b"event: end\ndata: {}\n\n"
 
 
 def test_follower_that_comes_back_hears_what_is_new(finished, index, quick):
-    async def act(_):
+    async def act(*_):
         pass
 
     events = _followed(*finished[:1], index, finished[1], act)
@@ -295,9 +302,7 @@ def test_change_during_a_listing_is_listed_too(store, plan, index, quick):
         write_state(store, plan.campaign_id, "completed")
         index.read_some = read_and_change
         looking = asyncio.create_task(watcher.run())
-        async with asyncio.timeout(30):
-            while watcher.listed_at is None:
-                await asyncio.sleep(0.01)
+        await until_true(lambda: watcher.listed_at is not None, "a whole look")
         looking.cancel()
         return index.entry(plan.campaign_id).state
 
@@ -313,9 +318,7 @@ def test_change_made_here_is_looked_at_alone(store, plan, index, monkeypatch):
     async def change():
         watcher = Watcher(store, index)
         looking = asyncio.create_task(watcher.run())
-        async with asyncio.timeout(30):
-            while watcher.listed_at is None:
-                await asyncio.sleep(0.01)
+        await until_true(lambda: watcher.listed_at is not None, "a whole look")
         for state in ("cancelled", "failed"):
             write_state(store, plan.campaign_id, state)
             watcher.hurry(plan.campaign_id)
@@ -334,9 +337,8 @@ def test_change_made_here_is_looked_at_alone(store, plan, index, monkeypatch):
 
 
 def test_streams_end_with_the_server(store, plan, index, quick):
-    async def act(watcher):
-        await _seen(watcher, plan.campaign_id, "queued")
-        await asyncio.sleep(0.1)
+    async def act(watcher, events):
+        await until_true(lambda: any(each.startswith(b"id") for each in events), "the first event")
         watcher.end_streams()
 
     write_state(store, plan.campaign_id, "queued")

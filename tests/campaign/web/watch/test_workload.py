@@ -19,7 +19,8 @@ from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.workload import look_at_work
 from tests.campaign.conftest import SPEC
-from tests.campaign.web.running import Served, until
+from tests.campaign.web.running import PATIENCE, Served
+from tests.until import until
 
 BEAT = Heartbeat("", "running", 25, 10, 10, 0, 15, {"ok": 10}, 5.0, 3.0, 4, pid=12)
 ELSEWHERE = {"token": "t", "name": "node-7", "host": "another boot", "pid": 99, "started": "1"}
@@ -128,5 +129,5 @@ def test_page_of_a_server_at_work(tmp_path):
 
 def _page_at_work(server, headers):
     """Return the page once a worker computes."""
-    text = httpx.get(f"{server.url}/admin/system", headers=headers, timeout=30.0).text
+    text = httpx.get(f"{server.url}/admin/system", headers=headers, timeout=PATIENCE).text
     return text if re.search(r"<dt>Workers that compute</dt><dd>1</dd>", text) else None

@@ -7,7 +7,6 @@ import json
 import socket
 import sqlite3
 import threading
-import time
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -34,8 +33,11 @@ def ended(state="completed", **more):
     return CampaignEntry(**{**given, "has_report": True, **more})
 
 
-def news_of(*entries):
-    return [news for entry in entries for news in campaign_news(entry, "https://clearcap.example")]
+NOW = 1.8e9  # s since 1970
+
+
+def news_of(*entries, now=NOW):
+    return [news for entry in entries for news in campaign_news(entry, "https://clearcap.example", now)]
 
 
 @pytest.fixture
@@ -48,8 +50,14 @@ def database(tmp_path):
 
 
 @pytest.fixture
-def book(database):
-    return WebhookBook(database)
+def now():
+    """Return the time of a book and of what sends its news, which a test moves [s since 1970]."""
+    return [NOW]
+
+
+@pytest.fixture
+def book(database, now):
+    return WebhookBook(database, lambda: now[0])
 
 
 @contextmanager
@@ -79,11 +87,11 @@ def receiver(*statuses):
             thread.join()
 
 
-def send_all(book, news=(), allowed=("localhost",), now=None):
+def send_all(book, news=(), allowed=("localhost",)):
     """Tell news, and make one attempt at whatever is due."""
-    sender = WebhookSender(book, lambda: news, allowed)
+    sender = WebhookSender(book, lambda: news, allowed, book._clock)
     sender.tell()
-    for webhook, delivery in book.due(time.time() if now is None else now, 100):
+    for webhook, delivery in book.due(100):
         asyncio.run(sender._attempt(webhook, delivery))
 
 
@@ -92,14 +100,14 @@ def test_the_end_is_told_signed_and_once(book):
         webhook = book.add("eva", None, f"http://localhost:{port}/hook?x=1", [])
         send_all(book, news_of(ended(), ended("running", campaign="c60-2")))
         send_all(book, news_of(ended()))
-        send_all(WebhookBook(book._database), news_of(ended()))  # another start of the server
+        send_all(WebhookBook(book._database, book._clock), news_of(ended()))  # another start of the server
     ((path, headers, body),) = came
     assert (path, headers["Host"]) == ("/hook?x=1", f"localhost:{port}")
     document = json.loads(body)
     assert (document["event"], document["campaign"], document["state"]) == ("campaign.ended", "c60-1", "completed")
     assert document["link"] == "https://clearcap.example/campaigns/c60-1"
     stamp, _, given = headers["X-Clearcap-Signature"].removeprefix("t=").partition(",v1=")
-    assert abs(int(stamp) - time.time()) < 100
+    assert int(stamp) == NOW
     assert given == hmac.new(webhook.secret.encode(), f"{stamp}.".encode() + body, hashlib.sha256).hexdigest()
     assert [delivery.status for delivery in book.deliveries(webhook.id)] == ["delivered"]
 
@@ -110,10 +118,10 @@ def test_other_ends(state):
 
 
 def test_a_completed_campaign_waits_for_its_report():
-    new = ended(since=datetime.now(UTC), has_report=False)
-    assert news_of(new) == []
+    new = ended(since=datetime.fromtimestamp(NOW, UTC), has_report=False)
+    assert news_of(new, now=NOW + 599.0) == []
+    assert news_of(new, now=NOW + 601.0) != []
     assert news_of(new.model_copy(update={"message": "no report: the disk is full"})) != []
-    assert news_of(ended(has_report=False)) != []
 
 
 def test_a_small_cpk_is_told_once_a_response(book):
@@ -173,39 +181,41 @@ def test_earlier_tables_keep_webhooks_and_deliveries(tmp_path):
 def test_nothing_is_sent_for_a_disabled_user(book, database):
     book.add("eva", None, "https://a.example", [])
     book.tell(news_of(ended()))
-    assert len(book.due(time.time(), 10)) == 1
+    assert len(book.due(10)) == 1
     with database.write() as connection:
         connection.execute("UPDATE users SET disabled = 1")
-    assert book.due(time.time(), 10) == []
+    assert book.due(10) == []
 
 
-def test_it_is_sent_again_until_it_is_taken(book):
+def test_it_is_sent_again_until_it_is_taken(book, now):
     with receiver(500, 302) as (port, came):
         webhook = book.add("eva", None, f"http://localhost:{port}/", [])
         send_all(book, news_of(ended()))
         (waiting,) = book.deliveries(webhook.id)
         assert (waiting.status, waiting.attempts) == ("answered with status 500", 1)
-        assert 5.0 < waiting.next - time.time() <= 10.0
+        assert waiting.next == NOW + 10.0
+        now[0] = NOW + 9.9
         send_all(book)  # too early
         assert len(came) == 1
-        send_all(book, now=time.time() + 11)  # a redirection is not followed
-        send_all(book, now=time.time() + 3600)
+        now[0] = NOW + 10.0
+        send_all(book)  # a redirection is not followed
+        now[0] = NOW + 30.0
+        send_all(book)
     (delivered,) = book.deliveries(webhook.id)
     assert (delivered.status, delivered.attempts, delivered.next, len(came)) == ("delivered", 3, None, 3)
 
 
-def test_it_is_given_up_after_a_day(book):
+def test_it_is_given_up_after_a_day(book, now):
     webhook = book.add("eva", None, "https://a.example", [])
     book.tell(news_of(ended()))
-    waited = 0.0
     for _ in range(MOST_ATTEMPTS):
         (delivery,) = book.deliveries(webhook.id)
         assert delivery.next is not None
-        waited += delivery.next - time.time()
+        now[0] = delivery.next
         book.record(delivery, "cannot be reached")
     (delivery,) = book.deliveries(webhook.id)
     assert (delivery.status, delivery.next) == ("given up: cannot be reached", None)
-    assert 20 * 3600 < waited < 28 * 3600
+    assert 20 * 3600 < now[0] - NOW < 28 * 3600
     book.remove(webhook.id)
     assert book.deliveries(webhook.id) == []
 
