@@ -130,7 +130,6 @@ def test_without_the_extra(folder):
             [sys.executable, "-c", code.format(words=words)],
             capture_output=True,
             text=True,
-            timeout=120,
             env={
                 "XDG_CACHE_HOME": str(folder / "none"),
                 "NUMBA_CACHE_DIR": str(CACHE_FOLDER.parent),

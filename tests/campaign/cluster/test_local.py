@@ -5,14 +5,15 @@ import os
 import re
 import signal
 import sys
-import threading
 from contextlib import contextmanager, suppress
+from multiprocessing.popen_spawn_posix import Popen
 from pathlib import Path
 
 import psutil
 import pytest
 from distributed.comm.core import connect as open_comm
 
+from campaign.cluster import local
 from campaign.cluster.local import interrupts_held, local_client
 from campaign.cluster.scratch import PREFIX
 from campaign.cluster.tls_certificates import passing_security
@@ -105,7 +106,7 @@ def test_ctrl_c_does_not_reach_workers(client):
     before = {pid for pid, _ in client.run(environment).values()}
     for pid in before:
         os.kill(pid, signal.SIGINT)
-    assert client.submit(sum, [1, 2]).result(timeout=20) == 3
+    assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     assert {pid for pid, _ in client.run(environment).values()} == before
 
 
@@ -113,13 +114,13 @@ def test_a_restarted_worker_is_like_the_first(client):
     """A worker that was killed comes back with the same settings, as deaf to Ctrl-C."""
     before = {pid for pid, _ in client.run(environment).values()}
     os.kill(min(before), signal.SIGKILL)
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=600)
     while min(before) in (after := dict(client.run(environment, on_error="ignore").values())) or len(after) < 2:
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(2, timeout=600)
     assert all(threads == ["1", "1", "1"] for threads in after.values())
     for pid in after:
         os.kill(pid, signal.SIGINT)
-    assert client.submit(sum, [1, 2]).result(timeout=20) == 3
+    assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     assert dict(client.run(environment).values()).keys() == after.keys()
 
 
@@ -144,37 +145,32 @@ def workers():
 
 
 @contextmanager
-def struck(signal_number, times):
-    """Send a signal to the first workers that are started in the block, as many as said; yield those there before."""
-    over, before, hit = threading.Event(), workers(), set()
+def struck(signal_number, times, within=600.0):
+    """Send a signal to the first workers of the block, as many as said, as they start; yield those there before."""
+    launch, before, hit = Popen._launch, workers(), []
 
-    def strike():
-        while not over.wait(0.005):
-            for child in workers() - before - hit:
-                if len(hit) < times:
-                    with suppress(psutil.Error):
-                        child.send_signal(signal_number)
-                    hit.add(child)
+    def launch_and_strike(self, process):
+        launch(self, process)
+        if len(hit) < times:
+            hit.append(self.pid)
+            os.kill(self.pid, signal_number)
+            local.STARTS_WITHIN = 600.0  # the next ones have time
 
-    thread = threading.Thread(target=strike)
-    thread.start()
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local, "STARTS_WITHIN", within)
+        patch.setattr(Popen, "_launch", launch_and_strike)
         yield before
-    finally:
-        over.set()
-        thread.join()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 120.0), (signal.SIGSTOP, 8.0)])
+@pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 600.0), (signal.SIGSTOP, 20.0)])
 def test_a_worker_that_ends_or_hangs_while_it_starts(signal_number, within, monkeypatch):
     """Workers are started once more; nothing stays of the first ones."""
     said = []  # dask mutes the handlers of pytest
     monkeypatch.setattr("campaign.cluster.local.logger.warning", lambda text, *values: said.append(text % values))
-    monkeypatch.setattr("campaign.cluster.local.STARTS_WITHIN", within)
-    with struck(signal_number, 1) as before:
+    with struck(signal_number, 1, within) as before:
         with local_client(1) as client:
-            assert client.submit(sum, [1, 2]).result(timeout=60) == 3
+            assert client.submit(sum, [1, 2]).result(timeout=600) == 3
             assert len(workers() - before) == 1
         assert workers() == before
     assert ["did not start" in text for text in said] == [True]
