@@ -19,7 +19,7 @@ def run(code, tmp_path, **environment):
         (tmp_path / name).mkdir(exist_ok=True)
     given = {"PYTHONPATH": str(ROOT), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "temporary")}
     words = [sys.executable, "-c", code]
-    return subprocess.run(words, env=given | environment, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(words, env=given | environment, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(

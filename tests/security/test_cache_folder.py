@@ -90,7 +90,7 @@ def run_as_victim(*words, **environment):
     """Run Python as the victim, whose home is empty unless another is given."""
     given = {"PATH": os.environ["PATH"], "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **environment}
     command = [*AS_VICTIM, sys.executable, *words]
-    return subprocess.run(command, env=given, cwd="/", capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, env=given, cwd="/", capture_output=True, text=True, check=False)
 
 
 def simulate(**environment):

@@ -31,7 +31,7 @@ COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a share of the stor
 SEEDS = chosen(COMMIT) if COMMIT else range(STORMS)
 RUN = 0.03  # s, that a run of the stand-in takes
 PATIENCE = 15.0  # s, in which progress is waited for before the next disturbance
-BOUND = 400.0  # s, for whatever may hang; a storm takes a tenth of it
+BOUND = 1800.0  # s, for whatever may hang; a storm takes a tenth of it
 RESUMES = 3  # undisturbed, until the campaign is complete
 
 BLOCKS = """\
