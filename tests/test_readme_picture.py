@@ -17,7 +17,7 @@ from PIL import Image
 
 from tests.chromium import chromium, needs_chromium, set_width
 
-pytestmark = [pytest.mark.slow, needs_chromium]
+pytestmark = [pytest.mark.slow, needs_chromium, pytest.mark.processes]
 ROOT = Path(__file__).parents[1]
 SHOWN = ROOT / "docs" / "images" / "report.png"
 WIDTH = 1320  # px: the summary fits in

@@ -26,6 +26,7 @@ PAGES = [
 ]
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_session(page, tmp_path, monkeypatch, capsys):

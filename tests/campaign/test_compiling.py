@@ -70,6 +70,7 @@ def test_a_block_within_a_block_says_it_once(quick, caplog, tmp_path):
         caplog.clear()
 
 
+@pytest.mark.processes
 def test_a_compiled_engine_misses_nothing(tmp_path):
     """After it was compiled nothing is missing, in this process and in another one; in an empty cache all is.
 

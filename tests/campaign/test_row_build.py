@@ -103,6 +103,7 @@ except WrongBuild as error:
 """
 
 
+@pytest.mark.processes
 def test_rows_of_a_changed_sampler_do_not_mix_in(tmp_path, campaign, campaign_file):
     """Parts removed, and another clearcap with the same engine: it plans anew, and computes nothing of the old."""
     store, plan = computed(tmp_path / "runs", campaign, 5)

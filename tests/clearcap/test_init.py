@@ -33,6 +33,7 @@ def test_an_unknown_name_is_refused():
         _ = clearcap.simulat
 
 
+@pytest.mark.processes
 def test_import_is_light():
     """Neither tables nor the compiler are loaded before they are used."""
     heavy = ("numba", "pandas", "dask", "pydantic", "engine", "campaign", "reporting")
@@ -47,6 +48,7 @@ def test_packages_are_typed():
     assert all((root / package / "py.typed").exists() for package in ("clearcap", "engine", "campaign", "reporting"))
 
 
+@pytest.mark.processes
 def test_module_is_the_command():
     """`python -m clearcap` is `clearcap`."""
     command = [sys.executable, "-P", "-m", "clearcap", "--version"]

@@ -11,6 +11,8 @@ from campaign.coordinator.plan_campaign import plan_campaign
 from clearcap import running
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 STICKS = {"target": "materials.block_slope.friction", "distribution": "uniform", "lower": 0.65, "upper": 0.8}
 SLOPE = {
     "format": 1,

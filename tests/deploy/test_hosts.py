@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 PORT = 8786
 
 pytestmark = [
+    pytest.mark.processes,
     pytest.mark.slow,
     pytest.mark.skipif(
         os.getuid() != 0 or not shutil.which("ip") or not shutil.which("ss"),

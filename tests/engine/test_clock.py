@@ -90,6 +90,7 @@ def _told_in_time(one: np.ndarray) -> None:
         wait_for(one)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("watched", [False, True])
 def test_a_forked_process_has_a_clock_of_its_own(watched):
     """Also one that is forked while a block runs."""

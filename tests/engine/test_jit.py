@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 ROOT = Path(__file__).parents[2]
 PRINT = "from engine import jit; print(jit.numba.config.CACHE_DIR, flush=True)"
 PRINT_TWICE = f"{PRINT}; import subprocess, sys; subprocess.run([sys.executable, '-c', {PRINT!r}], check=True)"

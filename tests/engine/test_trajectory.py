@@ -208,6 +208,7 @@ def test_run_that_is_stopped_leaves_a_whole_file(tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["stopped.h5"]
 
 
+@pytest.mark.processes
 def test_killed_writer_leaves_no_file_under_the_name(tmp_path):
     """SIGKILL in the middle: nothing under the name, and what is left is refused."""
     code = (
@@ -314,6 +315,7 @@ def test_bad_request_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_h5py_waits_until_it_is_needed():
     """The engine without trajectories does not load h5py."""
     code = "import sys, engine; engine.load_mechanism('incline'); print('h5py' in sys.modules)"

@@ -32,7 +32,10 @@ def can_act() -> bool:
     return subprocess.run([*AS_VICTIM, "true"], check=False, capture_output=True).returncode == 0
 
 
-pytestmark = pytest.mark.skipif(not can_act(), reason="needs root, setpriv, and the capability to read everything")
+pytestmark = [
+    pytest.mark.skipif(not can_act(), reason="needs root, setpriv, and the capability to read everything"),
+    pytest.mark.processes,
+]
 
 
 class Prey:

@@ -19,6 +19,8 @@ from tests.campaign.conftest import campaign_file  # noqa: F401  # a fixture
 from tests.campaign.driving import computed, rows
 from tests.campaign.store.files.test_s3 import ACCESS, s3_server
 
+pytestmark = pytest.mark.processes
+
 SEED = int(os.environ.get("CLEARCAP_SECURITY_SEED") or 1)
 
 

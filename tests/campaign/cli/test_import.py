@@ -120,6 +120,7 @@ def test_refused(folder, words, said):
     assert not (folder / "x.toml").exists()
 
 
+@pytest.mark.processes
 def test_without_the_extra(folder):
     """Where OCCT is not installed, `import` says what to install, and others work, with the kernels of this process."""
     hide = "import sys; sys.modules['OCP'] = None; sys.argv = ['clearcap', *{words!r}]"

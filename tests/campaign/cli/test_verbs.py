@@ -22,6 +22,8 @@ from tests.campaign.commands import ROOT, clearcap
 from tests.campaign.driving import computed
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 SLOPE = """
 format = 1
 name = "slope"

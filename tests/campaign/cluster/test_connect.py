@@ -61,6 +61,7 @@ def soon(monkeypatch):
     monkeypatch.setattr(campaign.cluster.connect, "REACHED_WITHIN", 1.0)
 
 
+@pytest.mark.processes
 def test_computes_over_tls(tls_scheduler, folder):
     """With certificates of the same authority, by address and by scheduler file."""
     for where in map(str, tls_scheduler):
@@ -69,6 +70,7 @@ def test_computes_over_tls(tls_scheduler, folder):
             assert client.scheduler.address == tls_scheduler[0]
 
 
+@pytest.mark.processes
 def test_dask_configuration_gives_certificates(tls_scheduler, folder):
     """Who has dask configured need not repeat it."""
     ours = {"distributed.comm.tls.ca-file": str(folder / "ca.pem")}
@@ -81,6 +83,7 @@ def test_dask_configuration_gives_certificates(tls_scheduler, folder):
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
+@pytest.mark.processes
 def test_another_authority_is_refused(tls_scheduler, tmp_path, patient):
     """A certificate of an authority that is not the cluster's opens nothing, and the message says so."""
     make_certificates(tmp_path / "theirs", 2)
@@ -91,6 +94,7 @@ def test_another_authority_is_refused(tls_scheduler, tmp_path, patient):
         pass
 
 
+@pytest.mark.processes
 def test_the_scheduler_refuses_a_certificate_of_another_authority(tls_scheduler, folder, tmp_path, soon):
     """Also who trusts the scheduler must be trusted by it: the authentication is mutual."""
     make_certificates(tmp_path / "theirs", 2)
@@ -99,6 +103,7 @@ def test_the_scheduler_refuses_a_certificate_of_another_authority(tls_scheduler,
         pass
 
 
+@pytest.mark.processes
 def test_no_plain_connection_to_a_tls_scheduler(tls_scheduler, soon):
     """Without TLS the scheduler does not answer."""
     plain = tls_scheduler[0].replace("tls://", "tcp://")
@@ -106,6 +111,7 @@ def test_no_plain_connection_to_a_tls_scheduler(tls_scheduler, soon):
         pass
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
     """The block ends when the scheduler is lost, a new one fails in time, and works when the scheduler is back."""
@@ -128,6 +134,7 @@ def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
+@pytest.mark.processes
 def test_local_workers_over_tls(folder, caplog):
     """Workers started here speak TLS when told to."""
     with connect(Cluster(workers=1, tls=client_tls(folder))) as client:
@@ -137,6 +144,7 @@ def test_local_workers_over_tls(folder, caplog):
     assert not [r for r in caplog.records if r.levelno >= logging.CRITICAL]
 
 
+@pytest.mark.processes
 def test_memory_is_shared_out():
     """Local workers together cannot take all of the machine's memory."""
     with connect(Cluster(workers=2)) as client:
@@ -144,6 +152,7 @@ def test_memory_is_shared_out():
     assert 0 < sum(limits) < psutil.virtual_memory().total
 
 
+@pytest.mark.processes
 def test_a_scheduler_file_is_waited_for(tls_scheduler, folder, tmp_path, patient, monkeypatch):
     """It is read when it comes; one that never comes, or is something else, ends in a message."""
     late, now = tmp_path / "late.json", [1000.0]

@@ -19,6 +19,8 @@ from campaign.cluster.scratch import PREFIX
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope="module")
 def others():

@@ -46,6 +46,7 @@ with scratch_folder() as folder:
 """
 
 
+@pytest.mark.processes
 def test_what_a_killed_run_left_is_removed_by_the_next(temporary):
     """And nothing else: not the folder of a run that lives, no file, no link, no folder of another name."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -12,6 +12,8 @@ from campaign.cluster.process_workers import process_workers
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 KINDS = {"dask": lambda: connect_workers(Cluster(workers=2)), "processes": lambda: process_workers(2)}
 
 

@@ -24,7 +24,7 @@ from campaign.worker.messages import Cancelled, WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
-pytestmark = pytest.mark.usefixtures("forked_workers")
+pytestmark = [pytest.mark.usefixtures("forked_workers"), pytest.mark.processes]
 
 
 def test_rows_do_not_depend_on_workers_and_batches(tmp_path, campaign):

@@ -64,6 +64,7 @@ def test_held_and_given_back(store):
     assert not is_coordinated(store, "demo")
 
 
+@pytest.mark.processes
 def test_killed_holder_is_known_at_once(store, other):
     """Kill -9 of the holder on this machine: the next one need not wait, not even for its parent to notice."""
     with pytest.raises(LeaseHeld):

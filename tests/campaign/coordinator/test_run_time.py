@@ -49,12 +49,14 @@ def test_time_of_a_run_is_measured(plan, clock, monkeypatch):
     assert len(runs) == RUNS
 
 
+@pytest.mark.processes
 def test_time_in_a_process_of_its_own(plan, tmp_path):
     """By the machine's clock, of runs elsewhere."""
     assert seconds_per_run(plan, partial(fake_engine.counts, str(tmp_path / "runs"))) > 0.0
     assert (tmp_path / "runs").stat().st_size == RUNS
 
 
+@pytest.mark.processes
 def test_run_that_kills_its_process_is_no_measure(plan):
     """Nothing is known then, and the campaign can be planned all the same."""
     assert seconds_per_run(plan, partial(fake_engine.goes_wrong, {"segfault": (0.0, 1.0)})) is None

@@ -81,6 +81,7 @@ read_columns(FolderFiles(Path(sys.argv[1]).parent), Path(sys.argv[1]).name, ["x"
 """
 
 
+@pytest.mark.processes
 def test_page_that_is_larger_than_its_footer_says(tmp_path):
     """The memory that decoding may take is limited, whatever the footer says."""
     path, rows = tmp_path / "x.parquet", 12_000_000
@@ -224,6 +225,7 @@ print(refused)
 """
 
 
+@pytest.mark.processes
 def test_no_byte_of_a_footer_ends_the_process(tmp_path):
     """Pyarrow aborts where the sizes of a column contradict themselves, if it is asked for them."""
     path = tmp_path / "a.parquet"

@@ -189,6 +189,7 @@ json.dump(seen, sys.stdout)
 """
 
 
+@pytest.mark.processes
 def test_the_interpreter_sees_no_file_opened():
     """What an audit hook hears of: shipped mechanisms, and the memory in use when a data file is decoded."""
     texts = [MINE, *(naming(name, place) for name in OUTSIDE for place in PLACES)]

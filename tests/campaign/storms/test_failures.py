@@ -34,7 +34,7 @@ from tests.campaign.storms.disk import remount, tmpfs
 from tests.campaign.storms.supervisor import ROOT, Supervisor, processes, those_left, words
 from tests.until import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
 @pytest.fixture

@@ -94,6 +94,7 @@ OUTAGES = {
 }
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize("outage", OUTAGES)
 def test_outage_of_the_store(tmp_path, asked, workers, caplog, outage, runs):
@@ -160,6 +161,7 @@ def during_outage(store, view, plan, action, runs):
     go_on(runs)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("taken_over", [False, True])
 def test_lease_after_an_outage(split, workers, taken_over, runs):
     """Who still holds the lease goes on; who lost it meanwhile ends, so that never both compute."""
@@ -183,6 +185,7 @@ def test_lease_after_an_outage(split, workers, taken_over, runs):
     thread.join()
 
 
+@pytest.mark.processes
 def test_heartbeat_that_cannot_be_written(tmp_path, campaign, workers, monkeypatch):
     """Batches go on all the same: here the heartbeat is refused until ten of them are in the store."""
     store = open_store(str(tmp_path / "s"), Patience(600.0, 0.05, 0.2))

@@ -25,7 +25,7 @@ from tests.campaign.storms.server_checks import check_accounts, check_visits
 from tests.campaign.storms.storm import Storm
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
-pytestmark = [pytest.mark.slow, pytest.mark.storm]
+pytestmark = [pytest.mark.slow, pytest.mark.storm, pytest.mark.processes]
 
 COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a share of the storms runs, chosen by it
 SEEDS = chosen(COMMIT) if COMMIT else range(STORMS)

@@ -82,6 +82,7 @@ def _soon(monkeypatch):
     assert rescued == []
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
@@ -94,6 +95,7 @@ def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
     assert caplog.text.count("it hangs or was stopped") == 2
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
@@ -105,6 +107,7 @@ def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
     assert "took no notice of its time limit 2 times in a row; perhaps someone stopped" in first["message"]
 
 
+@pytest.mark.processes
 @pytest.mark.usefixtures("_soon")
 def test_stopped_while_it_starts(store, plan, monkeypatch):
     """It is no fault of a run, and does not last for ever."""
@@ -116,6 +119,7 @@ def test_stopped_while_it_starts(store, plan, monkeypatch):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
 
 
+@pytest.mark.processes
 @pytest.mark.usefixtures("_soon")
 def test_what_a_child_has_started_is_killed_with_it():
     """It would hold the pipe open, for which the parent waits."""

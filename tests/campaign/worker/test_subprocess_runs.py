@@ -24,6 +24,8 @@ from engine import simulate
 from tests.campaign import fake_engine
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch):

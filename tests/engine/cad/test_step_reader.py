@@ -17,6 +17,8 @@ from engine.cad.assembly_cache import cached, keep
 from tests.engine.cad.assemblies import differences, full_assembly
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 LATCH = Path(__file__).parents[3] / "docs/examples/latch.step"
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from tests.house import ROOT, modules
 
+pytestmark = pytest.mark.processes
+
 BLOCKED = """
 import sys
 

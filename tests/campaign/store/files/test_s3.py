@@ -26,6 +26,8 @@ from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
 from tests.campaign.store.test_store import fill
 
+pytestmark = pytest.mark.processes
+
 ACCESS = {
     "AWS_ACCESS_KEY_ID": "someone",
     "AWS_SECRET_ACCESS_KEY": "something",
