@@ -145,6 +145,7 @@ def check(output, messages):
         assert text.count("<BEGIN>") == whole, "a hostile text is not whole"
 
 
+@pytest.mark.processes
 @each("as_json", [False, True])
 @each("verb", VERBS)
 def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
@@ -161,6 +162,7 @@ def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
         json.loads(output)
 
 
+@pytest.mark.processes
 @each("verb", VERBS)
 def test_hostile_words(verb, hostile, capsys, monkeypatch):
     """Markup in place of each argument and of each option's value: no bug, and the message quotes it whole."""
