@@ -118,6 +118,15 @@ def test_an_approach_that_huge_velocities_hide_is_still_infeasible():
     judge_infeasible(199)
 
 
+def test_rounding_of_the_rows_does_not_decide():
+    """The same 55 contacts, rounded in a hundred ways: SciPy's limit of steps ended the search in one of fourteen."""
+    problem, rng = infeasible(883), np.random.default_rng(883)
+    rows, q = problem.H[::3] / np.sqrt(np.diag(problem.M)), problem.q[::3]
+    for _ in range(100):
+        rounded = rows * (1 + 2.0**-53 * rng.integers(-1, 2, rows.shape))
+        assert squeezing_impulses(rounded, q, float(np.abs(q).max())) is not None
+
+
 @pytest.mark.slow
 def test_a_thousand_of_each_kind():
     """As above, many more."""
