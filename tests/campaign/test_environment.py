@@ -18,6 +18,8 @@ from engine.cad import occt_process
 from tests.campaign import fake_engine
 from tests.campaign.web.answers.strange_jobs import environment
 
+pytestmark = pytest.mark.bits
+
 NUMERICAL = {
     "OPENBLAS_CORETYPE": "Haswell",
     "OMP_PROC_BIND": "true",

@@ -10,6 +10,8 @@ import pytest
 
 from campaign import open_store
 
+pytestmark = pytest.mark.bits
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = 6
 

@@ -19,7 +19,7 @@ from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.campaign.storms.test_failures import parts, wait
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.bits]
 
 
 def digest(store, plan):

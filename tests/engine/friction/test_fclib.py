@@ -7,6 +7,8 @@ import pytest
 from engine.friction import FrictionError, FrictionProblem, read_fclib, read_fclib_impulses, solve, write_fclib
 from tests.engine.friction.problems import random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def delassus(problem):
     """Return W = H M^-1 H'."""

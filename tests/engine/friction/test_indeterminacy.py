@@ -7,6 +7,8 @@ from scipy.optimize import linprog
 from engine.friction import FrictionError
 from engine.friction.indeterminacy import normal_force_range
 
+pytestmark = pytest.mark.bits
+
 LOAD = 3.0
 CLOSE = 1e-7  # of the largest force
 FACETS = 200

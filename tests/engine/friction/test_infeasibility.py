@@ -6,6 +6,8 @@ import pytest
 from engine.friction import FrictionProblem, solve
 from engine.friction.infeasibility import squeezing_impulses
 
+pytestmark = pytest.mark.bits
+
 SEEDS = range(100)
 MORE_SEEDS = range(100, 1000)
 KINDS = ("plain", "duplicates", "static", "plane", "wedge")

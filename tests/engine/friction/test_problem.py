@@ -11,6 +11,8 @@ from engine.friction.solver import solve_friction
 from engine.lanes import LANES
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def particle(q, mu, mass=2.0):
     """One contact under a particle."""

@@ -9,6 +9,8 @@ from engine.friction.problem import FrictionProblem, solver_arrays
 from engine.friction.whitening import factorise_mass, unwhiten
 from tests.engine.friction.problems import random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def mass_matrix(kind, n, rng):
     """Return a mass matrix that is dense, of blocks of bodies, or with some zeros anywhere."""

@@ -187,6 +187,7 @@ def digest() -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.bits
 def test_same_bits_in_other_processes():
     here = digest()
     code = "from tests.engine.kernels.test_profiles import digest; print(digest())"

@@ -10,6 +10,8 @@ from scipy.stats import norm
 from campaign.inputs.sampling import draw, sampler_named
 from tests.campaign.inputs.sampling.campaigns import BOLT, CORRELATED, INDEPENDENT, UNIT, J, spec
 
+pytestmark = pytest.mark.bits
+
 NORMAL = {"distribution": "normal", "mean": 0.0, "std": 1.0}
 SAMPLER = sampler_named("importance")
 

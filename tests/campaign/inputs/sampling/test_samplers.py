@@ -21,6 +21,8 @@ from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 
+pytestmark = pytest.mark.bits
+
 DOCS = (Path(__file__).parents[4] / "docs" / "campaign.md").read_text()
 
 

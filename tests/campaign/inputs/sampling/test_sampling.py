@@ -12,6 +12,8 @@ from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.inputs.sampling.campaigns import CORRELATED, DRAWING, EVEN, MIXED, UNIT, J, spec
 from tests.campaign.statistics import check_sample, strata
 
+pytestmark = pytest.mark.bits
+
 
 @pytest.mark.parametrize("sampler", DRAWING)
 @settings(deadline=None, max_examples=40)

@@ -24,6 +24,8 @@ from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting.tolerance.reweighting import weights
 from tests.campaign import fake_engine
 
+pytestmark = pytest.mark.bits
+
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
