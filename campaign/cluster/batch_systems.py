@@ -7,6 +7,7 @@ tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``
 import importlib
 import logging
 import os
+import shlex
 import shutil
 import signal
 import tempfile
@@ -24,6 +25,7 @@ from campaign.cluster.local import CLOSED, CLOSED_HTTP, SETTINGS, interrupts_hel
 from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls import NEEDED, Tls, security
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
+from campaign.environment import numerical
 from campaign.errors import SpecError, UnreachableError
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
@@ -121,10 +123,11 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     command = made.job_cls.submit_command.split()[0]
     if shutil.which(command) is None:
         raise UnreachableError(f"--cluster {kind}: command {command} not found; run clearcap where jobs are submitted")
+    exports = [f"export {name}={shlex.quote(value)}" for name, value in numerical().items()]
     return made(
         processes=_needed(kind, "cores"),
         security=certificates,
-        job_script_prologue=[*_setting(kind, "job-script-prologue"), "export PYTHONSAFEPATH=1"],
+        job_script_prologue=[*exports, *_setting(kind, "job-script-prologue"), "export PYTHONSAFEPATH=1"],
         worker_extra_args=[*_setting(kind, "worker-extra-args"), *_NO_HTTP],
         scheduler_options=_setting(kind, "scheduler-options")
         | {"dashboard": False, "dashboard_address": "127.0.0.1:0"},

@@ -29,8 +29,14 @@ secured() { # secured ROLE: print the options of mutual TLS
 read -ra as_scheduler <<<"$(secured scheduler)"
 read -ra as_worker <<<"$(secured worker)"
 
+# The last digits of a row depend on these variables; OAR and PBS hand nothing of this environment to the other nodes.
+numerical=()
+while IFS= read -r name; do
+    numerical+=("$name=${!name}")
+done < <(compgen -e | grep -E '^((OPENBLAS|OMP|MKL|BLIS|NPY)_|NUMBA_(CPU_|OPT$)|GLIBC_TUNABLES$)' | grep -v '_NUM_THREADS$')
+
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-worker=(env "PATH=$PATH" "$here/on_node.sh" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}"
+worker=(env "PATH=$PATH" "${numerical[@]}" "$here/on_node.sh" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}"
     "${closed[@]}" --nworkers -1 --nthreads 1 --death-timeout 120 --preload-nanny 'import engine; engine.warm_up()')
 
 pids=()

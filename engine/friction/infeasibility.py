@@ -10,6 +10,7 @@ minimises |H_N' p|^2 + (1 + q_N . p)^2 balances if no velocity fits; otherwise i
 import numpy as np
 
 from engine.arrays import Array
+from engine.linear_algebra import nonnegative_least_squares
 
 # With rounded numbers no balance is exact. A remainder e = H_N' p still proves that any fitting velocity is at least
 # p . (-q_N) / |e|. If this is less than ENDLESS times the velocity that a single contact requires, there may be one.
@@ -59,15 +60,13 @@ def squeezing_impulses(rows: Array, q: Array, speed: float, held: Array | None =
 
 def _balanced(unit: Array, asked: Array) -> Array | None:
     """Return weights >= 0 whose rows cancel while their velocities do not; None if the search does not end."""
-    from scipy.optimize import nnls
-
     still = ~unit.any(axis=1)  # rows that nothing can move, such as between two fixed bodies
     if (asked[still] < 0.0).any():
         return np.where(still, np.maximum(-asked, 0.0), 0.0)
     target = np.zeros(unit.shape[1] + 1)
     target[-1] = 1.0
     try:
-        weights, _ = nnls(np.vstack([unit.T, -asked]), target)
+        weights = nonnegative_least_squares(np.vstack([unit.T, -asked]), target)
     except RuntimeError:
         return None
     return weights if weights.any() else None

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from engine.arrays import Array, Integers
@@ -19,6 +18,7 @@ from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, State
+from engine.linear_algebra import nonnegative_least_squares
 
 ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
 NOTHING = 1e-9  # relative size below which a number is a rounding error of zero
@@ -144,7 +144,7 @@ def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Arr
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > NOTHING)
     system = np.vstack([rows.T, np.sqrt(SOFT) * np.eye(len(rows))])
-    pressed, _ = nnls(system, np.concatenate([-wanted / size, np.zeros(len(rows))]))
+    pressed = nonnegative_least_squares(system, np.concatenate([-wanted / size, np.zeros(len(rows))]))
     left = null_space(rows[pressed > NOTHING], len(wanted))
     moving = left @ (left.T @ wanted)
     moving[np.abs(moving) < NOTHING * size] = 0.0

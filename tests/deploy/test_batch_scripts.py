@@ -149,3 +149,14 @@ def test_allocation(tmp_path, system, launchers):
         assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.closed_http" in call
     if system != "slurm":
         assert [call.split()[1] for call in calls if call.split()[0] in launchers] == ["a", "b"]
+
+
+@pytest.mark.parametrize("system", ["slurm", "oar", "pbs"])
+def test_nodes_compute_as_the_job_does(tmp_path, system):
+    """Workers of other nodes get what chooses the kernels of the linear algebra, and no number of threads."""
+    calls = allocation(tmp_path, system, OPENBLAS_CORETYPE="Haswell", OMP_NUM_THREADS="16", NUMBA_CPU_FEATURES="+avx2")
+    for call in calls:
+        if "on_node.sh" in call:
+            assert "OPENBLAS_CORETYPE=Haswell" in call
+            assert "NUMBA_CPU_FEATURES=+avx2" in call
+            assert "OMP_NUM_THREADS" not in call

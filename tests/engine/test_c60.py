@@ -9,6 +9,8 @@ from engine import load_mechanism, simulate
 from engine.mechanism import Mechanism
 from tests.engine.small import made, shipped
 
+pytestmark = pytest.mark.bits
+
 LENGTHS = [f"FC-{i}" for i in range(2, 7)]
 TREMBLING = [
     (

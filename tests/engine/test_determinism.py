@@ -15,6 +15,8 @@ from engine import load_mechanism, simulate
 from tests.engine.linkages import linkage
 from tests.engine.small import made
 
+pytestmark = pytest.mark.bits
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = [
     {},

@@ -18,6 +18,8 @@ from tests.engine.linkages import fly, in_millimetres, linkage, mirrored
 from tests.engine.small import GRAVITY, made, shipped, small, swinging, tumbling, turned
 from tests.engine.test_determinism import fresh
 
+pytestmark = pytest.mark.bits
+
 seeds = given(seed=st.integers(0, 100_000))
 few = settings(max_examples=10, deadline=None, derandomize=True)
 many = settings(max_examples=25, deadline=None, derandomize=True)

@@ -8,6 +8,8 @@ import pytest
 from engine import Run, simulate
 from tests.engine.small import GRAVITY, made, shipped, small
 
+pytestmark = pytest.mark.bits
+
 RADIUS = 0.1
 SPHERE = {"sphere": {"centre": [0, 0, 0], "radius": RADIUS}}
 BALL = {"mass": 1.0, "inertia": [0.004] * 3}

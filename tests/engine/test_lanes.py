@@ -1,12 +1,15 @@
 """Eight numbers at a time: compiled, each operation gives the bits that NumPy gives for single numbers."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from engine.jit import kernel
 from engine.lanes import LANES, choose, fused, larger, least, read, root, spread, total, write
+
+pytestmark = pytest.mark.bits
 
 numbers = arrays(np.float64, LANES, elements=st.floats(-1e100, 1e100, allow_subnormal=False))
 

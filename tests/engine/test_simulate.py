@@ -266,6 +266,7 @@ def test_certificate_holds_what_was_asked_for():
     assert certificate.iterations > 0
 
 
+@pytest.mark.bits
 def test_a_run_leaves_its_mechanism_as_it_was():
     """Values are for one run: the same mechanism again gives the same bits."""
     mechanism = made(swinging())

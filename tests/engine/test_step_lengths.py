@@ -15,6 +15,8 @@ from tests.engine.histories import History, history, recorded
 from tests.engine.linkages import linkage
 from tests.engine.small import made, shipped, swinging, tumbling, turned
 
+pytestmark = pytest.mark.bits
+
 TRAVEL = 2e-3  # m
 SOME = settings(max_examples=15, deadline=None, derandomize=True)
 seeds = st.integers(0, 100_000)

@@ -43,6 +43,7 @@ def recorded(file):
 # --- the numbers
 
 
+@pytest.mark.bits
 @pytest.mark.parametrize("name", ["clearance_pendulum", "c60"])
 def test_recording_changes_no_bit(name, tmp_path):
     """With and without a trajectory: the same responses and certificate, bit for bit; the mechanism is in the file."""

@@ -10,7 +10,7 @@ import pytest
 
 from campaign import open_store
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.processes, pytest.mark.bits]
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = 6

@@ -12,6 +12,7 @@ from contextlib import suppress
 from typing import Any
 
 from campaign import errors
+from campaign.environment import numerical
 from campaign.errors import CampaignError
 from campaign.safe_path import python_environment
 from campaign.web.answers import job_limits
@@ -33,7 +34,7 @@ _LARGEST_HEAD = 2**20  # bytes of the line before an answer
 
 
 def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment of a job process, with only the variables that paths, locales and stores need.
+    """Return the environment of a job process, with only the variables that paths, locales, stores and numbers need.
 
     Parameters
     ----------
@@ -41,7 +42,8 @@ def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, s
         Environment of the service; by default that of this process.
     """
     given = python_environment() if environment is None else environment
-    return {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)} | _ONE_THREAD | _REUSED_MEMORY
+    passed = {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)}
+    return passed | numerical(given) | _ONE_THREAD | _REUSED_MEMORY
 
 
 class JobProcess:

@@ -75,6 +75,7 @@ def there(slope):
     return slope, plan
 
 
+@pytest.mark.bits
 def test_replay_is_equal_to_the_bit(there, monkeypatch):
     """A row once more, in another process or here; a row that was tampered with is not equal, and exits 1."""
     folder, plan = there

@@ -53,8 +53,9 @@ def commands(tmp_path, monkeypatch):
 @pytest.mark.processes
 @pytest.mark.parametrize("kind", COMMANDS)
 @pytest.mark.parametrize("given", [True, False], ids=["given", "temporary"])
-def test_job_script(kind, given, settings, commands, tls):
+def test_job_script(kind, given, settings, commands, tls, monkeypatch):
     """A job's script is shell, starts a single-threaded worker a core, over TLS, with no page for strangers."""
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Has well")
     cluster = Cluster(kind=kind, workers=4, tls=tls if given else None)
     with job_certificates(cluster) as certificates, job_cluster(cluster, certificates) as jobs:
         script = jobs.job_script()
@@ -67,6 +68,7 @@ def test_job_script(kind, given, settings, commands, tls):
         assert words[words.index("--protocol") + 1] == "tls://"
         assert words[words.index("--dashboard-address") + 1] == "127.0.0.1:0"
         assert "--no-dashboard" in words
+        assert "export OPENBLAS_CORETYPE='Has well'" in script.splitlines()
         key = Path(words[words.index("--tls-key") + 1])
         assert (str(key) == tls.key) == given
         assert key.stat().st_mode & 0o777 == 0o600

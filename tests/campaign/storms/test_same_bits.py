@@ -20,7 +20,7 @@ from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.campaign.storms.test_failures import parts
 from tests.until import until
 
-pytestmark = [pytest.mark.slow, pytest.mark.processes]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, pytest.mark.bits]
 
 
 def digest(store, plan):

@@ -19,7 +19,7 @@ from tests.campaign.storms.cluster import DASK, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.until import until
 
-pytestmark = [pytest.mark.slow, pytest.mark.processes]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, pytest.mark.bits]
 
 SAMPLES = 300
 

@@ -33,6 +33,7 @@ def _short_pauses(monkeypatch):
     monkeypatch.setattr(subprocess_runs, "PAUSES", (0.01, 0.1))
 
 
+@pytest.mark.bits
 def test_rows_are_the_same_as_in_process(store, plan):
     """Another process, the same bits."""
     address = CampaignAddress.of(store, plan, fake_engine.simulate)

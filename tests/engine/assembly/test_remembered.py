@@ -19,6 +19,8 @@ from engine.mechanism.keys.values import settable_keys
 from tests.each import each
 from tests.engine.small import made, shipped
 
+pytestmark = pytest.mark.bits
+
 EVERY = [(name, bench) for name in library_names() for bench in (None, *load_mechanism(name).benches)]
 
 

@@ -9,6 +9,8 @@ from tests.each import each
 from tests.engine.friction.chains import dense_bilateral, dense_rows, tied_bodies
 from tests.engine.friction.problems import project_cone
 
+pytestmark = pytest.mark.bits
+
 CASES = [
     {"links": 1, "joint": 3},
     {"links": 6},

@@ -10,6 +10,8 @@ from engine.friction.blocks import BODY, PIECE, ROW, add_contact, factorise, sta
 from engine.friction.elimination import eliminate_nodes
 from engine.jit import kernel
 
+pytestmark = pytest.mark.bits
+
 
 @kernel
 def solve_system(system, rows, A, smooth, K, F, x):

@@ -9,6 +9,8 @@ from engine.friction.solver import solve_friction
 from tests.each import each
 from tests.engine.friction.problems import random_problem
 
+pytestmark = pytest.mark.bits
+
 TOLERANCE = 1e-11
 
 

@@ -8,6 +8,8 @@ from engine.friction import FrictionError, FrictionProblem, read_fclib, read_fcl
 from tests.each import each
 from tests.engine.friction.problems import random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def delassus(problem):
     """Return W = H M^-1 H'."""

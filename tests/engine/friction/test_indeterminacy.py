@@ -8,6 +8,8 @@ from engine.friction import FrictionError
 from engine.friction.indeterminacy import normal_force_range
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 LOAD = 3.0
 CLOSE = 1e-7  # of the largest force
 FACETS = 200

@@ -5,6 +5,8 @@ import numpy as np
 from engine.friction.null_space import null_space
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 
 def matrix(seed: int, size: float) -> np.ndarray:
     """Return up to 50 rows of up to 60 numbers, of any rank, some of them zero, or the same as others."""

@@ -12,6 +12,8 @@ from engine.lanes import LANES
 from tests.each import each
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def particle(q, mu, mass=2.0):
     """One contact under a particle."""

@@ -10,6 +10,8 @@ from engine.friction.whitening import factorise_mass, unwhiten
 from tests.each import each
 from tests.engine.friction.problems import random_problem
 
+pytestmark = pytest.mark.bits
+
 
 def mass_matrix(kind, n, rng):
     """Return a mass matrix that is dense, of blocks of bodies, or with some zeros anywhere."""

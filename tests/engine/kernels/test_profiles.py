@@ -189,6 +189,7 @@ def digest() -> str:
 
 @pytest.mark.processes
 @pytest.mark.slow
+@pytest.mark.bits
 def test_same_bits_in_other_processes():
     here = digest()
     code = "from tests.engine.kernels.test_profiles import digest; print(digest())"

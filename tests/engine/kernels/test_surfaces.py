@@ -151,6 +151,7 @@ def bits() -> str:
 
 
 @pytest.mark.processes
+@pytest.mark.bits
 def test_the_same_bits_in_another_process():
     code = "from tests.engine.kernels.test_surfaces import bits; print(bits())"
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,6 +9,8 @@ import pytest
 from engine import load_mechanism, simulate
 from engine.mechanism import mechanism_from
 
+pytestmark = pytest.mark.bits
+
 TEXT = files("engine.mechanism").joinpath("library", "lever.toml").read_text("utf-8")
 
 

@@ -16,6 +16,8 @@ from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.statistics import check_sample
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 C60 = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower": 0.01, "upper": 0.13}
 
 

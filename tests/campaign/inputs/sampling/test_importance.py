@@ -11,6 +11,8 @@ from campaign.inputs.sampling import draw, sampler_named
 from tests.campaign.inputs.sampling.campaigns import BOLT, CORRELATED, INDEPENDENT, UNIT, J, spec
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 NORMAL = {"distribution": "normal", "mean": 0.0, "std": 1.0}
 SAMPLER = sampler_named("importance")
 

@@ -15,6 +15,8 @@ from campaign.inputs.sampling.sampler import varied
 from tests.campaign.inputs.sampling.campaigns import BOLT, INDEPENDENT, UNIT, seven, spec
 from tests.campaign.statistics import check_rank_correlation, check_sample, strata
 
+pytestmark = pytest.mark.bits
+
 PINNED_DESIGN = {
     "J1": [0.3223122406622535, 0.9233285413272444, 0.9233285413272444, 0.3223122406622535],
     "J2": [0.5499591896583075, 0.03223851188652127, 0.5499591896583075, 0.03223851188652127],

@@ -22,6 +22,8 @@ from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 DOCS = (Path(__file__).parents[4] / "docs" / "campaign.md").read_text()
 
 

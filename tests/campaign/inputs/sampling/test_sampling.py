@@ -13,6 +13,8 @@ from tests.campaign.inputs.sampling.campaigns import CORRELATED, DRAWING, EVEN, 
 from tests.campaign.statistics import check_sample, strata
 from tests.each import each
 
+pytestmark = pytest.mark.bits
+
 
 @pytest.mark.parametrize("sampler", DRAWING)
 @settings(deadline=None, max_examples=40)

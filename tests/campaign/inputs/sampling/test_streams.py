@@ -3,8 +3,11 @@
 import threading
 
 import numpy as np
+import pytest
 
 from campaign.inputs.sampling.streams import uniforms
+
+pytestmark = pytest.mark.bits
 
 
 def test_threads_do_not_mix():

@@ -25,6 +25,8 @@ from reporting.tolerance.reweighting import weights
 from tests.campaign import fake_engine
 from tests.campaign.web.running import until_true
 
+pytestmark = pytest.mark.bits
+
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 

@@ -13,6 +13,8 @@ from campaign.web.answers.column_cache import ColumnCache, columns_folder
 from campaign.web.answers.column_file import map_columns
 from campaign.web.answers.rows_version import rows_version
 
+pytestmark = pytest.mark.bits
+
 
 def files(folder):
     """Return the files of columns."""

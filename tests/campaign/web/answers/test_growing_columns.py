@@ -21,6 +21,8 @@ from engine.private_folder import private_folder
 from tests.campaign.web.answers.conftest import fails_where_wide
 from tests.campaign.web.conftest import only_in_a_folder
 
+pytestmark = pytest.mark.bits
+
 
 @pytest.fixture
 def exact(monkeypatch):
