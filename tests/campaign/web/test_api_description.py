@@ -18,7 +18,7 @@ from campaign.web.settings import Limits, Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 WAYS = {str(way): way for way in all_ways() if way.route.include_in_schema}
 CALLS = sorted(WAYS)

@@ -12,7 +12,7 @@ from campaign.web.settings import Limits, Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 MARKUP = "<script>alert(1)</script>"
 NAMES = {
