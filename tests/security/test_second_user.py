@@ -28,6 +28,7 @@ from tests.until import until
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.processes,
     pytest.mark.skipif(os.getuid() != 0, reason="needs root, to act as two users"),
 ]
 

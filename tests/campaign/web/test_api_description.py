@@ -19,7 +19,7 @@ from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 from tests.each import each
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 WAYS = {str(way): way for way in all_ways() if way.route.include_in_schema}
 CALLS = sorted(WAYS)

@@ -13,7 +13,7 @@ from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 from tests.each import each
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 MARKUP = "<script>alert(1)</script>"
 NAMES = {

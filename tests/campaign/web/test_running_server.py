@@ -16,7 +16,7 @@ from campaign.store.label_versions import read_labels
 from tests.campaign.web.running import PATIENCE, Served
 from tests.until import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 GUESSES, FIRST = 10_000, 2_000
 GROWTH = 8 << 20  # bytes, in which a server may differ after thousands of guesses

@@ -14,7 +14,7 @@ from tests.campaign.switch import Switch
 from tests.campaign.web.running import Served
 from tests.until import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 MANY = 60  # who ask at once: more than a server has threads
 WITHIN = 300.0  # s, for an answer; the libraries for S3 alone would wait for more than six minutes

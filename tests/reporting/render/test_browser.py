@@ -16,7 +16,7 @@ from reporting.write import write_report
 from tests.chromium import AXE, axe_faults, axe_run, chromium, needs_axe, needs_chromium, set_width
 from tests.reporting.synthetic import c60_spec, c60_table
 
-pytestmark = [pytest.mark.slow, needs_chromium]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium]
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,9 @@ def browser(files, tmp_path_factory) -> Iterator[Any]:
 
 def test_nothing_is_asked_from_outside_and_nothing_goes_wrong(browser, files) -> None:
     """Every request of the browser is for the file itself, and its console is empty."""
+    for log in ("performance", "browser"):
+        browser.get_log(log)  # of other tests
+    browser.get(Path(files["html"]).as_uri())
     events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     page = Path(files["html"]).as_uri()
     asked = [e["params"] for e in events if e["method"] == "Network.requestWillBeSent"]

@@ -8,7 +8,7 @@ from tests.campaign.web.journeys.conftest import browsers
 from tests.campaign.web.journeys.live_server import live_server
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 FIELD = "Text of the file, TOML"
 EDITOR = "/mechanisms/clearance_pendulum/edit"
 OPTIONS = (

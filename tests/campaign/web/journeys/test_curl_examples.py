@@ -20,7 +20,11 @@ from tests.campaign.web.journeys.live_server import live_server
 from tests.campaign.web.routes import all_ways
 from tests.campaign.web.running import PATIENCE
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which("curl") is None, reason="no curl on this machine")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.processes,
+    pytest.mark.skipif(shutil.which("curl") is None, reason="no curl on this machine"),
+]
 PAGE = (Path(__file__).parents[4] / "docs/service.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```", PAGE, re.M | re.S)
 LINES = [

@@ -5,7 +5,7 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 CPK = "return document.querySelector('[data-cpk=\"FC-6\"]')?.textContent"
 CARD = "return document.querySelector('#answer article[aria-label=\"FC-6\"]').innerText"
 GREY = "return getComputedStyle(document.querySelector('.card.refused h3')).filter"

@@ -13,7 +13,7 @@ from tests.campaign.web.journeys.live_server import live_server
 from tests.campaign.web.running import PATIENCE
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 OWN = "Bolt with play"
 INSERTED = "<script>top.document.title = document.title = 'run'</script>"
 COMPLETED = """

@@ -7,7 +7,7 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 FILE = "Campaign file, TOML"
 SHORT = """
 [variables.short]

@@ -5,7 +5,7 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 TEXT = "Text of the file, TOML"
 VALUES = "return [...document.querySelectorAll('section[aria-labelledby=outcome] td.number')].map(e => e.textContent)"
 NUMBERED = "return [...document.querySelectorAll('.gutter .wrong')].map(e => e.textContent.trim())"

@@ -27,7 +27,7 @@ from tests.campaign.web.journeys.keyboard import Keyboard
 from tests.campaign.web.journeys.live_server import HOST, live_server
 from tests.chromium import chromium, needs_chromium, set_width
 
-pytestmark = [pytest.mark.slow, needs_chromium]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium]
 DOCS = Path(__file__).parents[4] / "docs"
 WIDTH, HEIGHT = 1400, 900  # px
 HEIGHTS = {"try": 1500}

@@ -9,7 +9,7 @@ from campaign.pictures.moving_drawing import path_data
 from engine import load_mechanism, simulate
 from tests.chromium import needs_axe, needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 ADDRESS = "/mechanisms/c60/try?set=J1=0.05"
 DRAWN = """
 const paths = (group) => [...group.querySelectorAll("path:not(.holes)")];

@@ -10,7 +10,7 @@ from tests.campaign.web.conftest import PASSWORD
 from tests.campaign.web.journeys.conftest import FEWER, browsers
 from tests.chromium import needs_chromium
 
-pytestmark = [pytest.mark.slow, needs_chromium]
+pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium]
 FORBIDDEN = {"profile.managed_default_content_settings.javascript": 2}
 OWN = """\
 format = 1
