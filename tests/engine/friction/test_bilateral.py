@@ -1,6 +1,7 @@
 """Tied rows: against the dense solution by a null space, redundant rows, long chains, with contacts."""
 
 import numpy as np
+import pytest
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral

@@ -1,6 +1,7 @@
 """Compliant contacts: u = G w + C r + q, against springs that are velocities of their own."""
 
 import numpy as np
+import pytest
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.blocks import BODY, ROW

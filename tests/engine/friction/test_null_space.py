@@ -1,6 +1,7 @@
 """An orthonormal basis of a null space, against its definition and LAPACK's rank."""
 
 import numpy as np
+import pytest
 
 from engine.friction.null_space import null_space
 from tests.each import each
