@@ -30,7 +30,9 @@ PAGES = [
 
 @pytest.mark.processes
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=[pytest.mark.gate] * (page.stem == "README"), id=page.stem) for page in PAGES]
+)
 def test_session(page, tmp_path, monkeypatch, capsys):
     """Every block of a page works in the order of the page."""
     monkeypatch.chdir(tmp_path)

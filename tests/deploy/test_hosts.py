@@ -69,6 +69,7 @@ def on_host(hosts, settings):
     return run
 
 
+@pytest.mark.gate
 def test_same_rows_as_here(hosts, on_host, tmp_path):
     """Computed by both worker hosts, each row once, the table is that of this machine's workers to the bit."""
     shared, plan = planned(tmp_path, "shared")

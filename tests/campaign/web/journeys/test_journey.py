@@ -33,7 +33,9 @@ def place(request, tmp_path, monkeypatch):
         yield bucket(monkeypatch, port)
 
 
-@pytest.mark.parametrize(("width", "place"), [(1400, "folder"), (400, "s3")], indirect=["place"])
+@pytest.mark.parametrize(
+    ("width", "place"), [(1400, "folder"), pytest.param(400, "s3", marks=pytest.mark.gate)], indirect=["place"]
+)
 def test_from_an_empty_store_to_a_signed_report(keyboard, tmp_path, width, place):
     """Each page on the way is looked at; nothing is clicked."""
     with live_server(tmp_path, store=place) as server:
