@@ -12,6 +12,8 @@ from reporting import format_numbers
 from reporting.capability.intervals import cpk_half_width
 from tests.campaign.web.pages.forms import Page
 
+pytestmark = pytest.mark.processes
+
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
 
