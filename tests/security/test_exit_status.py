@@ -107,6 +107,7 @@ PLACES = {
 }
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("what", PLACES.values(), ids=PLACES)
 def test_ctrl_c_anywhere(what, tmp_path):
     """Status 130 and one message, whatever code it interrupts, also of ``python -m``: not the signal as the status."""
@@ -133,6 +134,7 @@ def starting():
     return 3.0 * float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 7.0])
 def test_ctrl_c_of_the_command(after, starting, tmp_path):

@@ -106,6 +106,7 @@ def environment():
     return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_a_run_is_the_same_there(hostile, tmp_path):
     """One run and its picture; also as ``python -m campaign``, which has found its package before we can act."""
@@ -124,6 +125,7 @@ def test_a_run_is_the_same_there(hostile, tmp_path):
     assert list(traces.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_an_isolated_child_imports_nothing_there(hostile, store, plan, monkeypatch):
     """Neither its own modules nor those of Python's library come from the current folder."""
     folder, traces = hostile
@@ -134,6 +136,7 @@ def test_an_isolated_child_imports_nothing_there(hostile, store, plan, monkeypat
     assert list(traces.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_a_child_imports_what_its_parent_can(tmp_path):
     """The folder of a script stays on the path, for functions that live there; the current folder is no part of it."""
     (tmp_path / "beside.py").write_text("answer = 42\n")
@@ -154,6 +157,7 @@ def test_a_child_imports_what_its_parent_can(tmp_path):
     assert done.stdout == "42 True\n", done.stderr
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_a_campaign_is_the_same_there(hostile, tmp_path):
     """``clearcap run`` whose worker is killed once: the rows of a clean folder to the bit, nothing executed."""
@@ -182,6 +186,7 @@ def kill_worker_after(part, running):
     max(workers, key=lambda worker: sum(worker.cpu_times()[:2])).kill()
 
 
+@pytest.mark.processes
 def test_numba_takes_no_settings_from_there(hostile):
     """They would choose other instructions, and so other bits."""
     folder, _ = hostile

@@ -48,6 +48,7 @@ def contents(folder):
                 yield from ((f"{path}/{name}", archive.read(name)) for name in archive.namelist())
 
 
+@pytest.mark.processes
 def test_whole_campaign_leaves_no_password(tmp_path, campaign_file, workers, monkeypatch, capsys):
     """Plan, rows, report, status, list, messages: the URL is shown in all of them, the password in none."""
     monkeypatch.chdir(tmp_path)
@@ -117,6 +118,7 @@ def test_detached_coordinator_is_not_told_on_its_command_line(tmp_path, campaign
     assert environment[STORE] == url
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_no_process_shows_the_password(tmp_path):
     """``submit`` with the URL in the environment: no command line of coordinator or workers has the password."""

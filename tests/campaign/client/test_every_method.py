@@ -143,11 +143,13 @@ def test_every_method_is_checked():
     assert set(CHECKS) == methods
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("name", CHECKS)
 def test_method(name, server, finished, store, tmp_path):
     CHECKS[name](server, finished, store, tmp_path)
 
 
+@pytest.mark.processes
 def test_what_if_is_that_of_the_command(server, store, tmp_path, capsys, monkeypatch):
     """The same document, number by number, of as many samples as an answer needs."""
     (tmp_path / "many.toml").write_text(SPEC.replace('"demo"', '"many"'))

@@ -6,6 +6,7 @@ from campaign.client.remote_server import connect
 from campaign.errors import SpecError, UnreachableError
 
 
+@pytest.mark.processes
 def test_a_campaign_with_its_files_is_sent_once(remote, tmp_path):
     (tmp_path / "gaps.csv").write_text("gap\n0.05\n0.06\n0.08\n")
     file = tmp_path / "own.toml"
@@ -23,6 +24,7 @@ def test_a_campaign_with_its_files_is_sent_once(remote, tmp_path):
     assert remote.resume(made["campaign"])["note"] == "queued"
 
 
+@pytest.mark.processes
 def test_a_file_elsewhere_is_not_sent(remote, tmp_path):
     folder = tmp_path / "theirs"
     folder.mkdir()
@@ -36,12 +38,14 @@ def test_a_file_elsewhere_is_not_sent(remote, tmp_path):
             remote.submit(folder / "theirs.toml")
 
 
+@pytest.mark.processes
 def test_faults_come_back_as_faults(remote):
     with pytest.raises(SpecError, match="samples") as refused:
         remote.submit({"format": 1, "name": "x", "mechanism": "c60", "samples": 0})
     assert ("samples",) in [fault.keys for fault in refused.value.faults]
 
 
+@pytest.mark.processes
 def test_list_report_and_events(remote, finished, tmp_path):
     assert finished in [entry["campaign"] for entry in remote.campaigns(state="completed")]
     events = list(remote.events(finished))
@@ -54,6 +58,7 @@ def test_list_report_and_events(remote, finished, tmp_path):
         remote.campaign("nothing-0")
 
 
+@pytest.mark.processes
 def test_pages_of_the_list_are_asked_one_by_one(remote, finished, monkeypatch):
     made = remote.submit("c60", samples=5)
     monkeypatch.setattr("campaign.client.campaign_list.ON_A_PAGE", 1)
@@ -64,6 +69,7 @@ def test_pages_of_the_list_are_asked_one_by_one(remote, finished, monkeypatch):
         remote.find()
 
 
+@pytest.mark.processes
 def test_mechanisms(remote):
     assert "clearance_pendulum" in remote.mechanisms()["shipped"]
     with pytest.raises(SpecError, match="no mechanism nothing"):
@@ -79,6 +85,7 @@ def test_a_server_that_is_away(monkeypatch):
         nobody.mechanisms()
 
 
+@pytest.mark.processes
 def test_a_wrong_token_is_not_quoted(live_server):
     with connect(live_server[1], "clearcap_token_wrong") as stranger:
         with pytest.raises(SpecError, match="another on the server's page Account") as refused:

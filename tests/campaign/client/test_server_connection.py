@@ -53,6 +53,7 @@ def pauses(monkeypatch):
     return waited
 
 
+@pytest.mark.processes
 def test_questions_are_asked_again(pauses):
     answers = [(503, {"Retry-After": "7"}, b""), (429, {}, b""), (200, {}, b"{}")]
     with answering(answers) as (address, asked), ServerConnection(address, "t") as connection:
@@ -62,6 +63,7 @@ def test_questions_are_asked_again(pauses):
     assert 0.5 < pauses[1] < 2.0
 
 
+@pytest.mark.processes
 def test_other_requests_are_sent_once(pauses):
     with answering([(503, {}, b"")]) as (address, asked), ServerConnection(address, "t") as connection:
         with pytest.raises(StoreError):
@@ -70,6 +72,7 @@ def test_other_requests_are_sent_once(pauses):
     assert pauses == []
 
 
+@pytest.mark.processes
 def test_what_is_wrong_is_not_asked_again(pauses):
     answers = [(422, {}, b'{"detail": "no such key", "faults": [{"keys": ["a"], "text": "wrong", "line": 3}]}')]
     with answering(answers) as (address, asked), ServerConnection(address, "t") as connection:
@@ -80,6 +83,7 @@ def test_what_is_wrong_is_not_asked_again(pauses):
     assert (fault.keys, fault.text, fault.line) == (("a",), "wrong", 3)
 
 
+@pytest.mark.processes
 def test_another_address_gets_no_token(pauses):
     with answering([]) as (other, elsewhere), answering([(307, {"Location": f"{other}/x"}, b"")]) as (address, _):
         with ServerConnection(address, "t") as connection, pytest.raises(SpecError, match="another address"):
@@ -87,6 +91,7 @@ def test_another_address_gets_no_token(pauses):
         assert elsewhere == []
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(("status", "kind"), [(409, CampaignError), (401, SpecError), (500, StoreError)])
 def test_kinds_of_errors(pauses, status, kind):
     with answering([(status, {}, b"not json")]) as (address, _), ServerConnection(address, "t") as connection:
@@ -95,6 +100,7 @@ def test_kinds_of_errors(pauses, status, kind):
         assert type(refused.value) is kind
 
 
+@pytest.mark.processes
 def test_no_proxy_of_the_environment_reads_what_goes_to_this_machine(pauses, monkeypatch):
     with answering([]) as (proxy, seen), answering([(200, {}, b"{}")]) as (address, asked):
         monkeypatch.setenv("HTTP_PROXY", proxy)
@@ -104,6 +110,7 @@ def test_no_proxy_of_the_environment_reads_what_goes_to_this_machine(pauses, mon
         assert (len(seen), len(asked)) == (0, 1)
 
 
+@pytest.mark.processes
 def test_events_continue_after_the_last_one_seen(pauses):
     first = b'retry: 2000\n\nid: a\nevent: progress\ndata: {"n": 1}\n\nid: b\nevent: progress\ndata: {"n"'
     rest = b': still here\n\nid: b\nevent: progress\ndata: {"n":\ndata: 2}\n\nevent: end\ndata: {}\n\n'

@@ -18,6 +18,8 @@ from engine.cad_import.proposed_mechanism import proposed_mechanism
 from tests.campaign.import_page.conftest import HOSTILE, written
 from tests.engine.cad.occt.test_triangulation import volume_of
 
+pytestmark = pytest.mark.processes
+
 
 class Page(HTMLParser):
     """The elements of a page, its text, and the content of scripts and styles."""

@@ -58,6 +58,7 @@ def test_scripts_run_no_text_and_ask_nobody(name):
     assert [word for word in FORBIDDEN if word in content] == []
 
 
+@pytest.mark.processes
 def test_python_code_does_without():
     """Neither `import clearcap` nor the command's own modules load what draws the page."""
     code = (

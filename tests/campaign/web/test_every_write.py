@@ -283,6 +283,7 @@ def marked(name):
     return pytest.param(name, marks=pytest.mark.slow) if COMPUTING.search(name) else name
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("name", [marked(name) for name in WRITES])
 def test_success_is_audited(name, world):
     """One entry says who, from a session, what, to what, and that it was done; no secret of the answer is in it."""
@@ -299,6 +300,7 @@ def test_success_is_audited(name, world):
     assert "clearcap_" not in entry.detail
 
 
+@pytest.mark.processes
 def test_trail_is_whole(world):
     """After all of these the digests follow each other, and an admin is told so."""
     assert world.client.get("/api/v1/audit/check", headers=world.browser("admin")).json()["whole"] is True

@@ -12,6 +12,8 @@ from tests.campaign.web.running import PATIENCE, HeldClock, exchange, in_a_threa
 from tests.each import each
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0)
 CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 STEP = 0.1  # s, by which time passes

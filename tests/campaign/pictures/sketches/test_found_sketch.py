@@ -11,6 +11,8 @@ from engine.cad_import.found_places import found_places
 from tests.campaign.import_page.conftest import latch  # noqa: F401
 from tests.engine.cad.latch import CRANK, RADII, ROCKER, ROCKER_FOOT
 
+pytestmark = pytest.mark.processes
+
 MIDDLES = {"base-crank": (0.0, 0.0), "crank-coupler": CRANK, "rocker-coupler": ROCKER, "base-rocker": ROCKER_FOOT}
 NAMES = ["base-crank", "base-rocker", "crank-coupler", "rocker-coupler", "stop-1"]
 

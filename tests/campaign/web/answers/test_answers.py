@@ -53,6 +53,7 @@ def said(*words):
     return json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
 
 
+@pytest.mark.processes
 def test_the_numbers_are_those_of_the_command(filled, asked):
     """The answer is the command's document, to the last bit of each number."""
     store, plan = filled
@@ -62,6 +63,7 @@ def test_the_numbers_are_those_of_the_command(filled, asked):
     assert "preview" not in narrower
 
 
+@pytest.mark.processes
 def test_refusals_and_advice_are_those_of_the_command(filled, asked, tmp_path):
     """And what smaller tolerances cost."""
     store, plan = filled
@@ -84,6 +86,7 @@ def test_refusals_and_advice_are_those_of_the_command(filled, asked, tmp_path):
     assert allocated == said("advise", name, "--cost", str(costs), *place)
 
 
+@pytest.mark.processes
 def test_an_answer_is_kept_until_the_rows_change(growing, asked, monkeypatch):
     """Its bytes and its name stay; with new rows it is another."""
     store, plan, compute = growing
@@ -109,6 +112,7 @@ def test_an_answer_is_kept_until_the_rows_change(growing, asked, monkeypatch):
     assert [each["n"] + each["dropped"] for each in counts] == [200, 250]
 
 
+@pytest.mark.processes
 def test_equal_questions_at_once_are_computed_once(filled, asked, monkeypatch):
     """Fifty users ask the same: one job. Who goes away does not end it for the others."""
     store, plan = filled
@@ -131,6 +135,7 @@ def test_equal_questions_at_once_are_computed_once(filled, asked, monkeypatch):
     assert asked(store, ask) == 1
 
 
+@pytest.mark.processes
 def test_a_question_that_nobody_waits_for_is_ended(filled, asked, monkeypatch):
     """Its place is free at once, and the next who asks it is answered."""
     store, plan = filled
@@ -163,6 +168,7 @@ WRONG = (
 )
 
 
+@pytest.mark.processes
 def test_a_wrong_question_is_the_commands_error(filled, asked):
     """The words are the same, and the next question is answered."""
     store, plan = filled
@@ -176,6 +182,7 @@ def test_a_wrong_question_is_the_commands_error(filled, asked):
     assert asked(store, ask).content
 
 
+@pytest.mark.processes
 def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
     """And remembered for nobody."""
     store, plan, compute = growing
@@ -192,6 +199,7 @@ def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
     assert asked(store, ask).content
 
 
+@pytest.mark.processes
 def test_two_campaigns_are_compared(own_filled, asked, campaign_file):
     """A campaign with another, and not with itself."""
     store, plan = own_filled

@@ -16,6 +16,8 @@ from tests.campaign.web.conftest import serving
 from tests.campaign.web.running import until_true
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 BROWSER = {"Accept": "text/html"}
 
 

@@ -17,6 +17,8 @@ from tests.campaign.web.answers import strange_jobs
 from tests.campaign.web.running import until_true
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 LIMITS = JobLimits(processor_s=200.0, wall_s=600.0, memory_gib=1.0, answer_mib=1.0)  # only a hang reaches its times
 
 

@@ -7,12 +7,14 @@ from engine import load_mechanism, simulate
 PENDULUM = "clearance_pendulum"
 
 
+@pytest.mark.processes
 def test_list(computing):
     client, headers = computing
     document = client.get("/api/v1/mechanisms", headers=headers("viewer")).json()
     assert {"c60", PENDULUM} <= set(document["shipped"])
 
 
+@pytest.mark.processes
 def test_show(computing):
     client, headers = computing
     document = client.get(f"/api/v1/mechanisms/{PENDULUM}", headers=headers("viewer")).json()
@@ -22,6 +24,7 @@ def test_show(computing):
     assert client.get("/api/v1/mechanisms/none", headers=headers("viewer")).status_code == 404
 
 
+@pytest.mark.processes
 def test_text(computing):
     client, headers = computing
     answer = client.get(f"/api/v1/mechanisms/{PENDULUM}/text", headers=headers("viewer"))
@@ -29,6 +32,7 @@ def test_text(computing):
     assert answer.headers["content-type"] == "application/toml"
 
 
+@pytest.mark.processes
 def test_save_check_and_use(computing):
     client, headers = computing
     text = client.get(f"/api/v1/mechanisms/{PENDULUM}/text", headers=headers("viewer")).text
@@ -47,6 +51,7 @@ def test_save_check_and_use(computing):
     assert run["status"] == "ok"
 
 
+@pytest.mark.processes
 def test_faults_are_a_problem(computing):
     client, headers = computing
     answer = client.post("/api/v1/checks/mechanism", json={"text": "bodies = 3\n"}, headers=headers("engineer"))
@@ -62,6 +67,7 @@ def test_value_without_a_key_that_can_be_written(client, as_user):
     assert (answer.status_code, answer.json()["faults"][0]["keys"][:2]) == (422, ["body", "values"])
 
 
+@pytest.mark.processes
 def test_simulation_has_the_bits_of_the_engine(computing):
     client, headers = computing
     wanted = {"mechanism": PENDULUM}
@@ -71,6 +77,7 @@ def test_simulation_has_the_bits_of_the_engine(computing):
     assert answer["certificate"]["steps"] == run.certificate.steps
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     "wanted",
     [
@@ -87,6 +94,7 @@ def test_odd_simulation_is_refused(computing, wanted):
     assert answer.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.processes
 def test_pictures(computing):
     client, headers = computing
     picture = client.get(f"/api/v1/mechanisms/{PENDULUM}/picture.svg", headers=headers("viewer"))

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from campaign.cli import app
 from campaign.web.answers.answers import MOST_SETTINGS
 
-pytestmark = pytest.mark.bits
+pytestmark = [pytest.mark.processes, pytest.mark.bits]
 
 NARROWER = "J1.std=0.018"
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"

@@ -2,9 +2,12 @@
 
 import os
 
+import pytest
+
 from tests.campaign.web.conftest import only_in_a_folder
 
 
+@pytest.mark.processes
 def test_report_and_comparison_are_written(computing, explored):
     """By engineers; a comparison leaves the campaign's own report as it is."""
     client, headers = computing

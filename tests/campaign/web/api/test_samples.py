@@ -12,6 +12,8 @@ from campaign.reports.replayed import replay_sample
 from campaign.web.answers.exported_rows import FORMATS
 from engine import load_mechanism, read_trajectory
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture
 def get(computing, explored):

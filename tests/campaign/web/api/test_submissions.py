@@ -51,6 +51,7 @@ def submit(computing, text, headers="engineer", **more):
     return client.post("/api/v1/campaigns", json={"text": text, **more}, headers=by_role[headers])
 
 
+@pytest.mark.processes
 def test_check_tells_size_and_cost(computing):
     _, client, headers = computing
     answer = client.post("/api/v1/checks/campaign", json={"text": SPEC}, headers=headers["engineer"])
@@ -62,6 +63,7 @@ def test_check_tells_size_and_cost(computing):
     assert document["campaign"].startswith("demo-")
 
 
+@pytest.mark.processes
 def test_faults_have_keys_and_lines(computing):
     _, client, headers = computing
     text = SPEC.replace("std = 0.0175", "std = -1").replace("samples = 25", "sample = 25")
@@ -73,6 +75,7 @@ def test_faults_have_keys_and_lines(computing):
     assert faults["sample"] == lines.index("sample = 25") + 1
 
 
+@pytest.mark.processes
 def test_faults_of_a_file_that_the_text_names(computing):
     """The problem says which file, and the line in it."""
     text = SPEC.replace('"c60"', '"latch.toml"')
@@ -84,6 +87,7 @@ def test_faults_of_a_file_that_the_text_names(computing):
     assert any(fault["line"] for fault in inner)
 
 
+@pytest.mark.processes
 def test_submitted_once(computing):
     """A campaign is planned, queued, and its submitter's; the same again changes nothing."""
     service, client, headers = computing
@@ -100,6 +104,7 @@ def test_submitted_once(computing):
     assert service.store.table(made["campaign"]).num_rows == 0  # nothing was simulated
 
 
+@pytest.mark.processes
 def test_planned_and_not_queued_is_queued_by_the_same_again(computing):
     """Whoever planned it was killed before he queued it."""
     service, _, _ = computing
@@ -109,6 +114,7 @@ def test_planned_and_not_queued_is_queued_by_the_same_again(computing):
     assert state_of(service.store, made["campaign"])["state"] == "queued"
 
 
+@pytest.mark.processes
 def test_form_with_files(computing):
     """As curl -F sends it; a name with a folder too."""
     _, client, headers = computing
@@ -122,6 +128,7 @@ def test_form_with_files(computing):
     assert entry["tags"] == ["a", "b"]
 
 
+@pytest.mark.processes
 def test_saved_mechanism_is_named(computing):
     _, client, headers = computing
     saved = client.put("/api/v1/mechanisms/latch", json={"text": LATCH.decode()}, headers=headers["engineer"])
@@ -129,6 +136,7 @@ def test_saved_mechanism_is_named(computing):
     assert submit(computing, named("saved", SPEC.replace('"c60"', '"latch"'))).status_code == 201
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("field", ["samples", "seed"])
 def test_true_is_no_number(computing, field):
     _, client, headers = computing
@@ -137,6 +145,7 @@ def test_true_is_no_number(computing, field):
     assert (answer.status_code, "not true or false" in answer.text) == (422, True)
 
 
+@pytest.mark.processes
 def test_same_key_same_answer(computing):
     """Sent twice, also after the campaign exists; another content is refused; a refused one may be corrected."""
     _, client, headers = computing
@@ -164,6 +173,7 @@ def test_keys_are_kept_for_a_day(served):
     assert keys.claim("engineer", "k", "b", now=87000.0) is None
 
 
+@pytest.mark.processes
 def test_more_samples(computing):
     """A new campaign of the same spec, with the tags of the first."""
     _, client, headers = computing
@@ -180,6 +190,7 @@ def test_more_samples(computing):
         assert (refused.status_code, f"samples = {samples}" in refused.json()["detail"]) == (422, True)
 
 
+@pytest.mark.processes
 def test_failed_rows_again(computing):
     """A request in the store, which the coordinator that serves it fulfils; refused while it is computed."""
     service, client, headers = computing
@@ -227,6 +238,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.processes
 @each("content", HOSTILE)
 def test_hostile_content_is_refused(computing, content):
     _, client, headers = computing
@@ -240,6 +252,7 @@ def test_hostile_content_is_refused(computing, content):
     assert "root:" not in answer.text
 
 
+@pytest.mark.processes
 def test_other_bodies_are_refused(computing):
     _, client, headers = computing
     for kind, body, status in (

@@ -12,6 +12,8 @@ from campaign.web.watch import watcher
 from tests.campaign.web.running import PATIENCE, in_a_thread
 from tests.until import until
 
+pytestmark = pytest.mark.processes
+
 MOST, AT_ONCE = 2, 12
 
 

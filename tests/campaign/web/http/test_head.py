@@ -54,6 +54,7 @@ def test_head_uses_no_link(client, service):
     assert "clearcap" in client.get(f"/login/link?key={key}").headers["set-cookie"]
 
 
+@pytest.mark.processes
 def test_head_of_events_ends(settings, campaign, plan):
     """The stream has no end; its head has, on the same connection as the next request."""
     with in_a_thread(settings) as (service, port):

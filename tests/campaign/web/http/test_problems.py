@@ -42,6 +42,7 @@ def test_bug_is_no_refusal():
     assert refusal_of(KeyError("x")) is None
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("job", "status", "words"),
     [

@@ -39,6 +39,7 @@ async def _until(name, count, value, **state):
     await until_true(lambda: value(name, **state) == count, f"{name} {state} is {count}")
 
 
+@pytest.mark.processes
 def test_campaigns_by_state(store, plan, counted):
     """A state that no campaign has any more is zero, not gone."""
 
@@ -54,6 +55,7 @@ def test_campaigns_by_state(store, plan, counted):
     asyncio.run(count())
 
 
+@pytest.mark.processes
 def test_jobs_that_run_and_wait(counted):
     async def count():
         async with counted() as (_, pool, value):
@@ -69,6 +71,7 @@ def test_jobs_that_run_and_wait(counted):
     asyncio.run(count())
 
 
+@pytest.mark.processes
 def test_open_event_streams(store, plan, counted):
     write_state(store, plan.campaign_id, "queued")
 

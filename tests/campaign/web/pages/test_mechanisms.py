@@ -34,6 +34,7 @@ def browser(tmp_path_factory):
         yield client, log_in
 
 
+@pytest.mark.processes
 def test_list_and_page(browser):
     client, log_in = browser
     log_in("viewer")
@@ -50,6 +51,7 @@ def test_list_and_page(browser):
     assert client.get("/mechanisms/nothing").status_code == 404
 
 
+@pytest.mark.processes
 def test_pictures_of_the_style_are_there(browser):
     """What is shown where a picture is still being drawn, among them."""
     client, log_in = browser
@@ -59,6 +61,7 @@ def test_pictures_of_the_style_are_there(browser):
     assert {client.get(f"/static/{name}").status_code for name in named} == {200}
 
 
+@pytest.mark.processes
 def test_editor_shows_faults_beside_their_lines(browser):
     client, log_in = browser
     csrf = log_in()
@@ -75,6 +78,7 @@ def test_editor_shows_faults_beside_their_lines(browser):
     ).text.replace("<script src", "")
 
 
+@pytest.mark.processes
 def test_editor_knows_the_schema(browser):
     """The field names the document from which its proposals come; a browser keeps it."""
     client, log_in = browser
@@ -85,6 +89,7 @@ def test_editor_knows_the_schema(browser):
     assert client.get(address, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
 
 
+@pytest.mark.processes
 def test_saved_as_versions(browser):
     """A stale version is refused; a shipped name too; the upload of a file saves it."""
     client, log_in = browser
@@ -107,6 +112,7 @@ def test_saved_as_versions(browser):
     assert binary.status_code == 422
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("path", ["", f"/{PENDULUM}", f"/{PENDULUM}/edit", f"/{PENDULUM}/try?run=true"])
 def test_pages_have_no_fault(browser, path):
     """Fields have labels, writes the session's word, and nothing is inline."""
@@ -117,6 +123,7 @@ def test_pages_have_no_fault(browser, path):
     assert Page(answer.text).faults == []
 
 
+@pytest.mark.processes
 def test_form_leads_to_the_runs_address(browser):
     """What is as it was shown is left out of the address."""
     client, log_in = browser
@@ -129,6 +136,7 @@ def test_form_leads_to_the_runs_address(browser):
     assert (answer.status_code, answer.headers["location"]) == (303, wanted)
 
 
+@pytest.mark.processes
 def test_run_shows_numbers_and_motion(browser):
     client, log_in = browser
     log_in()
@@ -159,6 +167,7 @@ def test_run_shows_numbers_and_motion(browser):
     assert "needs the role engineer" in client.get("/mechanisms/c60/try?set=J1=0.05").text
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("path", ["/mechanisms", f"/mechanisms/{PENDULUM}/edit"])
 def test_writes_need_a_role_and_an_own_page(browser, path):
     client, log_in = browser

@@ -67,6 +67,7 @@ def begun(browser):
     return client, fields_of(answer), answer
 
 
+@pytest.mark.processes
 def test_empty_page(browser):
     _, client, log_in = browser
     log_in()
@@ -77,6 +78,7 @@ def test_empty_page(browser):
     assert tomllib.loads(text_of(answer))["mechanism"] == "clearance_pendulum"
 
 
+@pytest.mark.processes
 def test_file_becomes_form(begun):
     _, fields, answer = begun
     assert (fields["name"], fields["samples"], fields["seed"]) == ("demo", "25", "7")
@@ -88,6 +90,7 @@ def test_file_becomes_form(begun):
     assert Page(answer.text).faults == []
 
 
+@pytest.mark.processes
 def test_form_becomes_file(begun):
     """What the form does not have stays; numbers stay as they were written."""
     client, fields, _ = begun
@@ -105,6 +108,7 @@ def test_form_becomes_file(begun):
     assert text_of(again) == text_of(answer)
 
 
+@pytest.mark.processes
 def test_another_distribution_has_its_own_parameters(begun):
     client, fields, _ = begun
     answer = send(client, fields, "write", **{"v0.distribution": "uniform"})
@@ -114,6 +118,7 @@ def test_another_distribution_has_its_own_parameters(begun):
     assert "v0.mean" not in fields_of(answer)
 
 
+@pytest.mark.processes
 def test_change_of_one_side_reaches_the_other(begun):
     """Check and submit take the side that changed; where both did, nobody's work is lost."""
     client, fields, _ = begun
@@ -128,6 +133,7 @@ def test_change_of_one_side_reaches_the_other(begun):
     assert fields_of(send(client, kept, "read"))["samples"] == "88"
 
 
+@pytest.mark.processes
 def test_faults_are_marked_at_field_and_line(begun):
     client, fields, _ = begun
     answer = send(client, fields, "check", **{"v0.std": "-1", "samples": "many", "r0.usl": "8"})
@@ -140,6 +146,7 @@ def test_faults_are_marked_at_field_and_line(begun):
     assert Page(answer.text).faults == []
 
 
+@pytest.mark.processes
 def test_a_file_that_is_no_toml(begun):
     """The form stays as it was; the line is shown."""
     client, fields, _ = begun
@@ -150,6 +157,7 @@ def test_a_file_that_is_no_toml(begun):
     assert "No faults" not in answer.text
 
 
+@pytest.mark.processes
 def test_submitted_and_begun_from(browser, begun):
     """It is queued; another may begin with its file, and its page offers what follows."""
     service, client, _ = browser
@@ -175,6 +183,7 @@ def test_submitted_and_begun_from(browser, begun):
     assert client.get(f"{NEW}?from=nothing").status_code == 404
 
 
+@pytest.mark.processes
 def test_a_file_of_its_own(begun):
     """It is kept in the page, and the campaign begun from it has its mechanism again."""
     client, fields, _ = begun
@@ -191,6 +200,7 @@ def test_a_file_of_its_own(begun):
     assert "No faults" in start.text
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("text", ["'<script>alert(1)</script>' = 1", "mechanism = '/etc/passwd'", "a = " + "[" * 9999])
 def test_hostile_text_is_shown_as_text(begun, text):
     client, fields, _ = begun
@@ -201,6 +211,7 @@ def test_hostile_text_is_shown_as_text(begun, text):
     assert "No faults" not in answer.text
 
 
+@pytest.mark.processes
 def test_needs_a_role_and_an_own_page(browser, begun):
     _, client, log_in = browser
     _, fields, _ = begun

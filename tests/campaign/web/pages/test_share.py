@@ -7,6 +7,8 @@ import pytest
 
 from campaign.web.http.asking import SHARE_COOKIE
 
+pytestmark = pytest.mark.processes
+
 TABS = {"Progress", "Report", "Samples", "What if", "Export", "Sign-off"}
 MOST = 200  # addresses that the pages of a campaign of four samples lead to
 

@@ -108,6 +108,7 @@ def test_odd_leases(queued, odd):
     assert len(serving.pid) <= 20
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_page_of_a_server_at_work(tmp_path):
     """The page of the administration names the process that computes, its worker, and what waits behind it."""

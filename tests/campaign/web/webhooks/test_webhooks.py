@@ -95,6 +95,7 @@ def send_all(book, news=(), allowed=("localhost",)):
         asyncio.run(sender._attempt(webhook, delivery))
 
 
+@pytest.mark.processes
 def test_the_end_is_told_signed_and_once(book):
     with receiver() as (port, came):
         webhook = book.add("eva", None, f"http://localhost:{port}/hook?x=1", [])
@@ -187,6 +188,7 @@ def test_nothing_is_sent_for_a_disabled_user(book, database):
     assert book.due(10) == []
 
 
+@pytest.mark.processes
 def test_it_is_sent_again_until_it_is_taken(book, now):
     with receiver(500, 302) as (port, came):
         webhook = book.add("eva", None, f"http://localhost:{port}/", [])
@@ -278,6 +280,7 @@ def test_the_own_network_is_refused_unless_named(host, monkeypatch):
     assert target_addresses(webhook_target(f"https://{host}/", [host.strip("[]")]))
 
 
+@pytest.mark.processes
 def test_a_name_that_changes_its_address_is_refused_when_it_is_sent(book, monkeypatch):
     """A check when the webhook is made does not suffice: the address is looked up, checked and used once each time."""
     with receiver() as (port, came):

@@ -1,5 +1,9 @@
 """The page that compares two campaigns, and the report of it."""
 
+import pytest
+
+pytestmark = pytest.mark.processes
+
 
 def test_compare(visit, submit, explored):
     """It has the numbers of the call; an engineer writes the report, which the page then names."""

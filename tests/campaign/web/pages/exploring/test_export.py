@@ -10,6 +10,8 @@ import pytest
 
 from campaign.web.answers.exported_rows import FORMATS
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_lines_do_what_the_page_does(visit, explored, computing, monkeypatch, kind):

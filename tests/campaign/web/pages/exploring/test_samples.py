@@ -1,6 +1,10 @@
 """The pages of samples: the worst first, one sample, and its replay."""
 
+import pytest
+
 from tests.campaign.web.pages.forms import Page
+
+pytestmark = pytest.mark.processes
 
 
 def test_worst_samples_and_pages(visit, explored):

@@ -12,7 +12,7 @@ from reporting import format_numbers
 from reporting.capability.intervals import cpk_half_width
 from tests.campaign.web.pages.forms import Page
 
-pytestmark = pytest.mark.bits
+pytestmark = [pytest.mark.processes, pytest.mark.bits]
 
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
