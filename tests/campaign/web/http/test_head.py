@@ -1,5 +1,7 @@
 """HEAD is answered with the head of GET, and does nothing."""
 
+import pytest
+
 from tests.campaign.web.running import exchange, in_a_thread
 from tests.each import each
 from tests.until import until
