@@ -5,15 +5,10 @@ from dataclasses import replace
 
 import pyarrow as pa
 import pytest
-from hypothesis import settings
 
 from reporting import ReportSpec
 from tests.fitted_once import fitted_once as fitted_once  # a fixture of all tests below
 from tests.reporting.synthetic import c60_spec, c60_table
-
-# The first call of a test pays for imports; what a report may cost is measured by tests of their own.
-settings.register_profile("reporting", deadline=None)
-settings.load_profile("reporting")
 
 
 @pytest.fixture

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 FUNCTION = "from reporting import capability; assert capability([1.0, 2.0], 0.0, 3.0).cpk is not None"
 MODULE = "from reporting.capability.intervals import cp_interval; assert cp_interval(1.0, 9, 0.95)"
 

@@ -346,6 +346,7 @@ def test_a_million_samples_take_less_than_a_gigabyte(tmp_path: Path) -> None:
     assert figures["memory_MiB"] < 1024
 
 
+@pytest.mark.processes
 def test_importing_reporting_is_light() -> None:
     heavy = ("matplotlib", "pyarrow", "pandas", "dask", "scipy.stats")
     code = f"import sys, reporting; print([name for name in {heavy} if name in sys.modules])"

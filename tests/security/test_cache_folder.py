@@ -32,7 +32,10 @@ def can_act() -> bool:
     return subprocess.run([*AS_VICTIM, "true"], check=False, capture_output=True).returncode == 0
 
 
-pytestmark = pytest.mark.skipif(not can_act(), reason="needs root, setpriv, and the capability to read everything")
+pytestmark = [
+    pytest.mark.skipif(not can_act(), reason="needs root, setpriv, and the capability to read everything"),
+    pytest.mark.processes,
+]
 
 
 class Prey:
@@ -90,7 +93,7 @@ def run_as_victim(*words, **environment):
     """Run Python as the victim, whose home is empty unless another is given."""
     given = {"PATH": os.environ["PATH"], "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", **environment}
     command = [*AS_VICTIM, sys.executable, *words]
-    return subprocess.run(command, env=given, cwd="/", capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, env=given, cwd="/", capture_output=True, text=True, check=False)
 
 
 def simulate(**environment):

@@ -124,6 +124,7 @@ def check(output, messages):
         assert text.count("<BEGIN>") == whole, "a hostile text is not whole"
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("as_json", [False, True], ids=["text", "json"])
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)
 def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
@@ -140,6 +141,7 @@ def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
         json.loads(output)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)
 def test_hostile_words(verb, hostile, capsys, monkeypatch):
     """Markup in place of each argument and of each option's value: no bug, and the message quotes it whole."""

@@ -1,13 +1,12 @@
 """Thousands of odd arrays and numbers against every public function that takes some: results, or the project's errors.
 
-The seed is another one in each run, and stands in the failure's message; `CLEARCAP_SECURITY_SEED` repeats one.
+The seed is the same in each run, and stands in the failure's message; `CLEARCAP_SECURITY_SEED` gives another one.
 """
 
 import datetime
 import decimal
 import fractions
 import os
-import random
 import traceback
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ from reporting import ReportError
 from reporting.capability.shares import runs_to_claim
 from tests.engine.friction.problems import random_problem
 
-SEED = int(os.environ.get("CLEARCAP_SECURITY_SEED") or random.SystemRandom().randrange(2**31))
+SEED = int(os.environ.get("CLEARCAP_SECURITY_SEED") or 1)
 TRIES = 300  # of each function
 MORE_TRIES = 2000
 OURS = (EngineError, ReportError)

@@ -76,6 +76,7 @@ def test_title_in_list_and_status(store, campaign_file, capsys, monkeypatch):
     assert title in [entry["title"] for entry in json.loads(output)]
 
 
+@pytest.mark.processes
 def test_title_where_a_campaign_is_computed(faked, campaign_file):
     """Progress, results and the title of their table."""
     hostile_plan(campaign_file, HOSTILE)
