@@ -32,6 +32,7 @@ def wait_for_a_process():
             process.kill()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("wait", [wait_for_a_thread, wait_for_a_queue, wait_for_a_loop, wait_for_a_process])
 def test_what_waits_is_interrupted(wait):
     with pytest.raises(TimeoutError, match=r"the answer: not over within 0\.1 s"), bounded("the answer", 0.1):

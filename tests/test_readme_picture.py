@@ -17,13 +17,12 @@ from PIL import Image
 
 from tests.chromium import chromium, needs_chromium, set_width
 
-pytestmark = [pytest.mark.slow, needs_chromium]
+pytestmark = [pytest.mark.slow, needs_chromium, pytest.mark.processes]
 ROOT = Path(__file__).parents[1]
 SHOWN = ROOT / "docs" / "images" / "report.png"
 WIDTH = 1320  # px: the summary fits in
 COLOURS = 64
 MOST_BYTES = 200_000
-AT_MOST = 300.0  # s, for the campaign; a compilation may be part of it
 BOTTOM = "return Math.ceil(document.querySelector('table.summary').getBoundingClientRect().bottom + scrollY)"
 CUT = "const box = document.querySelector('table.summary').parentElement; return box.scrollWidth > box.clientWidth"
 
@@ -35,7 +34,7 @@ def report(tmp_path_factory):
     command = re.search(r"^\*Top of the report of `clearcap (.+)`\.\*$", (ROOT / "README.md").read_text("utf-8"), re.M)
     words = [sys.executable, "-P", "-m", "clearcap", *shlex.split(command[1])]
     environment = {**os.environ, "LOGNAME": "A. Engineer"}
-    run = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=AT_MOST)
+    run = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     (page,) = folder.glob("runs/*/report/report.html")
     return page

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -10,6 +9,9 @@ import clearcap
 from campaign.coordinator.lease import hold_lease, is_coordinated
 from campaign.coordinator.plan_campaign import plan_campaign
 from clearcap import running
+from tests.until import until
+
+pytestmark = pytest.mark.processes
 
 STICKS = {"target": "materials.block_slope.friction", "distribution": "uniform", "lower": 0.65, "upper": 0.8}
 SLOPE = {
@@ -74,9 +76,7 @@ def test_interrupt_ends_the_coordinator(monkeypatch, store):
     plan = None
 
     def interrupted(process, progress):
-        until = time.monotonic() + 60.0
-        while not is_coordinated(clearcap.open_store(str(store)), plan.campaign_id) and time.monotonic() < until:
-            time.sleep(0.05)
+        until(lambda: is_coordinated(clearcap.open_store(str(store)), plan.campaign_id), "nobody coordinates it")
         raise KeyboardInterrupt
 
     original = running.plan_campaign
@@ -99,5 +99,5 @@ def test_a_script_needs_no_guard(store, tmp_path):
     """The workers do not import the script that started them."""
     script = tmp_path / "script.py"
     script.write_text(f"import clearcap\nprint(clearcap.run_campaign({SLOPE!r}, store={str(store)!r}).statuses)\n")
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
     assert done.stdout == "{'ok': 4}\n", done.stderr

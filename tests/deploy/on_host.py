@@ -40,7 +40,7 @@ def _compute(cluster, workers, url, campaign_id):
     plan = store.plan(campaign_id)
     if cluster.scheduler:
         with connect(cluster) as client:
-            client.wait_for_workers(workers, timeout=300)
+            client.wait_for_workers(workers, timeout=600)
             hosts = sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
     outcome = coordinate(store, plan, cluster, simulate=fake_engine.simulate)
     return {"hosts": hosts, "statuses": outcome.survey.statuses, "batches": sorted(outcome.survey.parts)}
@@ -59,13 +59,13 @@ def reach(address, *files):
 
 def knock(host, port):
     """Speak to a port without a certificate, in the clear and over TLS; return what it answers."""
-    with socket.create_connection((host, int(port)), timeout=5) as plain:
+    with socket.create_connection((host, int(port)), timeout=600) as plain:
         plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
         clear = read(plain)
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:
-        with socket.create_connection((host, int(port)), timeout=5) as plain, context.wrap_socket(plain) as secured:
+        with socket.create_connection((host, int(port)), timeout=600) as plain, context.wrap_socket(plain) as secured:
             secured.sendall(b"GET / HTTP/1.0\r\n\r\n")
             anonymous = read(secured)
     except OSError as error:

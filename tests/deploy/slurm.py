@@ -4,10 +4,10 @@ import os
 import re
 import shutil
 import subprocess
-import time
 from contextlib import contextmanager, suppress
 
 from tests.deploy.hosts import inside, network
+from tests.until import until
 
 CONFIGURATION = """\
 ClusterName=test
@@ -58,7 +58,6 @@ def slurm(folder):
                 env=environment | more,
                 capture_output=True,
                 text=True,
-                timeout=400,
             )
             assert done.returncode == 0, done.stderr
             return done.stdout + done.stderr
@@ -81,23 +80,23 @@ def slurm(folder):
                 daemon.wait()
 
 
-def wait_for_end(run, job, within=400):
+def wait_for_end(run, job):
     """Wait until a job has ended and return its last state; ``sbatch --wait`` looks only every 32 s."""
-    until = time.monotonic() + within
-    while (state := re.search(r"JobState=(\w+)", run("scontrol", "show", "job", job))[1]) in UNFINISHED:
-        assert time.monotonic() < until, f"job {job} is {state} after {within} s"
-        time.sleep(0.3)
-    return state
+
+    def last_state():
+        state = re.search(r"JobState=(\w+)", run("scontrol", "show", "job", job))[1]
+        return None if state in UNFINISHED else state
+
+    return until(last_state, f"job {job} does not end", pause=0.3)
 
 
 def _wait_until_idle(run):
     """Wait for the node to be there and to have no job."""
-    until = time.monotonic() + 60
-    while True:
+
+    def is_idle():
         try:
-            if "idle" in run("sinfo", "--noheader", "--format=%t").split():
-                return
+            return "idle" in run("sinfo", "--noheader", "--format=%t").split()
         except AssertionError:  # the controller is starting
-            pass
-        assert time.monotonic() < until, "SLURM has no idle node"
-        time.sleep(0.3)
+            return False
+
+    until(is_idle, "SLURM has no idle node", pause=0.3)

@@ -24,6 +24,7 @@ OAR_OPTIONS = {
 PBS_OPTIONS = {"-N": str, "-l": str, "-j": str}
 
 
+@pytest.mark.processes
 @needs("shellcheck", "shellcheck")
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
 def test_scripts(path):
@@ -79,6 +80,7 @@ def node_folder(commands, temporary):
     return [Path(line) for line in printed.splitlines()]
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("commands", ["on_node.sh", "slurm", "oar", "pbs"])
 def test_node_folder(tmp_path, commands):
     """Workers' folder on a node is their user's alone, has no name that can be foreseen, and is found again."""
@@ -126,6 +128,7 @@ def allocation(tmp_path, system, **environment):
     return sorted((tmp_path / "calls").read_text().splitlines())
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("system", "launchers"), [("slurm", ["srun"]), ("oar", ["oarsh"] * 2), ("pbs", ["pbs_tmrsh"] * 2)]
 )

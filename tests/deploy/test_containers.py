@@ -13,6 +13,7 @@ import yaml
 from tests.deploy.descriptors import DEPLOY, ROLES, ROOT, check_dask, needs, output
 
 
+@pytest.mark.processes
 @needs("docker-compose", "docker-compose")
 def test_compose():
     """docker-compose reads compose.yaml; nothing is published, and each role has its own certificate only."""
@@ -43,6 +44,7 @@ def test_compose():
         output(*command, env={k: v for k, v in os.environ.items() if k != "CLEARCAP_MEMORY"})
 
 
+@pytest.mark.processes
 def test_dockerfile():
     """Hadolint has nothing to say, and what is copied is there."""
     hadolint = Path(sys.executable).with_name("hadolint")

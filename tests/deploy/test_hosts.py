@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,12 +14,13 @@ from campaign.cluster.tls_certificates import make_certificates
 from tests.campaign.cluster_processes import scheduler, worker
 from tests.deploy.campaigns import computed_here, planned, rows
 from tests.deploy.hosts import inside, network
+from tests.until import until
 
 ROOT = Path(__file__).parents[2]
 PORT = 8786
-STARTED_WITHIN = 120.0  # s
 
 pytestmark = [
+    pytest.mark.processes,
     pytest.mark.slow,
     pytest.mark.skipif(
         os.getuid() != 0 or not shutil.which("ip") or not shutil.which("ss"),
@@ -62,7 +62,7 @@ def on_host(hosts, settings):
     def run(name, *words):
         command = [*inside(hosts[name][0]), sys.executable, "-m", "tests.deploy.on_host", *map(str, words)]
         environment = {**os.environ, **settings}
-        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
@@ -98,11 +98,8 @@ def test_strangers_are_refused(hosts, on_host, settings, tmp_path):
 
 def test_nothing_listens_in_the_clear(hosts, on_host):
     """Whatever port is open to other hosts answers neither plain words nor TLS without a certificate."""
-    until = time.monotonic() + STARTED_WITHIN
+    until(lambda: {name for name, _ in _ports(hosts)} >= {"scheduler", "one", "two"}, "not all listen", pause=0.2)
     ports = _ports(hosts)
-    while {name for name, _ in ports} < {"scheduler", "one", "two"} and time.monotonic() < until:
-        time.sleep(0.2)
-        ports = _ports(hosts)
     assert ("scheduler", str(PORT)) in ports
     assert {name for name, _ in ports} == {"scheduler", "one", "two"}
     for name, port in ports:

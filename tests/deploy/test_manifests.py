@@ -14,6 +14,7 @@ from tests.deploy.descriptors import DEPLOY, ROLES, check_dask, documents, outpu
 DIGEST = f"sha256:{'0123456789abcdef' * 4}"
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("image", [f"clearcap@{DIGEST}", f"registry.example:5000/a/clear-cap_1@{DIGEST}"])
 def test_an_image_by_digest(image):
     """It is put into every manifest that has an image."""
@@ -25,6 +26,7 @@ def test_an_image_by_digest(image):
     assert found == [image] * len(list(pods()))
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     "image",
     ["", "clearcap", "clearcap:1.0", "clearcap@sha256:12", f"a|b@{DIGEST}", f"x@{DIGEST}\ny", f"y\nx@{DIGEST}"],

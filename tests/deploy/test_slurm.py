@@ -4,7 +4,6 @@ import json
 import os
 import stat
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -13,11 +12,13 @@ from campaign.cluster.tls_certificates import make_certificates
 from engine import jit, warm_up
 from tests.deploy.campaigns import computed_here, planned, rows
 from tests.deploy.slurm import is_here, slurm, wait_for_end
+from tests.until import until
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
 
 pytestmark = [
+    pytest.mark.processes,
     pytest.mark.slow,
     pytest.mark.skipif(not is_here(), reason="needs root and SLURM: apt-get install slurm-wlm iproute2"),
 ]
@@ -91,7 +92,4 @@ def test_workers_as_jobs(run, tmp_path):
     assert json.loads(told)["batches"] == list(range(len(plan.batches)))
     assert rows(store, plan).equals(computed_here(tmp_path))
     assert not list(shared.iterdir())
-    until = time.monotonic() + 30
-    while run("squeue", "--noheader") and time.monotonic() < until:
-        time.sleep(0.5)
-    assert not run("squeue", "--noheader")
+    until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)

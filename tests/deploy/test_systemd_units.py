@@ -10,6 +10,7 @@ import pytest
 from tests.deploy.descriptors import DEPLOY, check_dask, needs, output
 
 
+@pytest.mark.processes
 @needs("systemd-analyze", "systemd")
 def test_systemd(tmp_path):
     """systemd-analyze finds nothing wrong with the units, the commands being there."""

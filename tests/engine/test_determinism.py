@@ -44,12 +44,12 @@ def fresh(code: str, **environment: str) -> str:
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         capture_output=True,
         text=True,
-        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
 
+@pytest.mark.processes
 def test_same_bits_again_and_in_other_processes():
     """The C-60 and linkages, twice here and in two fresh processes, whatever threads their linear algebra may use."""
     here = digest()
@@ -59,6 +59,7 @@ def test_same_bits_again_and_in_other_processes():
     assert [one, two] == [here, here]
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(("name", "horizon"), [("incline", 0.02), ("clearance_pendulum", 0.01)])
 def test_without_the_compiler_the_numbers_are_the_same(name, horizon):
     """NUMBA_DISABLE_JIT=1: plain Python takes as many steps and ends at the same numbers to 1e-12."""
@@ -73,6 +74,7 @@ def test_without_the_compiler_the_numbers_are_the_same(name, horizon):
     np.testing.assert_allclose(list(plain.values()), list(run.responses.values()), rtol=0, atol=1e-12)
 
 
+@pytest.mark.processes
 def test_importing_the_engine_is_light():
     """No compiler, no tables, no plots, no cluster for a process that only reads descriptions."""
     code = (

@@ -135,6 +135,7 @@ def test_linkages_do_move_and_touch():
     assert pressed >= {"floo", "ring"}
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_linkage_without_the_compiler_gives_the_same(seed):
     """NUMBA_DISABLE_JIT=1: plain Python ends at the same numbers to 1e-12."""

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 ROOT = Path(__file__).parents[2]
 PRINT = "from engine import jit; print(jit.numba.config.CACHE_DIR, flush=True)"
 PRINT_TWICE = f"{PRINT}; import subprocess, sys; subprocess.run([sys.executable, '-c', {PRINT!r}], check=True)"
@@ -19,7 +21,7 @@ def run(code, tmp_path, **environment):
         (tmp_path / name).mkdir(exist_ok=True)
     given = {"PYTHONPATH": str(ROOT), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "temporary")}
     words = [sys.executable, "-c", code]
-    return subprocess.run(words, env=given | environment, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(words, env=given | environment, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(

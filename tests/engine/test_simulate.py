@@ -202,11 +202,12 @@ def test_phase_with_a_duration_needs_no_rest():
 
 def test_wall_limit_is_a_timeout():
     """A run is stopped by its wall limit, and says where it was."""
-    run = simulate(load_mechanism("c60"), {"simulation.wall_limit": 1e-3})
+    mechanism = load_mechanism("c60")
+    run = simulate(mechanism, {"simulation.wall_limit": 1e-3})
     assert (run.status, run.responses) == ("timeout", {})
     assert "simulation.wall_limit" in run.message
     assert "at step" in run.message
-    assert run.certificate.wall_s < 5
+    assert run.certificate.time < mechanism.simulation.horizon
 
 
 def test_broken_validity_condition_is_invalid():

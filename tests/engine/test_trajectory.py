@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from engine import Recording, TrajectoryError, load_mechanism, read_trajectory, 
 from engine.loop import Cancel
 from engine.trajectory.forces import contact_forces
 from engine.trajectory.write import TrajectoryWriter
+from tests.until import until
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "trajectory.md").read_text("utf-8")
@@ -208,6 +208,7 @@ def test_run_that_is_stopped_leaves_a_whole_file(tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["stopped.h5"]
 
 
+@pytest.mark.processes
 def test_killed_writer_leaves_no_file_under_the_name(tmp_path):
     """SIGKILL in the middle: nothing under the name, and what is left is refused."""
     code = (
@@ -216,9 +217,7 @@ def test_killed_writer_leaves_no_file_under_the_name(tmp_path):
     )
     writer = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=_environment())
     try:
-        end = time.monotonic() + 300  # the engine may have to be compiled
-        while not any(item.stat().st_size > 20_000 for item in tmp_path.iterdir()) and time.monotonic() < end:
-            time.sleep(0.05)
+        until(lambda: any(item.stat().st_size > 20_000 for item in tmp_path.iterdir()), "nothing is written")
     finally:
         writer.send_signal(signal.SIGKILL)
         writer.wait()
@@ -316,10 +315,11 @@ def test_bad_request_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_h5py_waits_until_it_is_needed():
     """The engine without trajectories does not load h5py."""
     code = "import sys, engine; engine.load_mechanism('incline'); print('h5py' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], env=_environment(), capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], env=_environment(), capture_output=True, text=True)
     assert done.stdout == "False\n"
 
 

@@ -10,6 +10,8 @@ import pytest
 
 from campaign import open_store
 
+pytestmark = pytest.mark.processes
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = 6
 
@@ -18,7 +20,7 @@ def clearcap(*words, cwd):
     """Run the command in a process of its own and return its JSON document and its messages."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "campaign", *map(str, words), "--json"]
-    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=500)
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), done.stderr
 

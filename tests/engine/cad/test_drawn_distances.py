@@ -10,6 +10,8 @@ from engine.cad.drawn_distances import MeasuredShape, drawn_distances
 from engine.cad.occt.step_assembly import read_assembly
 from tests.engine.cad.hinges import BORE, PIN, PLAY, hinge
 
+pytestmark = pytest.mark.processes
+
 OFF = 0.02
 
 

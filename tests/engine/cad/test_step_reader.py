@@ -4,7 +4,6 @@ import hashlib
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,9 @@ from engine.cad import ReadingLimits, read_step
 from engine.cad.archive import packed
 from engine.cad.assembly_cache import cached, keep
 from tests.engine.cad.assemblies import differences, full_assembly
+from tests.until import until
+
+pytestmark = pytest.mark.processes
 
 LATCH = Path(__file__).parents[3] / "docs/examples/latch.step"
 
@@ -194,7 +196,7 @@ def test_the_reader_ends_with_its_parent(tmp_path):
     package = tmp_path / "OCP"
     package.mkdir()
     (package / "__init__.py").write_text(
-        f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(100)"
+        f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(3600)"
     )
     program = (
         "import sys, os, threading, time; from pathlib import Path; from engine.cad import read_step\n"
@@ -204,18 +206,17 @@ def test_the_reader_ends_with_its_parent(tmp_path):
         "os.kill(os.getpid(), 9)"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])}
-    subprocess.run([sys.executable, "-c", program, str(LATCH)], env=environment, timeout=60)
+    subprocess.run([sys.executable, "-c", program, str(LATCH)], env=environment)
     reader = Path("/proc", (tmp_path / "pid").read_text())
-    for _ in range(200):
-        if not reader.exists() or "Z" in (reader / "stat").read_text().split(")")[1]:
-            return
-        time.sleep(0.05)
-    raise AssertionError("the process that reads is still there")
+    until(
+        lambda: not reader.exists() or "Z" in (reader / "stat").read_text().split(")")[1],
+        "the process that reads is still there",
+    )
 
 
 @pytest.mark.slow
 def test_this_process_imports_no_occt():
     """Reading leaves OCP out of the process that asked."""
     program = "import sys; from engine.cad import read_step; read_step(sys.argv[1]); print('OCP' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program, str(LATCH)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program, str(LATCH)], capture_output=True, text=True)
     assert done.stdout.strip() == "False", done.stderr

@@ -186,6 +186,7 @@ def digest() -> str:
     return words.hexdigest()
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_same_bits_in_other_processes():
     here = digest()

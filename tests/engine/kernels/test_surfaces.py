@@ -150,6 +150,7 @@ def bits() -> str:
     return hashlib.sha256(np.hstack([x.ravel() for x in distances("wavy", q)]).tobytes()).hexdigest()
 
 
+@pytest.mark.processes
 def test_the_same_bits_in_another_process():
     code = "from tests.engine.kernels.test_surfaces import bits; print(bits())"
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

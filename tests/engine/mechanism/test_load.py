@@ -162,6 +162,7 @@ def test_the_first_line_names_the_file(tmp_path):
     assert message(path).split("\n")[0] == f"{path}: 1 fault"
 
 
+@pytest.mark.processes
 def test_a_description_loads_without_tables_and_cluster():
     code = "import sys, engine.mechanism; print([m for m in ('dask', 'pandas', 'pyarrow') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

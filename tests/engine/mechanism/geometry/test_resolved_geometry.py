@@ -242,8 +242,9 @@ def test_text_opens_no_file(monkeypatch):
         load_mechanism_text(tomli_w.dumps(latch_file()))
 
 
+@pytest.mark.processes
 def test_the_engine_alone_reads_no_cad():
     """Whoever imports the engine, or loads a plain mechanism, gets neither OCP nor SciPy's rotations."""
     code = "import sys, engine; engine.load_mechanism('c60'); print([m for m in sys.modules if m in ('OCP', 'scipy')])"
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=os.environ)
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ)
     assert printed.stdout.strip() == "[]", printed.stderr
