@@ -10,7 +10,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -92,19 +92,24 @@ def beating(store: Store, folder: str) -> Iterator[None]:
         thread.join()
 
 
-def take_lease(store: Store, campaign_id: str) -> str:
+def take_lease(
+    store: Store,
+    campaign_id: str,
+    clock: Callable[[], float] = time.monotonic,
+    pause: Callable[[float], None] = time.sleep,
+) -> str:
     """Take the lease of a campaign if it is free or stale, and return its token; raise `LeaseHeld` otherwise."""
     mine = {"token": secrets.token_hex(8), **this_process()}
     if store.create_json(campaign_id, LEASE, mine):
         return str(mine["token"])
     other = store.read_json(campaign_id, LEASE)
-    if other is not None and is_alive(store, campaign_id, other):
+    if other is not None and is_alive(store, campaign_id, other, clock, pause):
         raise LeaseHeld(
             f"{_holding(store, campaign_id)} by process {other.get('pid')} on {other.get('name')};"
             f" {_remedy(store, campaign_id)}"
         )
     store.write_json(campaign_id, LEASE, mine)
-    time.sleep(RACE_WAIT)
+    pause(RACE_WAIT)
     if lease_holder(store, campaign_id) != mine["token"]:
         raise LeaseHeld(f"{_holding(store, campaign_id)} by another process, which began at the same time")
     return str(mine["token"])
@@ -208,14 +213,20 @@ def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, n
     return judge_life(lease, heartbeat, earlier, time.monotonic() if now is None else now)
 
 
-def is_alive(store: Store, folder: str, lease: dict[str, Any]) -> bool:
+def is_alive(
+    store: Store,
+    folder: str,
+    lease: dict[str, Any],
+    clock: Callable[[], float] = time.monotonic,
+    pause: Callable[[float], None] = time.sleep,
+) -> bool:
     """Return whether the holder of a lease is alive; on another machine, this takes up to `STALE_AFTER` seconds."""
     sign: SignOfLife | None = None
     while True:
-        sign = judge_life(lease, store.read_json(folder, HEARTBEAT), sign, time.monotonic())
+        sign = judge_life(lease, store.read_json(folder, HEARTBEAT), sign, clock())
         if sign.is_alive is not None:
             return sign.is_alive
-        time.sleep(HEARTBEAT_INTERVAL / 2)
+        pause(HEARTBEAT_INTERVAL / 2)
 
 
 def is_coordinated(store: Store, campaign_id: str) -> bool:

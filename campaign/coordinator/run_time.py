@@ -3,6 +3,7 @@
 import json
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +24,7 @@ RUNS = 4  # number of trial runs
 ENOUGH = 5.0  # s; if the first run takes longer, no other is tried
 
 
-def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
+def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] = time.perf_counter) -> float | None:
     """Return how long a run of a plan takes on this machine [s]; None if one of its first runs kills its process.
 
     The runs are computed in an isolated subprocess, and their rows are discarded.
@@ -38,9 +39,9 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
             first = next(rows)  # includes the start of the process, and perhaps compilation
         if first["wall_s"] is None or first["wall_s"] > ENOUGH or runs == 1:
             return first["wall_s"] if first["wall_s"] is None else float(first["wall_s"])
-        start = time.perf_counter()
+        start = clock()
         statuses = [row["status"] for row in rows]
-        return None if "crashed" in statuses else (time.perf_counter() - start) / len(statuses)
+        return None if "crashed" in statuses else (clock() - start) / len(statuses)
 
 
 def known_seconds_per_run(store: Store, plan: Plan) -> float | None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
@@ -26,6 +27,8 @@ class ChildWatch:
         A process that leads a session of its own; processes that it started are killed with it.
     allowed : float
         How long it may be silent at first [s].
+    clock : callable
+        A monotonic clock [s].
 
     Attributes
     ----------
@@ -33,9 +36,11 @@ class ChildWatch:
         Whether the child was killed because it was silent for too long.
     """
 
-    def __init__(self, child: "subprocess.Popen[bytes]", allowed: float) -> None:
+    def __init__(
+        self, child: "subprocess.Popen[bytes]", allowed: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.hung = False
-        self._child = child
+        self._child, self._clock = child, clock
         self._last = self._seen = (0, allowed)  # number of messages; how long the child may be silent now
         self._silent_for = 0.0
         self._over = threading.Event()
@@ -64,9 +69,9 @@ class ChildWatch:
         return self._silent_for > self._seen[1]
 
     def _watch(self) -> None:
-        looked_at = time.monotonic()
+        looked_at = self._clock()
         while not self._over.wait(LOOK_INTERVAL):
-            now = time.monotonic()
+            now = self._clock()
             if self.is_silent(now - looked_at):
                 self._end()
                 return

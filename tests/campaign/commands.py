@@ -14,11 +14,11 @@ from campaign.cli import main
 ROOT = Path(__file__).parents[2]
 
 
-def clearcap(*words, cwd, timeout=300):
+def clearcap(*words, cwd):
     """Run the command in a process of its own."""
     command = [sys.executable, "-m", "campaign", *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=timeout)
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
 
 
 def clearcap_here(capsys, monkeypatch, *words):

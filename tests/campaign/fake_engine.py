@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from engine import Certificate, Run
+from tests.until import until
 
 
 def simulate(mechanism, values, *, step=None, horizon=None, cancel=None, status="ok", message=""):
@@ -54,6 +55,13 @@ def _units(mechanism):
 def takes(seconds, mechanism, values, **settings):
     """Take a while."""
     time.sleep(seconds)
+    return simulate(mechanism, values)
+
+
+def lasts(quick, counter, mechanism, values, *, cancel=None, **settings):
+    """Last until the campaign is cancelled or ``counter.end`` exists, after so many quick runs; a file counts."""
+    if not happens(quick, counter):
+        until(lambda: cancel.flag[0] or os.path.exists(f"{counter}.end"), "the run is not ended")
     return simulate(mechanism, values)
 
 
@@ -120,11 +128,19 @@ def kills_the_answer(counter, mechanism, values, **settings):
     return simulate(mechanism, values, message=_Killer(counter))
 
 
+_REMNANTS = []
+
+
 def leaves_a_thread(mechanism, values, **settings):
     """Leave a thread behind that ends the process while the next run is under way."""
-    run = takes(1.0, mechanism, values)
-    threading.Timer(0.5, os._exit, [3]).start()
-    return run
+    for begun, remnant in _REMNANTS:
+        begun.set()
+        remnant.join()  # for ever, but for the end
+    begun = threading.Event()
+    remnant = threading.Thread(target=lambda: begun.wait() and os._exit(3), daemon=True)
+    remnant.start()
+    _REMNANTS.append((begun, remnant))
+    return simulate(mechanism, values)
 
 
 def writes_everywhere(mechanism, values, **settings):

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 
@@ -18,6 +17,7 @@ from campaign.spec.load import load_campaign
 from engine import load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
 from tests.campaign.commands import ROOT
+from tests.until import until
 
 
 @pytest.fixture
@@ -29,14 +29,21 @@ def quick(monkeypatch, caplog):
     return lambda: [record.getMessage() for record in caplog.records]
 
 
-def test_slow_start_is_no_compilation(quick, tmp_path):
+def announcers():
+    """Return how many threads look whether something is compiled."""
+    return [thread.name for thread in threading.enumerate()].count("compiling")
+
+
+def test_slow_start_is_no_compilation(quick, tmp_path, monkeypatch):
     """Nothing is said of a block that takes long and writes nothing, nor where nothing is missing."""
+    looks = []
+    monkeypatch.setattr(compiling, "_is_written", lambda *_: bool(looks.append(True)))
     with announced_compilation(()):
-        time.sleep(0.1)
+        assert announcers() == 0
     with announced_compilation([str(tmp_path / "never.nbi")]):
-        time.sleep(0.1)
+        until(lambda: len(looks) > 3, "nobody looks")
     assert quick() == []
-    assert "compiling" not in [thread.name for thread in threading.enumerate()]
+    assert announcers() == 0
 
 
 def test_compilation_is_said_with_its_progress(quick, tmp_path):
@@ -44,28 +51,26 @@ def test_compilation_is_said_with_its_progress(quick, tmp_path):
     missing = [str(tmp_path / f"{n}.nbi") for n in range(3)]
     with announced_compilation(missing):
         (tmp_path / "1.nbi").write_text("x")
-        until = time.monotonic() + 20.0
-        while len(quick()) < 2 and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: len(quick()) > 1, "nothing is said")
     first, second, *_ = quick()
     assert first.startswith("compiling the engine, once for this version and this processor")
     assert second.startswith("compiling the engine: ")
     assert second.endswith(" s so far")
 
 
-def test_a_block_within_a_block_says_it_once(quick, tmp_path):
+def test_a_block_within_a_block_says_it_once(quick, caplog, tmp_path):
     """As where a campaign is opened to estimate the time of its runs; afterwards it may be said again."""
     missing = [str(tmp_path / "0.nbi")]
-    for times in (1, 2):
+    for _ in range(2):
         with announced_compilation(missing), announced_compilation(missing):
             (tmp_path / "0.nbi").write_text("x")
-            until = time.monotonic() + 20.0
-            while len([text for text in quick() if "once" in text]) < times and time.monotonic() < until:
-                time.sleep(0.01)
-            time.sleep(0.1)
-        assert len([text for text in quick() if "once" in text]) == times
+            until(lambda: quick() and quick()[-1].endswith("so far"), "nothing is said")
+            assert announcers() == 1
+        assert len([text for text in quick() if "once" in text]) == 1
+        caplog.clear()
 
 
+@pytest.mark.processes
 def test_a_compiled_engine_misses_nothing(tmp_path):
     """After it was compiled nothing is missing, in this process and in another one; in an empty cache all is.
 
@@ -78,7 +83,7 @@ def test_a_compiled_engine_misses_nothing(tmp_path):
     def missing(**environment):
         command = [sys.executable, "-c", code]
         variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), **environment, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(command, env=variables, capture_output=True, text=True, check=True)
         return int(done.stdout)
 
     cache = tmp_path / "cache"

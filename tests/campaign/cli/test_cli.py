@@ -84,6 +84,7 @@ def test_bad_input(words, said, tmp_path, capsys, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_bad_campaign_file_writes_nothing(campaign_file):
     """A faulty file is refused before the store is touched."""
     campaign_file.write_text(campaign_file.read_text().replace("std = 0.0175", "std = -1"))
@@ -101,6 +102,7 @@ def test_bug_is_not_hidden(monkeypatch):
         main()
 
 
+@pytest.mark.processes
 def test_run_json(faked, campaign_file):
     """``run --json`` prints one document that says what was done; again, it computes nothing."""
     words = ["run", str(campaign_file), "--store", "s", "--workers", "1", "--json"]
@@ -118,6 +120,7 @@ def test_run_json(faked, campaign_file):
     assert again["campaign"] == document["campaign"]
 
 
+@pytest.mark.processes
 def test_run_prints_capability(faked, campaign_file):
     """Without ``--json``: a table of responses with their Cpk, the counts, and where the report is."""
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1"])
@@ -129,6 +132,7 @@ def test_run_prints_capability(faked, campaign_file):
     assert Path(report).is_file()
 
 
+@pytest.mark.processes
 def test_no_report(faked, campaign_file):
     """``--no-report`` writes rows only; ``report`` writes it later."""
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
@@ -141,6 +145,7 @@ def test_no_report(faked, campaign_file):
     assert folder.is_dir()
 
 
+@pytest.mark.processes
 def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
     """Ctrl-C exits 130 and prints the command that goes on; what is done is kept."""
 
@@ -155,6 +160,7 @@ def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
     assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["left"] == 25
 
 
+@pytest.mark.processes
 def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
     """A campaign without one result exits 1 and quotes a message; the rows stay."""
     raises = partial(fake_engine.raises_above, -1.0)
@@ -170,6 +176,7 @@ def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
     assert "sample 0, crashed: ArithmeticError: no solution" in done.stderr
 
 
+@pytest.mark.processes
 def test_status(faked, campaign_file):
     """``status`` counts rows done, failed and left."""
     document = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
@@ -256,12 +263,14 @@ def test_mechanism_verbs(capsys, monkeypatch):
     assert re.search(r"long += 30 mm", printed("show", "lever"))
 
 
+@pytest.mark.processes
 def test_version(tmp_path):
     """``--version`` prints the name, a version, and the build by which an image is named."""
     printed = clearcap("--version", cwd=tmp_path).stdout
     assert re.fullmatch(rf"clearcap \S+, build {short_build()}\n", printed)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"]])
 def test_help_is_quick(words, tmp_path):
     """Help and lists take 0.2 to 0.3 s: they wait for neither dask nor tables, nothing of them is imported."""
@@ -269,11 +278,12 @@ def test_help_is_quick(words, tmp_path):
     check = "import atexit, sys; atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr)); "
     command = [sys.executable, "-c", check + code.replace("{words}", repr(words))]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     loaded = done.stderr.split("LOADED")[1].split()
     assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy", "h5py"}.isdisjoint(loaded)
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_pictures_of_mechanism_and_campaign(tmp_path):
     """``show --picture`` and ``polarisation`` write their file and one document; nothing else is left."""

@@ -120,6 +120,7 @@ def test_refused(folder, words, said):
     assert not (folder / "x.toml").exists()
 
 
+@pytest.mark.processes
 def test_without_the_extra(folder):
     """Where OCCT is not installed, `import` says what to install, and others work, with the kernels of this process."""
     hide = "import sys; sys.modules['OCP'] = None; sys.argv = ['clearcap', *{words!r}]"
@@ -130,7 +131,6 @@ def test_without_the_extra(folder):
             [sys.executable, "-c", code.format(words=words)],
             capture_output=True,
             text=True,
-            timeout=120,
             env={
                 "XDG_CACHE_HOME": str(folder / "none"),
                 "NUMBA_CACHE_DIR": str(CACHE_FOLDER.parent),

@@ -14,8 +14,7 @@ from campaign.cli.termination import terminated_in_order
 from campaign.store import open_store
 from campaign.store.layout import LEASE
 from tests.campaign.commands import ROOT, clearcap
-
-WITHIN = 120.0  # s
+from tests.until import until
 
 
 @pytest.fixture(autouse=True)
@@ -33,10 +32,10 @@ def test_unwinds_with_the_status_of_the_signal(number, status):
 
     def work():
         try:
-            os.kill(os.getpid(), number)
-            time.sleep(5.0)
+            signal.raise_signal(number)
+            pytest.fail("it goes on as if nothing had come")
         finally:
-            os.kill(os.getpid(), number)
+            signal.raise_signal(number)
             given_back.append(True)
 
     before = [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGHUP)]
@@ -50,8 +49,7 @@ class Swallowing:
     """What meets a signal where no exception can pass, as in a callback of compiled code."""
 
     def __del__(self):
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(0.01)
+        signal.raise_signal(signal.SIGTERM)
 
 
 def test_swallowed_signal_is_raised_again():
@@ -60,7 +58,7 @@ def test_swallowed_signal_is_raised_again():
     def work():
         thing = Swallowing()
         del thing
-        time.sleep(20.0)
+        time.sleep(600.0)
         pytest.fail("it goes on as if nothing had come")
 
     with pytest.raises(SystemExit) as ending, terminated_in_order():
@@ -81,22 +79,22 @@ def hook(monkeypatch):
     return lambda report: monkeypatch.setattr(sys, "unraisablehook", report)
 
 
-def test_signal_while_another_error_is_reported(hook):
-    """An exception in the hook for swallowed ones would be lost, and a traceback printed: it is raised after it."""
+def test_signal_while_another_error_is_reported(hook, monkeypatch):
+    """An exception in the hook for swallowed ones would be lost, and a traceback printed: it is sent again after it."""
 
     def work():
         thing = Fails()
         del thing
         happened.append("end of the hook")
-        time.sleep(20.0)
+        signal.raise_signal(*sent)
         pytest.fail("it goes on as if nothing had come")
 
     def report(swallowed):
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(0.01)
+        signal.raise_signal(signal.SIGTERM)
         happened.append(swallowed.exc_type)
 
-    happened = []
+    happened, sent = [], []
+    monkeypatch.setattr("campaign.cli.termination.send_again", sent.append)
     hook(report)
     with pytest.raises(SystemExit) as ending, terminated_in_order():
         work()
@@ -109,8 +107,7 @@ def test_signal_that_becomes_an_error_of_others():
 
     def work():
         try:
-            os.kill(os.getpid(), signal.SIGHUP)
-            time.sleep(5.0)
+            signal.raise_signal(signal.SIGHUP)
         except SystemExit as swallowed:
             raise AttributeError("partially initialized module") from swallowed
 
@@ -139,12 +136,13 @@ def test_an_ignored_hangup_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with terminated_in_order():
-            os.kill(os.getpid(), signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
@@ -161,18 +159,18 @@ def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
         start_new_session=True,
     )
     try:
-        wait(lambda: list(tmp_path.glob("runs/*/parts/*.parquet")) or running.poll() is not None)
+        until(lambda: list(tmp_path.glob("runs/*/parts/*.parquet")) or running.poll() is not None)
         others = psutil.Process(running.pid).children(recursive=True)
         assert others
         os.killpg(running.pid, number) if number == signal.SIGHUP else running.send_signal(number)
-        _, said = running.communicate(timeout=WITHIN)
+        _, said = running.communicate()
     finally:
         running.kill()
         running.wait()
     assert running.returncode == status
     assert "Traceback" not in said
     assert re.search(r"Continue with:\n +clearcap resume \S+ .*--store \S+", said)
-    assert psutil.wait_procs(others, timeout=20.0)[1] == []
+    assert psutil.wait_procs(others, timeout=600.0)[1] == []
     assert list(temporary.iterdir()) == []
     store = open_store(str(tmp_path / "runs"))
     (campaign_id,) = store.campaigns()
@@ -182,10 +180,3 @@ def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
     again = clearcap("resume", "--store", "runs", "--no-report", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert store.survey(store.plan(campaign_id), verify=True).missing == []
-
-
-def wait(until):
-    end = time.monotonic() + WITHIN
-    while not until():
-        assert time.monotonic() < end
-        time.sleep(0.05)

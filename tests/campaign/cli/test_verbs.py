@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 
 import pytest
@@ -21,6 +20,9 @@ from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap
 from tests.campaign.driving import computed
+from tests.until import until
+
+pytestmark = pytest.mark.processes
 
 SLOPE = """
 format = 1
@@ -53,9 +55,7 @@ def test_submitted_campaign_is_driven_to_its_report(slope):
     (campaign_id,) = done.stdout.split()
     assert "started a coordinator (process " in done.stderr
     followed = clearcap("watch", "--json", cwd=slope)
-    until = time.monotonic() + 120.0
-    while not (slope / "runs" / campaign_id / "report" / "report.html").exists() and time.monotonic() < until:
-        time.sleep(0.2)
+    until((slope / "runs" / campaign_id / "report" / "report.html").exists, "no report")
     heartbeat = json.loads(followed.stdout)
     assert (heartbeat["state"], heartbeat["done"], heartbeat["left"]) == ("completed", 12, 0)
     assert "12/12 runs" in followed.stderr
@@ -238,11 +238,9 @@ def test_terminated_coordinator_is_open_for_the_next(slope):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     service = subprocess.Popen(command, cwd=slope, env=environment, stderr=subprocess.PIPE, text=True)
     try:
-        until = time.monotonic() + 120.0
-        while json.loads(clearcap("status", "--json", cwd=slope).stdout)["done"] == 0 and time.monotonic() < until:
-            time.sleep(0.1)
+        until(lambda: json.loads(clearcap("status", "--json", cwd=slope).stdout)["done"], "no row")
         service.send_signal(signal.SIGTERM)
-        service.wait(timeout=60)
+        service.wait()
     finally:
         service.kill()
         service.stderr.close()

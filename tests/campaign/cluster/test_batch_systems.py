@@ -50,6 +50,7 @@ def commands(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("kind", COMMANDS)
 @pytest.mark.parametrize("given", [True, False], ids=["given", "temporary"])
 def test_job_script(kind, given, settings, commands, tls):
@@ -107,6 +108,7 @@ def test_a_missing_package_is_named(kind, package, monkeypatch):
         pass
 
 
+@pytest.mark.processes
 def test_a_package_of_dask_leaves_ctrl_c_alone():
     """On import, dask-jobqueue has Ctrl-C end the process in silence, as if all were well."""
     code = (
@@ -134,6 +136,7 @@ def api(kubernetes, monkeypatch):
         yield kubernetes
 
 
+@pytest.mark.processes
 def test_kubernetes(api, tls):
     """The resource is created with as many workers as asked for, and deleted at the end; one that is there stays."""
     with kubernetes_resource(Cluster(kind="kubernetes", workers=7, tls=tls)) as address:
@@ -145,6 +148,7 @@ def test_kubernetes(api, tls):
     assert api.changes[1:] == [("deleted", "clearcap")]
 
 
+@pytest.mark.processes
 def test_kubernetes_says_no(api, tls, monkeypatch):
     """No certificates, no manifest, a refusal, pods that never come: each is a message, and nothing stays."""
     with pytest.raises(SpecError, match="needs certificates"), connect(Cluster(kind="kubernetes")):

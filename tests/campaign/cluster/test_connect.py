@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import threading
+from types import SimpleNamespace
 
 import dask
 import psutil
@@ -44,8 +45,14 @@ def tls_scheduler(folder, tmp_path_factory):
         worker(address, scratch, "--protocol=tls", *tls_arguments(folder, "worker")),
     ):
         with connect(Cluster(address, tls=client_tls(folder))) as client:
-            client.wait_for_workers(1, timeout=30)
+            client.wait_for_workers(1, timeout=600)
         yield address, file
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Wait for minutes for what is there."""
+    monkeypatch.setattr(campaign.cluster.connect, "REACHED_WITHIN", 600.0)
 
 
 @pytest.fixture
@@ -54,14 +61,16 @@ def soon(monkeypatch):
     monkeypatch.setattr(campaign.cluster.connect, "REACHED_WITHIN", 1.0)
 
 
+@pytest.mark.processes
 def test_computes_over_tls(tls_scheduler, folder):
     """With certificates of the same authority, by address and by scheduler file."""
     for where in map(str, tls_scheduler):
         with connect(Cluster(where, tls=client_tls(folder))) as client:
-            assert client.submit(sum, [1, 2]).result(timeout=30) == 3
+            assert client.submit(sum, [1, 2]).result(timeout=600) == 3
             assert client.scheduler.address == tls_scheduler[0]
 
 
+@pytest.mark.processes
 def test_dask_configuration_gives_certificates(tls_scheduler, folder):
     """Who has dask configured need not repeat it."""
     ours = {"distributed.comm.tls.ca-file": str(folder / "ca.pem")}
@@ -71,10 +80,11 @@ def test_dask_configuration_gives_certificates(tls_scheduler, folder):
     with pytest.raises(SpecError, match="needs certificates"):
         check_cluster(Cluster(tls_scheduler[0]))
     with dask.config.set(ours), connect(Cluster(tls_scheduler[0])) as client:
-        assert client.submit(sum, [1, 2]).result(timeout=30) == 3
+        assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
-def test_another_authority_is_refused(tls_scheduler, tmp_path, soon):
+@pytest.mark.processes
+def test_another_authority_is_refused(tls_scheduler, tmp_path, patient):
     """A certificate of an authority that is not the cluster's opens nothing, and the message says so."""
     make_certificates(tmp_path / "theirs", 2)
     with (
@@ -84,6 +94,7 @@ def test_another_authority_is_refused(tls_scheduler, tmp_path, soon):
         pass
 
 
+@pytest.mark.processes
 def test_the_scheduler_refuses_a_certificate_of_another_authority(tls_scheduler, folder, tmp_path, soon):
     """Also who trusts the scheduler must be trusted by it: the authentication is mutual."""
     make_certificates(tmp_path / "theirs", 2)
@@ -92,6 +103,7 @@ def test_the_scheduler_refuses_a_certificate_of_another_authority(tls_scheduler,
         pass
 
 
+@pytest.mark.processes
 def test_no_plain_connection_to_a_tls_scheduler(tls_scheduler, soon):
     """Without TLS the scheduler does not answer."""
     plain = tls_scheduler[0].replace("tls://", "tcp://")
@@ -99,6 +111,7 @@ def test_no_plain_connection_to_a_tls_scheduler(tls_scheduler, soon):
         pass
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
     """The block ends when the scheduler is lost, a new one fails in time, and works when the scheduler is back."""
@@ -109,7 +122,7 @@ def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
         first.kill()
         first.wait()
         with pytest.raises(Exception, match=r"(?i)lost|cancel|closed"):
-            future.result(timeout=20)
+            future.result(timeout=600)
     threads = threading.active_count()
     with monkeypatch.context() as patch:
         patch.setattr(campaign.cluster.connect, "REACHED_WITHIN", 1.0)
@@ -118,18 +131,20 @@ def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
                 pass
     assert threading.active_count() == threads
     with scheduler(port), worker(address, tmp_path), connect(Cluster(address)) as client:
-        assert client.submit(sum, [1, 2]).result(timeout=30) == 3
+        assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
+@pytest.mark.processes
 def test_local_workers_over_tls(folder, caplog):
     """Workers started here speak TLS when told to."""
     with connect(Cluster(workers=1, tls=client_tls(folder))) as client:
         assert client.scheduler.address.startswith("tls://127.0.0.1:")
         assert all(address.startswith("tls://127.0.0.1:") for address in client.nthreads())
-        assert client.submit(sum, [1, 2]).result(timeout=30) == 3
+        assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     assert not [r for r in caplog.records if r.levelno >= logging.CRITICAL]
 
 
+@pytest.mark.processes
 def test_memory_is_shared_out():
     """Local workers together cannot take all of the machine's memory."""
     with connect(Cluster(workers=2)) as client:
@@ -137,14 +152,20 @@ def test_memory_is_shared_out():
     assert 0 < sum(limits) < psutil.virtual_memory().total
 
 
-def test_a_scheduler_file_is_waited_for(tls_scheduler, folder, tmp_path, soon):
+@pytest.mark.processes
+def test_a_scheduler_file_is_waited_for(tls_scheduler, folder, tmp_path, patient, monkeypatch):
     """It is read when it comes; one that never comes, or is something else, ends in a message."""
-    late = tmp_path / "late.json"
-    timer = threading.Timer(0.4, lambda: os.link(tls_scheduler[1], late))
-    timer.start()
+    late, now = tmp_path / "late.json", [1000.0]
+
+    def sleep(_):
+        now[0] += 60.0
+        if not late.exists():
+            os.link(tls_scheduler[1], late)
+
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=sleep)
+    monkeypatch.setattr(campaign.cluster.connect, "time", clock)
     with connect(Cluster(str(late), tls=client_tls(folder))) as client:
-        assert client.submit(sum, [1, 2]).result(timeout=30) == 3
-    timer.join()
+        assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     with pytest.raises(UnreachableError, match="no such file"), connect(Cluster(str(tmp_path / "none.json"))):
         pass
     wrong = tmp_path / "wrong.json"

@@ -5,22 +5,31 @@ import os
 import re
 import signal
 import sys
-import threading
 from contextlib import contextmanager, suppress
+from multiprocessing.popen_spawn_posix import Popen
 from pathlib import Path
 
 import psutil
 import pytest
 from distributed.comm.core import connect as open_comm
 
+from campaign.cluster import local
 from campaign.cluster.local import interrupts_held, local_client
 from campaign.cluster.scratch import PREFIX
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope="module")
-def client():
+def others():
+    """Return the ports on which this process listens for reasons of its own, as a plugin of pytest does."""
+    return {(s.laddr.ip, s.laddr.port) for s in listening()}
+
+
+@pytest.fixture(scope="module")
+def client(others):
     """Return a client of two workers, started where nobody says how many threads a library may have."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -36,20 +45,19 @@ def processes():
 
 
 def listening():
-    """Return the addresses on which this process and those below it listen."""
-    sockets = [s for process in processes() for s in process.net_connections(kind="inet")]
-    return {s.laddr.ip for s in sockets if s.status == psutil.CONN_LISTEN}
+    """Return the sockets on which this process and those below it listen."""
+    sockets = [s for process in processes() for s in process.net_connections(kind="all")]
+    return [s for s in sockets if s.status == psutil.CONN_LISTEN]
 
 
-def test_binds_loopback_only(client):
+def test_binds_loopback_only(client, others):
     """Nobody outside this machine can reach the scheduler, a worker or a dashboard."""
-    assert listening() == {"127.0.0.1"}
+    assert {s.laddr.ip for s in listening() if (s.laddr.ip, s.laddr.port) not in others} == {"127.0.0.1"}
 
 
-def test_only_scheduler_workers_and_their_nannies_listen(client):
+def test_only_scheduler_workers_and_their_nannies_listen(client, others):
     """Dask's HTTP servers, which answer everybody, are closed."""
-    sockets = [s for p in processes() for s in p.net_connections(kind="all") if s.status == psutil.CONN_LISTEN]
-    ports = {s.laddr.port for s in sockets}
+    ports = {s.laddr.port for s in listening()} - {port for _, port in others}
     info = client.scheduler_info(n_workers=-1)
     known = [info["address"], *info["workers"], *(worker["nanny"] for worker in info["workers"].values())]
     assert all(address.startswith("tls://127.0.0.1:") for address in known)
@@ -105,7 +113,7 @@ def test_ctrl_c_does_not_reach_workers(client):
     before = {pid for pid, _ in client.run(environment).values()}
     for pid in before:
         os.kill(pid, signal.SIGINT)
-    assert client.submit(sum, [1, 2]).result(timeout=20) == 3
+    assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     assert {pid for pid, _ in client.run(environment).values()} == before
 
 
@@ -113,13 +121,13 @@ def test_a_restarted_worker_is_like_the_first(client):
     """A worker that was killed comes back with the same settings, as deaf to Ctrl-C."""
     before = {pid for pid, _ in client.run(environment).values()}
     os.kill(min(before), signal.SIGKILL)
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=600)
     while min(before) in (after := dict(client.run(environment, on_error="ignore").values())) or len(after) < 2:
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(2, timeout=600)
     assert all(threads == ["1", "1", "1"] for threads in after.values())
     for pid in after:
         os.kill(pid, signal.SIGINT)
-    assert client.submit(sum, [1, 2]).result(timeout=20) == 3
+    assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     assert dict(client.run(environment).values()).keys() == after.keys()
 
 
@@ -144,37 +152,32 @@ def workers():
 
 
 @contextmanager
-def struck(signal_number, times):
-    """Send a signal to the first workers that are started in the block, as many as said; yield those there before."""
-    over, before, hit = threading.Event(), workers(), set()
+def struck(signal_number, times, within=600.0):
+    """Send a signal to the first workers of the block, as many as said, as they start; yield those there before."""
+    launch, before, hit = Popen._launch, workers(), []
 
-    def strike():
-        while not over.wait(0.005):
-            for child in workers() - before - hit:
-                if len(hit) < times:
-                    with suppress(psutil.Error):
-                        child.send_signal(signal_number)
-                    hit.add(child)
+    def launch_and_strike(self, process):
+        launch(self, process)
+        if len(hit) < times:
+            hit.append(self.pid)
+            os.kill(self.pid, signal_number)
+            local.STARTS_WITHIN = 600.0  # the next ones have time
 
-    thread = threading.Thread(target=strike)
-    thread.start()
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local, "STARTS_WITHIN", within)
+        patch.setattr(Popen, "_launch", launch_and_strike)
         yield before
-    finally:
-        over.set()
-        thread.join()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 120.0), (signal.SIGSTOP, 8.0)])
+@pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 600.0), (signal.SIGSTOP, 20.0)])
 def test_a_worker_that_ends_or_hangs_while_it_starts(signal_number, within, monkeypatch):
     """Workers are started once more; nothing stays of the first ones."""
     said = []  # dask mutes the handlers of pytest
     monkeypatch.setattr("campaign.cluster.local.logger.warning", lambda text, *values: said.append(text % values))
-    monkeypatch.setattr("campaign.cluster.local.STARTS_WITHIN", within)
-    with struck(signal_number, 1) as before:
+    with struck(signal_number, 1, within) as before:
         with local_client(1) as client:
-            assert client.submit(sum, [1, 2]).result(timeout=60) == 3
+            assert client.submit(sum, [1, 2]).result(timeout=600) == 3
             assert len(workers() - before) == 1
         assert workers() == before
     assert ["did not start" in text for text in said] == [True]

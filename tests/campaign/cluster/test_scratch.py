@@ -46,11 +46,12 @@ with scratch_folder() as folder:
 """
 
 
+@pytest.mark.processes
 def test_what_a_killed_run_left_is_removed_by_the_next(temporary):
     """And nothing else: not the folder of a run that lives, no file, no link, no folder of another name."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", KILLED]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd="/", env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, cwd="/", env=environment)
     assert done.returncode == -signal.SIGKILL
     left = done.stdout.strip()
     assert os.path.exists(left)

@@ -27,6 +27,8 @@ from campaign.store.layout import DELETED, LEASE, PLAN
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 
+pytestmark = pytest.mark.processes
+
 
 class Killed(BaseException):
     """The process is no more."""

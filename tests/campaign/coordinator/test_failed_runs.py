@@ -25,6 +25,7 @@ def stored(folder) -> tuple[Plan, dict[str, int]]:
     return plan, store.survey(plan).statuses
 
 
+@pytest.mark.processes
 def test_a_campaign_stops_when_its_first_runs_all_fail(tmp_path, campaign_file, workers):
     """It keeps their rows and quotes one of them; resumed, it computes as many again, or all if one is ok."""
     loaded = load_campaign(str(campaign_file), samples=1500)
@@ -43,6 +44,7 @@ def test_a_campaign_stops_when_its_first_runs_all_fail(tmp_path, campaign_file, 
     assert outcome.survey.statuses == {"not_converged": again, "ok": 1500 - again}
 
 
+@pytest.mark.processes
 def test_a_stated_number_of_failures_has_all_samples_computed(tmp_path, campaign_file, workers):
     campaign_file.write_text(campaign_file.read_text() + "\n[failures]\nmax_failed = 150\n")
     _, outcome = start(tmp_path / "s", load_campaign(str(campaign_file), samples=150), batch_size=30, simulate=SLIDES)
@@ -57,6 +59,7 @@ def test_first_runs_that_all_fail_are_hopeless(ok, done, most, hopeless):
     assert Failures(max_failed=most).is_hopeless(ok, done) is hopeless
 
 
+@pytest.mark.processes
 def test_a_completed_campaign_says_that_too_few_runs_are_ok(tmp_path, campaign, workers):
     """Its state has the message, which status and watch print."""
     store, outcome = start(tmp_path / "s", campaign, simulate=partial(fake_engine.raises_above, 0.07))

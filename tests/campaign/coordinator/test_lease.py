@@ -4,13 +4,13 @@ import json
 import os
 import subprocess
 import sys
-import threading
-import time
 
 import pytest
 
 import campaign.coordinator.lease as leases
 from campaign.coordinator.lease import (
+    HEARTBEAT_INTERVAL,
+    STALE_AFTER,
     LeaseHeld,
     hold_lease,
     is_alive,
@@ -23,6 +23,7 @@ from campaign.coordinator.lease import (
 )
 from campaign.store import open_store
 from campaign.store.layout import LEASE
+from tests.until import until
 
 HELD = """
 import sys, time
@@ -63,17 +64,16 @@ def test_held_and_given_back(store):
     assert not is_coordinated(store, "demo")
 
 
-def test_killed_holder_is_known_at_once(store, other, monkeypatch):
+@pytest.mark.processes
+def test_killed_holder_is_known_at_once(store, other):
     """Kill -9 of the holder on this machine: the next one need not wait, not even for its parent to notice."""
     with pytest.raises(LeaseHeld):
         take_lease(store, "demo")
     other.kill()
-    while leases._started(other.pid) is not None:
-        time.sleep(0.01)
+    until(lambda: leases._started(other.pid) is None, "the holder still runs")
     assert not is_coordinated(store, "demo")
     slept = []
-    monkeypatch.setattr(leases.time, "sleep", slept.append)
-    take_lease(store, "demo")
+    take_lease(store, "demo", pause=slept.append)
     assert slept == [leases.RACE_WAIT]
 
 
@@ -86,41 +86,54 @@ def test_number_used_again_is_another_process(store):
 
 
 @pytest.fixture
-def elsewhere(store, monkeypatch):
-    """Put a lease of another machine into the store, and have little patience."""
-    monkeypatch.setattr(leases, "HEARTBEAT_INTERVAL", 0.1)
-    monkeypatch.setattr(leases, "STALE_AFTER", 0.5)
+def elsewhere(store):
+    """Put a lease of another machine into the store."""
     store.write_json("demo", LEASE, {"token": "x", **this_process(), "host": "another machine"})
 
 
+class Time:
+    """A clock that only pauses turn, in each of which something may happen."""
+
+    def __init__(self, meanwhile=lambda: None):
+        self.now, self._meanwhile = 1000.0, meanwhile
+
+    def clock(self):
+        """Return the time."""
+        return self.now
+
+    def pause(self, seconds):
+        """Let time pass."""
+        self.now += seconds
+        self._meanwhile()
+
+
 def test_holder_elsewhere_lives_by_its_heartbeat(store, elsewhere):
-    """While its heartbeat changes it holds the lease, whatever its clock says."""
-    over = threading.Event()
+    """With a heartbeat that changes it holds the lease, whatever its clock says; without one for long it does not."""
+    beats = []
 
     def beat():
-        count = 0
-        while not over.wait(0.1):
-            count += 1
-            store.write_json("demo", "heartbeat.json", {"beat": count, "time": 4e9})
+        beats.append(len(beats))
+        store.write_json("demo", "heartbeat.json", {"beat": len(beats), "time": 4e9})
 
-    thread = threading.Thread(target=beat)
-    thread.start()
-    try:
-        with pytest.raises(LeaseHeld):
-            take_lease(store, "demo")
-    finally:
-        over.set()
-        thread.join()
-    assert not is_alive(store, "demo", store.read_json("demo", LEASE))
-    with hold_lease(store, "demo") as token:
-        assert lease_holder(store, "demo") == token
+    beating, silent = Time(beat), Time()
+    with pytest.raises(LeaseHeld):
+        take_lease(store, "demo", beating.clock, beating.pause)
+    assert not is_alive(store, "demo", store.read_json("demo", LEASE), silent.clock, silent.pause)
+    assert STALE_AFTER <= silent.now - 1000.0 <= STALE_AFTER + HEARTBEAT_INTERVAL
+    token = take_lease(store, "demo", silent.clock, silent.pause)
+    assert lease_holder(store, "demo") == token
 
 
-def test_of_two_who_take_a_stale_one_at_once_one_gets_it(store, elsewhere, monkeypatch):
+def test_of_two_who_take_a_stale_one_at_once_one_gets_it(store, elsewhere):
     """The other one writes its token in between: this one lets go."""
-    monkeypatch.setattr(leases.time, "sleep", lambda _: store.write_json("demo", LEASE, {"token": "theirs"}))
+
+    def write_theirs():
+        if store.read_json("demo", LEASE)["token"] != "x":  # this one has written its own
+            store.write_json("demo", LEASE, {"token": "theirs"})
+
+    lets_go = Time(write_theirs)
     with pytest.raises(LeaseHeld, match="at the same time"):
-        take_lease(store, "demo")
+        take_lease(store, "demo", lets_go.clock, lets_go.pause)
 
 
 def test_lease_taken_over_is_not_removed(store):
@@ -135,14 +148,14 @@ def test_life_is_judged_without_waiting(store, elsewhere, monkeypatch):
     monkeypatch.setattr(leases.time, "sleep", lambda _: pytest.fail("it waits"))
     first = sign_of_life(store, "demo", now=0.0)
     assert (first.token, first.is_alive) == ("x", None)
-    assert sign_of_life(store, "demo", first, now=0.4) == first
-    assert sign_of_life(store, "demo", first, now=0.5).is_alive is False
+    assert sign_of_life(store, "demo", first, now=STALE_AFTER - 0.1) == first
+    assert sign_of_life(store, "demo", first, now=STALE_AFTER).is_alive is False
     store.write_json("demo", "heartbeat.json", {"beat": 1})
-    alive = sign_of_life(store, "demo", first, now=9.0)
-    assert (alive.is_alive, alive.seen_at) == (True, 9.0)
+    alive = sign_of_life(store, "demo", first, now=90.0)
+    assert (alive.is_alive, alive.seen_at) == (True, 90.0)
     lease = store.read_json("demo", LEASE)
-    assert judge_life({**lease, "token": "y"}, alive.heartbeat, alive, 10.0).is_alive is None
-    assert judge_life(None, alive.heartbeat, alive, 10.0).is_alive is False
+    assert judge_life({**lease, "token": "y"}, alive.heartbeat, alive, 91.0).is_alive is None
+    assert judge_life(None, alive.heartbeat, alive, 91.0).is_alive is False
     mine = {"token": "z", **this_process()}
     assert judge_life(mine, None, None, 0.0).is_alive
     assert judge_life({**mine, "started": "1"}, None, None, 0.0).is_alive is False

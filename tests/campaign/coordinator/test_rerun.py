@@ -14,6 +14,8 @@ from campaign.worker.messages import WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture
 def broken(tmp_path, campaign):

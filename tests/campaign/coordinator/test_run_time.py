@@ -5,37 +5,73 @@ from functools import partial
 
 import pytest
 
-from campaign.coordinator.run_time import RUNS, known_seconds_per_run, seconds_per_run
+from campaign.coordinator.run_time import ENOUGH, RUNS, known_seconds_per_run, seconds_per_run
 from campaign.coordinator.submit import submit
 from campaign.plan import UNTRIED_BATCH, batch_size_is_fixed, make_plan
 from campaign.store import open_store, part_name
+from campaign.worker.runs import rows_in_process
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 
 
-def test_time_of_a_run_is_measured(plan):
-    """A run that takes 0.2 s counts as that and what a row takes, without the start of the process."""
-    assert 0.2 <= seconds_per_run(plan, partial(fake_engine.takes, 0.2)) < 0.6
+@pytest.fixture
+def clock():
+    """Return a clock that the test turns."""
+
+    class Clock:
+        now = 1000.0
+
+        def __call__(self):
+            return self.now
+
+    return Clock()
 
 
+def child(clock, starts, takes, monkeypatch):
+    """Put in the place of a child one whose start and whose runs take so long by a clock; return its runs so far."""
+    runs = []
+
+    def rows(address, samples, attempt):
+        clock.now += starts
+        for row in rows_in_process(address, samples, attempt):
+            clock.now += takes
+            runs.append(row["sample"])
+            yield row | {"wall_s": takes}
+
+    monkeypatch.setattr("campaign.coordinator.run_time.rows_in_subprocess", rows)
+    return runs
+
+
+def test_time_of_a_run_is_measured(plan, clock, monkeypatch):
+    """A run that takes 0.25 s counts as that, without the start of the process."""
+    runs = child(clock, 30.0, 0.25, monkeypatch)
+    assert seconds_per_run(plan, fake_engine.simulate, clock) == 0.25
+    assert len(runs) == RUNS
+
+
+@pytest.mark.processes
+def test_time_in_a_process_of_its_own(plan, tmp_path):
+    """By the machine's clock, of runs elsewhere."""
+    assert seconds_per_run(plan, partial(fake_engine.counts, str(tmp_path / "runs"))) > 0.0
+    assert (tmp_path / "runs").stat().st_size == RUNS
+
+
+@pytest.mark.processes
 def test_run_that_kills_its_process_is_no_measure(plan):
     """Nothing is known then, and the campaign can be planned all the same."""
     assert seconds_per_run(plan, partial(fake_engine.goes_wrong, {"segfault": (0.0, 1.0)})) is None
 
 
-def test_a_long_run_is_tried_once(plan, tmp_path, monkeypatch):
-    """After a run of ENOUGH seconds no other is tried: who submits waits for one."""
-    monkeypatch.setattr("campaign.coordinator.run_time.ENOUGH", 0.2)
-    counted = tmp_path / "runs"
-    assert seconds_per_run(plan, partial(counting, str(counted))) >= 0.5
-    assert counted.read_text().count("x") < RUNS
+def test_a_long_run_is_tried_once(plan, clock, monkeypatch):
+    """After a run of more than ENOUGH seconds no other is tried: who submits waits for one."""
+    runs = child(clock, 30.0, ENOUGH + 1.0, monkeypatch)
+    assert seconds_per_run(plan, fake_engine.simulate, clock) == ENOUGH + 1.0
+    assert len(runs) == 1
 
 
-def counting(path, mechanism, values, **settings):
-    """Take a while and leave a mark."""
-    with open(path, "a", encoding="utf-8") as file:
-        file.write("x")
-    run = fake_engine.takes(0.5, mechanism, values, **settings)
+def long(mechanism, values, **settings):
+    """Say that the run took half a second."""
+    run = fake_engine.simulate(mechanism, values)
     return replace(run, certificate=replace(run.certificate, wall_s=0.5))
 
 
@@ -59,10 +95,9 @@ def of_a_size(campaign, samples, **changes):
 
 def test_time_of_a_run_is_known_from_other_campaigns(tmp_path, campaign):
     """The mean of a file of rows of the same mechanism and settings, whatever is drawn; a bad file is passed."""
-    took = partial(counting, str(tmp_path / "runs"))
-    store, other = computed(tmp_path / "s", of_a_size(campaign, 2, seed=3), 1, took)
+    store, other = computed(tmp_path / "s", of_a_size(campaign, 2, seed=3), 1, long)
     new = make_plan(of_a_size(campaign, 4000), None)
-    assert known_seconds_per_run(store, new) == store.read_part(other, 0)["wall_s"][0].as_py() >= 0.5
+    assert known_seconds_per_run(store, new) == store.read_part(other, 0)["wall_s"][0].as_py() == 0.5
     store.files.write(part_name(other, 0), b"damaged")
     assert known_seconds_per_run(store, new) == store.read_part(other, 1)["wall_s"][0].as_py()
     coarse = campaign.spec.simulation.model_copy(update={"step": 0.01})

@@ -16,7 +16,7 @@ from reporting import capability
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
-pytestmark = pytest.mark.usefixtures("forked_workers")
+pytestmark = [pytest.mark.usefixtures("forked_workers"), pytest.mark.processes]
 
 RULE = """
 [stop]

@@ -81,6 +81,7 @@ read_columns(FolderFiles(Path(sys.argv[1]).parent), Path(sys.argv[1]).name, ["x"
 """
 
 
+@pytest.mark.processes
 def test_page_that_is_larger_than_its_footer_says(tmp_path):
     """The memory that decoding may take is limited, whatever the footer says."""
     path, rows = tmp_path / "x.parquet", 12_000_000
@@ -91,7 +92,7 @@ def test_page_that_is_larger_than_its_footer_says(tmp_path):
     size = parquet.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(0).total_uncompressed_size
     path.write_bytes(with_footer(content, {rows: 900_000, size: 8_000_000}))
     words = [sys.executable, "-c", IN_LITTLE_MEMORY, str(path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, cwd=ROOT)
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT)
     last = done.stderr.splitlines()[-1]
     assert last.endswith("SpecError: its content takes too much memory; keep only the columns and rows that you need")
 
@@ -224,12 +225,13 @@ print(refused)
 """
 
 
+@pytest.mark.processes
 def test_no_byte_of_a_footer_ends_the_process(tmp_path):
     """Pyarrow aborts where the sizes of a column contradict themselves, if it is asked for them."""
     path = tmp_path / "a.parquet"
     content = write_parquet(path, {"x": [1.0, 2.0], "s": ["a", "b"]}, store_schema=False)
     first = len(content) - 8 - struct.unpack("<I", content[-8:-4])[0]
     words = [sys.executable, "-c", EVERY_BYTE, path, str(first)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300, cwd=ROOT)
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr[-2000:]
     assert int(done.stdout) > 100

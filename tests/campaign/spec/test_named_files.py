@@ -189,12 +189,13 @@ json.dump(seen, sys.stdout)
 """
 
 
+@pytest.mark.processes
 def test_the_interpreter_sees_no_file_opened():
     """What an audit hook hears of: shipped mechanisms, and the memory in use when a data file is decoded."""
     texts = [MINE, *(naming(name, place) for name in OUTSIDE for place in PLACES)]
     sent = json.dumps([texts, {name: content.decode() for name, content in FILES.items()}])
     words = [sys.executable, "-c", WATCHED]
-    done = subprocess.run(words, input=sent, capture_output=True, text=True, timeout=300, cwd=ROOT)
+    done = subprocess.run(words, input=sent, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr[-2000:]
     seen = {tuple(event) for event in json.loads(done.stdout)}
     shipped = {event for event in seen if event[1].strip("'").startswith(str(LIBRARY))}

@@ -178,6 +178,7 @@ store.compact(plan)
 """
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("seed", range(10))
 def test_killed_anywhere(store, plan, seed):
     """Kill -9 at a random moment: every row is read once, and merging again completes it."""
@@ -234,6 +235,7 @@ def test_reader_meanwhile(store, plan):
     assert pa.concat_tables([first, *rest]).combine_chunks().equals(whole)
 
 
+@pytest.mark.processes
 def test_computing_and_merging_at_once(store, plan):
     """Parts written by one process while another merges: nothing is lost, and all are merged in the end."""
     script = COMPACTS.replace("store.compact(plan)", "while True: store.compact(plan)")

@@ -34,6 +34,7 @@ def repeats_of(store, plan):
     return read_repeats(store, plan).drop_columns(WALL).sort_by("sample")
 
 
+@pytest.mark.processes
 def test_repeats_are_beside_the_rows(tmp_path, often, campaign, workers):
     """The table and its counts are those of a campaign without repeats; which samples are repeated is known before."""
     shown = []
@@ -59,6 +60,7 @@ def test_repeats_are_beside_the_rows(tmp_path, often, campaign, workers):
         assert "simulation.step = 0.008 ms" in row["repeated_with"]
 
 
+@pytest.mark.processes
 def test_repeats_do_not_depend_on_how_they_are_computed(tmp_path, often, workers):
     """Other batches and numbers of workers: the same repeats to the bit."""
     tables = []
@@ -69,6 +71,7 @@ def test_repeats_do_not_depend_on_how_they_are_computed(tmp_path, often, workers
     assert tables[0].equals(tables[2])
 
 
+@pytest.mark.processes
 def test_a_repeat_that_kills_its_worker_is_a_row(tmp_path, often, workers):
     """Nothing of the campaign is lost or done twice, and the others are repeated."""
     store, driven = start(tmp_path / "a", often, 2, 5, fake_engine.kills_below_its_step)
@@ -86,6 +89,7 @@ def test_a_repeat_that_kills_its_worker_is_a_row(tmp_path, often, workers):
     assert mended.drop_columns(kept).equals(repeats_of(reference, other.plan).drop_columns(kept))
 
 
+@pytest.mark.processes
 def test_damaged_repeats_are_computed_again(tmp_path, often, workers):
     """And nothing else: a damaged file goes into quarantine, rows and the other repeats stay as they are."""
     store, driven = start(tmp_path, often, 2, 5, fake_engine.depends_on_step)
@@ -102,6 +106,7 @@ def test_damaged_repeats_are_computed_again(tmp_path, often, workers):
     assert repeats_of(store, plan).num_rows == before.num_rows
 
 
+@pytest.mark.processes
 def test_more_repeats_of_a_finished_campaign(tmp_path, often, workers):
     """A larger share adds what lacks; rows and repeats that there are stay; a smaller one changes nothing."""
     store, driven = start(tmp_path, often, 2, 5, fake_engine.depends_on_step)
@@ -129,6 +134,7 @@ def test_more_repeats_of_a_finished_campaign(tmp_path, often, workers):
         repeated_shares(store, plan)
 
 
+@pytest.mark.processes
 def test_a_longer_campaign_takes_over_repeats(tmp_path, often, workers):
     """With its rows: only what is new is simulated, once as a row and once more as a repeat."""
     store, short = start(tmp_path, often, 2, 5, fake_engine.depends_on_step)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 MOUNTS = Path("/proc/self/mounts")
-BUSY_FOR = 15.0  # s, in which whoever has a file open is waited for
+BUSY_FOR = 120.0  # s, in which whoever has a file open is waited for
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import psutil
 
 # In the environment of all processes of a storm, by which orphans are found; a server passes on what begins so.
 MARK = "PYTHON_CLEARCAP_STORM"
-END_WITHIN = 40.0  # s, in which all members end; a server waits for its coordinator, and that for its workers
+END_WITHIN = 600.0  # s, in which all members end; a server waits for its coordinator, and that for its workers
 ROOT = Path(__file__).parents[3]
 
 
@@ -161,7 +161,7 @@ def processes(mark):
     return found
 
 
-def those_left(mark, within=15.0):
+def those_left(mark, within=600.0):
     """Return what processes with a mark there are after some time [s] in which the last ones may end."""
     until = time.monotonic() + within
     while (left := processes(mark)) and time.monotonic() < until:

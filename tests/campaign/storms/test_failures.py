@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import uuid
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -33,10 +32,9 @@ from tests.campaign.storms.checks import bits, check_whole
 from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
 from tests.campaign.storms.disk import remount, tmpfs
 from tests.campaign.storms.supervisor import ROOT, Supervisor, processes, those_left, words
+from tests.until import until
 
-pytestmark = pytest.mark.slow
-
-WITHIN = 400.0  # s, against hanging; a machine that does nothing else needs a few
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
 @pytest.fixture
@@ -59,13 +57,6 @@ def supervisor(tmp_path):
     assert those_left(started.mark) == []
 
 
-def wait(until, what, within=WITHIN):
-    end = time.monotonic() + within
-    while not until():
-        assert time.monotonic() < end, what() if callable(what) else what
-        time.sleep(0.05)
-
-
 def driven(folder, asked, supervisor, batch_size, seconds, *options):
     """Have a campaign driven on a cluster; return its store, its plan, and the scheduler's address."""
     store = open_store(str(folder / "s"))
@@ -77,7 +68,7 @@ def driven(folder, asked, supervisor, batch_size, seconds, *options):
 
 def finish(supervisor):
     """Wait for the coordinator's end."""
-    wait(lambda: supervisor.finished("coordinator"), lambda: supervisor.said("coordinator"))
+    until(lambda: supervisor.finished("coordinator"), lambda: supervisor.said("coordinator"))
 
 
 def parts(store, plan):
@@ -103,7 +94,7 @@ def test_disk_full(tmp_path, asked, reference, supervisor):
     """The coordinator says so and pauses, open for the next one; with room again the campaign ends as always."""
     with tmpfs(tmp_path / "full", "400k") as folder:
         store, plan, _ = driven(folder, asked, supervisor, 3, 0.01, "--patience", 3)
-        wait(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))
+        until(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))
         assert supervisor.codes["coordinator"][0] == StoreError.exit_code
         assert "No space left on device" in supervisor.said("coordinator")
         before = set(parts(store, plan))
@@ -118,9 +109,9 @@ def test_store_becomes_read_only(tmp_path, asked, reference, supervisor):
     """A store that takes nothing for a while costs time; the coordinator that gave up is followed by one that ends."""
     with tmpfs(tmp_path / "ro", "20m") as folder:
         store, plan, _ = driven(folder, asked, supervisor, 3, 0.02, "--patience", 3)
-        wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
+        until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
         assert remount(folder, "ro")
-        wait(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))
+        until(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))
         assert "Read-only file system" in supervisor.said("coordinator")
         assert remount(folder, "rw")
         finish(supervisor)
@@ -145,7 +136,7 @@ def test_clock_jumps(tmp_path, asked, reference, supervisor, jump):
         "FAKETIME_DONT_FAKE_MONOTONIC": "1",
     }
     with subprocess.Popen([*words, "--scheduler", address, "--seconds", "0.01"], env=environment) as wrong:
-        wait(lambda: len(parts(store, plan)) > 20 or wrong.poll() is not None, "nothing comes")
+        until(lambda: len(parts(store, plan)) > 20 or wrong.poll() is not None, "nothing comes")
         assert wrong.poll() is None
         wrong.kill()
     drive(supervisor, store, plan, address, 0.01)
@@ -158,18 +149,18 @@ def test_clock_jumps(tmp_path, asked, reference, supervisor, jump):
 def test_two_coordinators_with_the_lease_forced_open(tmp_path, asked, reference, supervisor):
     """Somebody removes the lease while one drives: both compute, the same table comes of it."""
     store, plan, address = driven(tmp_path, asked, supervisor, 3, 0.02)
-    wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
+    until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     store.remove(plan.campaign_id, LEASE)
     drive(supervisor, store, plan, address, 0.02, name="second")
     both = ("coordinator", "second")
-    wait(lambda: all(map(supervisor.finished, both)), lambda: "\n".join(map(supervisor.said, both)))
+    until(lambda: all(map(supervisor.finished, both)), lambda: "\n".join(map(supervisor.said, both)))
     check_whole(store, plan, reference)
 
 
 def test_part_damaged_while_it_runs(tmp_path, asked, reference, supervisor):
     """A part that was sound and is not any more at the end is named, quarantined, and computed again."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.02)
-    wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
+    until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     names = [f"{plan.campaign_id}/parts/{name}" for name in parts(store, plan)[:2]]
     whole = store.files.read(names[0])
     store.files.write(names[0], whole[:200] + b"x" + whole[201:])  # as long as before
@@ -226,11 +217,11 @@ def test_a_sound_worker_is_waited_for(tmp_path, asked, reference):
 def test_cancel_then_resume(tmp_path, asked, reference, supervisor):
     """``cancel`` ends the coordinator; when the marker is removed, another one completes the campaign."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.02)
-    wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
+    until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     command = [sys.executable, "-m", "campaign", "cancel", plan.campaign_id, "--store", store.url]
     with workers_paused(supervisor):  # however long the command takes to start
         subprocess.run(command, check=True, env=supervisor.environment, capture_output=True)
-        wait(lambda: 3 in supervisor.codes.get("coordinator", []), lambda: supervisor.said("coordinator"))
+        until(lambda: 3 in supervisor.codes.get("coordinator", []), lambda: supervisor.said("coordinator"))
     before = parts(store, plan)
     assert 0 < len(before) < 100
     store.remove(plan.campaign_id, CANCEL)
@@ -241,11 +232,11 @@ def test_cancel_then_resume(tmp_path, asked, reference, supervisor):
 def test_terminated_coordinator_leaves_it_open(tmp_path, asked, reference, supervisor):
     """SIGTERM, as of a supervisor that restarts it: the campaign is open, without a lease, and the next one ends it."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.05)
-    wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
+    until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     seen = []
     with supervisor.held():
         os.kill(supervisor.pid("coordinator"), signal.SIGTERM)
-        wait(lambda: 143 in supervisor.codes.get("coordinator", []), lambda: supervisor.said("coordinator"))
+        until(lambda: 143 in supervisor.codes.get("coordinator", []), lambda: supervisor.said("coordinator"))
         seen.append(state_of(store, plan.campaign_id))
         assert store.read_json(plan.campaign_id, LEASE) is None
     assert (seen[0]["state"], seen[0]["open"]) == ("interrupted", True)
@@ -265,7 +256,7 @@ def test_coordinator_is_killed_while_it_repeats(tmp_path, campaign_file, supervi
     folder = tmp_path / "s" / plan.campaign_id
     drive(supervisor, store, plan, start_cluster(supervisor, supervisor.folder), 0.05)
     repeats = folder / "repeats-1"
-    wait(lambda: len(list(repeats.glob("*.parquet"))) > 5, lambda: supervisor.said("coordinator"))
+    until(lambda: len(list(repeats.glob("*.parquet"))) > 5, lambda: supervisor.said("coordinator"))
     assert strike(supervisor, "coordinator", Random(1))
     before = {path: path.stat().st_mtime_ns for path in folder.glob("*/*.parquet")}
     assert len(before) < 40 + 40
@@ -278,13 +269,13 @@ def test_isolated_subprocesses_are_killed(tmp_path, asked, reference, supervisor
     """Kill -9 of an isolated subprocess: its run is repeated, and no row blames it (three kills in a row would)."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 30, 0.05)
     chance, struck = Random(1), 0
-    wait(lambda: len(parts(store, plan)) > 1, lambda: supervisor.said("coordinator"))
+    until(lambda: len(parts(store, plan)) > 1, lambda: supervisor.said("coordinator"))
     while struck < 2 and not supervisor.finished("coordinator"):
         before = len(parts(store, plan))
         strike(supervisor, "worker", chance)
-        wait(lambda: strike(supervisor, "child", chance) or supervisor.finished("coordinator"), "no child")
+        until(lambda: strike(supervisor, "child", chance) or supervisor.finished("coordinator"), "no child")
         struck += 1
-        wait(lambda before=before: len(parts(store, plan)) > before + 1, lambda: supervisor.said("coordinator"))
+        until(lambda before=before: len(parts(store, plan)) > before + 1, lambda: supervisor.said("coordinator"))
     assert struck
     finish(supervisor)
     check_whole(store, plan, reference)

@@ -23,23 +23,36 @@ from campaign.store.layout import HEARTBEAT, LEASE
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
 from tests.campaign.storms.disk import remount, tmpfs
+from tests.until import until
 
-SLOW = partial(fake_engine.takes, 0.05)
+QUICK = 20  # runs; the others are held until the store fails
 
 
 @pytest.fixture
 def asked(campaign_file):
-    """Return a campaign that takes two processes some seconds."""
+    """Return a campaign of which most is left when the store fails."""
     return load_campaign(str(campaign_file), samples=150)
 
 
-def hurt(folder, store, plan, begin, end, seconds, struck):
-    """Wait until some parts are there, and have the store fail for a while."""
-    while len(store.files.hasty.names(f"{plan.campaign_id}/parts")) < 5:
-        time.sleep(0.02)
+@pytest.fixture
+def runs(tmp_path):
+    """Return the file that counts runs; another one lets those that are held go on."""
+    return tmp_path / "runs"
+
+
+def go_on(runs):
+    """Let the runs that are held go on."""
+    runs.with_suffix(".end").touch()
+
+
+def hurt(folder, store, plan, begin, end, seconds, struck, runs, is_noticed):
+    """Wait until some parts are there, and have the store fail for a while, until the coordinator has noticed it."""
+    until(lambda: len(store.files.hasty.names(f"{plan.campaign_id}/parts")) >= 5, "no parts")
     begin(folder)
     struck.append(store.survey(plan).rows)
+    go_on(runs)
     time.sleep(seconds)
+    until(is_noticed, "nobody notices that the store fails")
     end(folder)
 
 
@@ -81,9 +94,10 @@ OUTAGES = {
 }
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize("outage", OUTAGES)
-def test_outage_of_the_store(tmp_path, asked, workers, caplog, outage):
+def test_outage_of_the_store(tmp_path, asked, workers, caplog, outage, runs):
     """Whatever part, heartbeat, lease or manifest comes to be written meanwhile, it is written after it."""
     caplog.set_level(logging.INFO)
     begin, end, seconds = OUTAGES[outage]
@@ -92,9 +106,11 @@ def test_outage_of_the_store(tmp_path, asked, workers, caplog, outage):
         store = open_store(str(folder / "s"))
         plan = submit(store, asked, 1)
         struck = []
-        thread = threading.Thread(target=hurt, args=(folder, store, plan, begin, end, seconds, struck))
+        noticed = (runs, lambda: "trying again" in caplog.text)
+        thread = threading.Thread(target=hurt, args=(folder, store, plan, begin, end, seconds, struck, *noticed))
         thread.start()
-        outcome = coordinate(store, plan, Cluster(workers=2), simulate=SLOW)
+        held = partial(fake_engine.lasts, QUICK, str(runs))
+        outcome = coordinate(store, plan, Cluster(workers=2), simulate=held)
         thread.join()
         assert 0 < struck[0] < 150
         assert outcome.survey.missing == []
@@ -109,7 +125,7 @@ class Away:
     """A store of which one process sees nothing while it is away."""
 
     def __init__(self, store):
-        self._backend, self.away = store.files._backend, threading.Event()
+        self._backend, self.away, self.missed = store.files._backend, threading.Event(), []
         self.faults, self.is_final, self.reopen = OSError, self._backend.is_final, self._backend.reopen
         self.path, self.shared, self.root = self._backend.path, True, self._backend.root
         store.files._backend = self
@@ -121,6 +137,7 @@ class Away:
     def __getattr__(self, name):
         def operation(*arguments):
             if self.away.is_set():
+                self.missed.append(name)
                 raise OSError(5, "Input/output error")
             return getattr(self._backend, name)(*arguments)
 
@@ -130,22 +147,23 @@ class Away:
 @pytest.fixture
 def split(tmp_path, campaign):
     """Return a store, the view of it that its coordinator has, and the plan."""
-    store, seen = (open_store(str(tmp_path / "s"), Patience(60.0, 0.05, 0.2)) for _ in range(2))
+    store, seen = (open_store(str(tmp_path / "s"), Patience(600.0, 0.05, 0.2)) for _ in range(2))
     return store, seen, submit(store, campaign, 1)
 
 
-def during_outage(store, view, plan, action):
-    """Wait until rows come, take the store away from the coordinator, act meanwhile, and give it back."""
-    while store.survey(plan).rows < 3:
-        time.sleep(0.02)
+def during_outage(store, view, plan, action, runs):
+    """Wait until rows come, take the store away from the coordinator until it notices, act, and give it back."""
+    until(lambda: store.survey(plan).rows >= 3, "no rows")
     view.away.set()
-    time.sleep(2.5)  # of which its checks see something
+    until(lambda: view.missed, "nobody notices that the store is away")
     action()
     view.away.clear()
+    go_on(runs)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("taken_over", [False, True])
-def test_lease_after_an_outage(split, workers, taken_over):
+def test_lease_after_an_outage(split, workers, taken_over, runs):
     """Who still holds the lease goes on; who lost it meanwhile ends, so that never both compute."""
     store, seen, plan = split
     view = Away(seen)
@@ -154,9 +172,9 @@ def test_lease_after_an_outage(split, workers, taken_over):
         if taken_over:
             store.write_json(plan.campaign_id, LEASE, {"token": "theirs"})
 
-    thread = threading.Thread(target=during_outage, args=(store, view, plan, act))
+    thread = threading.Thread(target=during_outage, args=(store, view, plan, act, runs))
     thread.start()
-    slow = partial(fake_engine.takes, 0.3)
+    slow = partial(fake_engine.lasts, 3, str(runs))
     if taken_over:
         with pytest.raises(LeaseLost, match="was taken over by another process"):
             coordinate(seen, plan, Cluster(workers=2), simulate=slow)
@@ -167,9 +185,10 @@ def test_lease_after_an_outage(split, workers, taken_over):
     thread.join()
 
 
+@pytest.mark.processes
 def test_heartbeat_that_cannot_be_written(tmp_path, campaign, workers, monkeypatch):
     """Batches go on all the same: here the heartbeat is refused until ten of them are in the store."""
-    store = open_store(str(tmp_path / "s"), Patience(300.0, 0.05, 0.2))
+    store = open_store(str(tmp_path / "s"), Patience(600.0, 0.05, 0.2))
     plan = submit(store, campaign, 1)
     write_json, refused = Store.write_json, []
 
@@ -180,8 +199,7 @@ def test_heartbeat_that_cannot_be_written(tmp_path, campaign, workers, monkeypat
         write_json(self, campaign_id, name, content)
 
     monkeypatch.setattr(Store, "write_json", refuse_heartbeats)
-    slow = partial(fake_engine.takes, 0.3)
-    assert coordinate(store, plan, Cluster(workers=2), simulate=slow).survey.missing == []
+    assert coordinate(store, plan, Cluster(workers=2), simulate=fake_engine.simulate).survey.missing == []
     assert refused
 
 

@@ -17,9 +17,10 @@ from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
 from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
-from tests.campaign.storms.test_failures import parts, wait
+from tests.campaign.storms.test_failures import parts
+from tests.until import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
 def digest(store, plan):
@@ -53,9 +54,9 @@ def stormy(folder, asked, size, tls=None, strikes=()):
         drive(supervisor, store, plan, address, 0.02, *(("--tls", tls) if tls else ()))
         for number, kind in enumerate(strikes, 1):
             ready = number * len(plan.batches) // (2 * len(strikes))
-            wait(lambda ready=ready: len(parts(store, plan)) >= ready, lambda: supervisor.said("coordinator"))
-            wait(lambda kind=kind: strike(supervisor, kind, chance), lambda: supervisor.said("coordinator"))
-        wait(lambda: supervisor.finished("coordinator"), lambda: supervisor.said("coordinator"))
+            until(lambda ready=ready: len(parts(store, plan)) >= ready, lambda: supervisor.said("coordinator"))
+            until(lambda kind=kind: strike(supervisor, kind, chance), lambda: supervisor.said("coordinator"))
+        until(lambda: supervisor.finished("coordinator"), lambda: supervisor.said("coordinator"))
     assert those_left(supervisor.mark) == []
     return digest(store, plan)
 

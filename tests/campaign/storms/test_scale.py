@@ -30,7 +30,7 @@ from tests.campaign import fake_engine
 from tests.campaign.storms.cluster import DASK, drive, start_cluster
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
-pytestmark = [pytest.mark.slow, pytest.mark.alone]
+pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.processes]
 
 SAMPLES = int(os.environ.get("CLEARCAP_SCALE_SAMPLES", "100000"))
 WORKERS = 2

@@ -26,9 +26,9 @@ from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.campaign.switch import Switch
 from tests.campaign.web.running import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
-BOUND = 400.0  # s, for whatever may hang
+BOUND = 1800.0  # s, for whatever may hang
 AWAY = 10.0  # s, longer than a server waits for an answer
 
 

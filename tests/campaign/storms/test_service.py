@@ -17,9 +17,9 @@ from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
 from tests.campaign.storms.cluster import DASK, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
-from tests.campaign.storms.test_failures import wait
+from tests.until import until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 SAMPLES = 300
 
@@ -36,14 +36,14 @@ def test_service_in_a_storm(tmp_path):
 
         def clearcap(*words):
             command = [sys.executable, "-m", "campaign", *words, "--store", store.url, "--json"]
-            done = subprocess.run(command, env=supervisor.environment, check=True, capture_output=True, timeout=400)
+            done = subprocess.run(command, env=supervisor.environment, check=True, capture_output=True)
             return json.loads(done.stdout)
 
         first = clearcap("submit", str(tmp_path / "before.toml"), "--batch-size", "5", "--queue-only")
         assert first["driver"] == "none"
         address = start_cluster(supervisor, tmp_path)
         supervisor.add("coordinator", "campaign", "coordinate", "--store", store.url, "--scheduler", address)
-        wait(lambda: _rows(store, first) > 20, lambda: supervisor.said("coordinator"))
+        until(lambda: _rows(store, first) > 20, lambda: supervisor.said("coordinator"))
         second = clearcap("submit", str(tmp_path / "meanwhile.toml"), "--batch-size", "5", "--scheduler", address)
         assert second["driver"] in ("service", "coordinator")
         for kind in ("coordinator", "worker", "scheduler", "coordinator"):
@@ -51,7 +51,7 @@ def test_service_in_a_storm(tmp_path):
             time.sleep(chance.uniform(0.5, 3.0))
         for submitted in (first, second):
             report = tmp_path / "runs" / submitted["campaign"] / "report" / "report.html"
-            wait(report.exists, lambda: supervisor.said("coordinator"))
+            until(report.exists, lambda: supervisor.said("coordinator"))
             assert clearcap("status", submitted["campaign"])["left"] == 0
     assert those_left(supervisor.mark) == []
     for submitted, name in ((first, "before"), (second, "meanwhile")):

@@ -25,13 +25,13 @@ from tests.campaign.storms.server_checks import check_accounts, check_visits
 from tests.campaign.storms.storm import Storm
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
-pytestmark = [pytest.mark.slow, pytest.mark.storm]
+pytestmark = [pytest.mark.slow, pytest.mark.storm, pytest.mark.processes]
 
 COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a share of the storms runs, chosen by it
 SEEDS = chosen(COMMIT) if COMMIT else range(STORMS)
 RUN = 0.03  # s, that a run of the stand-in takes
 PATIENCE = 15.0  # s, in which progress is waited for before the next disturbance
-BOUND = 400.0  # s, for whatever may hang; a storm takes a tenth of it
+BOUND = 1800.0  # s, for whatever may hang; a storm takes a tenth of it
 RESUMES = 3  # undisturbed, until the campaign is complete
 
 BLOCKS = """\

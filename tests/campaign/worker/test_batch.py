@@ -53,6 +53,7 @@ def test_error_of_the_machine_is_no_row(store, plan, tmp_path, error):
     assert done.part.statuses == {"ok": 5}
 
 
+@pytest.mark.processes
 def test_error_of_the_machine_that_stays_is_a_row(store, plan, monkeypatch):
     """If process after process meets it, it is the run's."""
     monkeypatch.setattr(subprocess_runs, "TRIES", 2)

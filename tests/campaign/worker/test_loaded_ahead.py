@@ -33,6 +33,7 @@ def quiet(monkeypatch):
     return called
 
 
+@pytest.mark.processes
 def test_arrays_do_not_load_pandas():
     """In a process of its own, arrays are made and read without pandas, which can still be imported after that."""
     subprocess.run([sys.executable, "-c", ARRAYS_WITHOUT_PANDAS], check=True)
@@ -54,6 +55,7 @@ def test_worker_starts_even_if_nothing_can_be_loaded(quiet, monkeypatch):
     assert quiet == []
 
 
+@pytest.mark.processes
 def test_worker_of_this_machine_loads_in_the_thread_of_its_batches():
     """When the first call comes, what batches need is there, and pandas is not."""
     with connect_workers(Cluster(workers=1)) as workers:

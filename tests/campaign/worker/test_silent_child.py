@@ -1,10 +1,12 @@
 """Children that hang: killed when they are silent for too long, by time in which someone looked."""
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from functools import partial
 
 import psutil
@@ -17,7 +19,7 @@ from campaign.worker.silent_child import LOOK_INTERVAL, ChildWatch
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from tests.campaign import fake_engine
 
-WITHIN = 60.0  # s, after which a child that nobody killed is killed here, and the test fails
+WITHIN = 600.0  # s, after which a child that nobody killed is killed here, and the test fails
 
 
 @pytest.fixture
@@ -47,9 +49,21 @@ def test_time_in_which_nobody_looked_does_not_count(watch):
 
 @pytest.fixture
 def _soon(monkeypatch):
-    """Lose patience after a second, and fail the test if a child has to be killed from here."""
-    monkeypatch.setattr(silent_child, "LOOK_INTERVAL", 0.25)
-    monkeypatch.setattr(subprocess_runs, "longest_sample", lambda _: 1.0)
+    """Have no patience with a child that is stopped, and fail the test if one has to be killed from here.
+
+    Time passes only while a child is stopped: one that is slow is not silent for any time.
+    """
+    moments = [1000.0]
+
+    def clock():
+        with suppress(psutil.NoSuchProcess):
+            if any(child.status() == psutil.STATUS_STOPPED for child in psutil.Process().children()):
+                moments.append(moments[-1] + 60.0)
+        return moments[-1]
+
+    monkeypatch.setattr(silent_child, "LOOK_INTERVAL", 0.05)
+    monkeypatch.setattr(subprocess_runs, "ChildWatch", partial(ChildWatch, clock=clock))
+    monkeypatch.setattr(subprocess_runs, "longest_sample", lambda _: 0.0)
     monkeypatch.setattr(subprocess_runs, "BUSY", 0.0)
     monkeypatch.setattr(subprocess_runs, "PAUSES", (0.01, 0.1))
     over, rescued = threading.Event(), []
@@ -68,6 +82,7 @@ def _soon(monkeypatch):
     assert rescued == []
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
@@ -80,6 +95,7 @@ def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
     assert caplog.text.count("it hangs or was stopped") == 2
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
@@ -91,25 +107,28 @@ def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
     assert "took no notice of its time limit 2 times in a row; perhaps someone stopped" in first["message"]
 
 
+@pytest.mark.processes
 @pytest.mark.usefixtures("_soon")
 def test_stopped_while_it_starts(store, plan, monkeypatch):
     """It is no fault of a run, and does not last for ever."""
     code = "import os, signal; os.kill(os.getpid(), signal.SIGSTOP)"
     monkeypatch.setattr(subprocess_runs, "COMMAND", [sys.executable, "-c", code])
-    monkeypatch.setattr(subprocess_runs, "READY_WITHIN", 1.0 - CampaignAddress.of(store, plan).patience.seconds)
+    monkeypatch.setattr(subprocess_runs, "READY_WITHIN", -CampaignAddress.of(store, plan).patience.seconds)
     monkeypatch.setattr(subprocess_runs, "STARTS", 2)
     with pytest.raises(ChildFailed, match=r"2 times in a row, never in a run .*SIGKILL"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
 
 
+@pytest.mark.processes
 @pytest.mark.usefixtures("_soon")
 def test_what_a_child_has_started_is_killed_with_it():
     """It would hold the pipe open, for which the parent waits."""
     code = "import os, time\nif os.fork(): os._exit(0)\ntime.sleep(600)"
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, start_new_session=True)
-    with child, ChildWatch(child, 1.0) as watch:
+    time = itertools.count(1000.0)
+    with child, ChildWatch(child, 0.0, lambda: next(time) if child.poll() is not None else 1000.0) as watch:
         guard = threading.Timer(WITHIN, lambda: os.killpg(child.pid, signal.SIGKILL))
         guard.start()
         assert child.stdout.read() == b""
         guard.cancel()
-    assert watch.hung
+    assert (watch.hung, child.returncode) == (True, 0)

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +22,9 @@ from campaign.worker.runs import rows_in_process
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from tests.campaign import fake_engine
+from tests.until import until
+
+pytestmark = pytest.mark.processes
 
 
 @pytest.fixture(autouse=True)
@@ -161,27 +163,24 @@ def test_child_ends_with_its_parent(store, plan, tmp_path):
     code = (
         "import sys\nfrom functools import partial\nfrom campaign.worker.messages import CampaignAddress\n"
         "from campaign.worker.subprocess_runs import rows_in_subprocess\nfrom tests.campaign import fake_engine\n"
-        "slow = partial(fake_engine.takes, 60.0)\n"
+        f"slow = partial(fake_engine.lasts, 0, {str(tmp_path / 'begun')!r})\n"
         f"address = CampaignAddress({store.url!r}, {plan.campaign_id!r}, {plan.row_build!r}, slow)\n"
         "next(rows_in_subprocess(address, range(3), 1))\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])
     try:
-        until = time.monotonic() + 60.0
-        while not (children := psutil.Process(parent.pid).children()) and time.monotonic() < until:
-            time.sleep(0.05)
-        (child,) = children
-        time.sleep(1.0)
+        until((tmp_path / "begun").exists, "no run begins")
+        (child,) = psutil.Process(parent.pid).children()
     finally:
         os.kill(parent.pid, signal.SIGKILL)
         parent.wait()
-    child.wait(timeout=30)
+    child.wait(timeout=600)
 
 
-def test_cancelled_in_the_middle(store, plan):
-    """The marker ends it in a subprocess as in this process."""
+def test_cancelled_in_the_middle(store, plan, tmp_path):
+    """The marker ends a run that lasts until then, in a subprocess as in this process."""
     store.files.write(f"{plan.campaign_id}/{CANCEL}", b"")
-    address = CampaignAddress.of(store, plan, partial(fake_engine.takes, 0.5))
+    address = CampaignAddress.of(store, plan, partial(fake_engine.lasts, 0, str(tmp_path / "lasting")))
     for compute in (rows_in_process, rows_in_subprocess):
         with pytest.raises(Cancelled):
             list(compute(address, range(25), 1))
@@ -190,11 +189,11 @@ def test_cancelled_in_the_middle(store, plan):
 def test_time_limit_ends_the_process():
     """By the kernel's clock, with nothing the process could do about it."""
     code = "from campaign.worker.limits import time_limit\nwith time_limit(0.2):\n    while True: pass\n"
-    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == -signal.SIGALRM
-    with time_limit(0.2):
-        pass
-    time.sleep(0.4)  # disarmed: this process is still here
+    with time_limit(3600.0):
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)  # disarmed
 
 
 def test_memory_limit_is_lifted_again():

@@ -63,6 +63,7 @@ usl = {usl}
 """
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 def test_the_way_of_a_block_down_a_slope(tmp_path):
     """With physics, from the shell: a block stops after v^2 / 2 g (friction cos 30 - sin 30), whatever its mass.

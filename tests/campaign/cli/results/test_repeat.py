@@ -40,6 +40,7 @@ def blocks(tmp_path):
     return folder, computed(folder, load_campaign(str(file)), 5, simulate)[1]
 
 
+@pytest.mark.processes
 def test_more_repeats(faked, campaign_file, tmp_path):
     """They are added, the report is written again, and no row is computed; what is there is named."""
     run = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
@@ -83,6 +84,7 @@ def plan_numbers(store, plan):
     return set(read_repeats(store, plan)["sample"].to_pylist())
 
 
+@pytest.mark.processes
 def test_without_repeats(faked, campaign_file):
     """``share = 0`` computes none; the report says so and how to get some."""
     campaign_file.write_text(

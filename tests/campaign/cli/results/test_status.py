@@ -43,6 +43,7 @@ def test_rows_lost_after_the_end(store, plan, capsys, monkeypatch):
     assert (since.timestamp(), since.tzinfo is not None) == (1795305213, True)
 
 
+@pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.parametrize("known", ["with a manifest", "without one"])
 def test_status_of_100000_rows(tmp_path, store, campaign_file, known):

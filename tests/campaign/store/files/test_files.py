@@ -65,6 +65,7 @@ def test_failed_write_leaves_nothing(tmp_path, monkeypatch):
     assert files.read("a/x") == b"before"
 
 
+@pytest.mark.processes
 def test_sweep_takes_only_the_dead(tmp_path):
     """What killed writers left goes; what a living one writes, or one elsewhere may be writing, stays."""
     files, parts = Files(str(tmp_path / "s")), tmp_path / "s" / "parts"
@@ -88,6 +89,7 @@ Files({str(tmp_path / "s")!r}).write("parts/part-000002.parquet", b"rows")
     assert set(files.names("parts")) == left
 
 
+@pytest.mark.processes
 @pytest.mark.skipif(shutil.which("faketime") is None, reason="needs faketime: apt-get install faketime")
 def test_sweep_goes_by_the_clock_that_dates_the_files(tmp_path):
     """A process whose clock is a year ahead does not take files in work for dead ones."""
@@ -126,6 +128,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(mount)], check=True)
 
 
+@pytest.mark.processes
 def test_full_disk(small_disk):
     """What does not fit is not there at all, what was there stays, and the message says what to do."""
     files = Files(str(small_disk), HASTY)
@@ -138,6 +141,7 @@ def test_full_disk(small_disk):
     files.write("parts/b", b"b" * 100_000)
 
 
+@pytest.mark.processes
 def test_read_only_store(small_disk):
     """A store that is mounted read-only can be read, and is refused by name for writing."""
     files = Files(str(small_disk), HASTY)
@@ -150,6 +154,7 @@ def test_read_only_store(small_disk):
         files.write("parts/a", b"b")
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("seed", range(20))
 def test_killed_writer_leaves_all_or_nothing(tmp_path, seed):
     """Kill -9 at a random moment: each file is the old one or the new one, whole; besides only temporary ones."""
@@ -176,6 +181,7 @@ while True:
     assert files.names("parts") == names
 
 
+@pytest.mark.processes
 def test_two_writers_of_one_file(tmp_path):
     """Two processes that write the same file in the same moment leave one of the two contents."""
     script = """

@@ -26,6 +26,8 @@ from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
 from tests.campaign.store.test_store import fill
 
+pytestmark = pytest.mark.processes
+
 ACCESS = {
     "AWS_ACCESS_KEY_ID": "someone",
     "AWS_SECRET_ACCESS_KEY": "something",
@@ -158,8 +160,8 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
         store.create_plan(plan)
         fill(store, plan, [0, 1])
         command = [sys.executable, "-c", "import os,sys,time; time.sleep(1); os.kill(int(sys.argv[1]), 18)"]
+        os.kill(server.pid, signal.SIGSTOP)
         with subprocess.Popen([*command, str(server.pid)]):
-            os.kill(server.pid, signal.SIGSTOP)
             fill(store, plan, [2])
         assert store.survey(plan).missing == []
 
@@ -168,7 +170,7 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
 def test_busy_server(monkeypatch, plan, campaign):
     """Every third request is answered "slow down", and no call fails."""
     with s3_server(busy=3) as (_, port):
-        store = open_store(bucket(monkeypatch, port), Patience(60.0, 0.01))
+        store = open_store(bucket(monkeypatch, port), Patience(600.0, 0.01))
         monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
         assert store.create_plan(plan) == plan
         fill(store, plan)
