@@ -35,3 +35,7 @@ class TrajectoryError(EngineError):
 
 class FolderError(EngineError):
     """The folder of compiled code is not safe: another user could have put files there, so none of it is run."""
+
+
+class UnsupportedNumbaError(EngineError, ImportError):
+    """The installed Numba lacks what the engine cannot do without."""

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import types
 from numba.extending import lower_builtin, models, register_model, type_callable
 
 from engine.arrays import Array
+from engine.compiler.numba_internals import converted, data_of, declared, nothing
 
 LANES = 8
 DOUBLE = ir.DoubleType()
@@ -108,7 +109,7 @@ def choose(condition: Array, a: Array, b: Array) -> Array:
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
     """Return the address of eight consecutive numbers in an array."""
-    data = context.make_array(kind)(context, builder, array).data
+    data = data_of(context, builder, kind, array)
     return builder.bitcast(builder.gep(data, [at]), ir.VectorType(DOUBLE, LANES).as_pointer())
 
 
@@ -131,7 +132,7 @@ def _type_read(context: Any) -> Any:
 
 @lower_builtin(read, types.Array, types.Integer)
 def _lower_read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    at = context.cast(builder, arguments[1], signature.args[1], types.intp)
+    at = converted(context, builder, arguments[1], signature.args[1], types.intp)
     numbers = builder.load(_address(context, builder, signature.args[0], arguments[0], at))
     numbers.align = 8
     return numbers
@@ -144,9 +145,9 @@ def _type_write(context: Any) -> Any:
 
 @lower_builtin(write, LanesType, types.Array, types.Integer)
 def _lower_write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    at = context.cast(builder, arguments[2], signature.args[2], types.intp)
+    at = converted(context, builder, arguments[2], signature.args[2], types.intp)
     builder.store(arguments[0], _address(context, builder, signature.args[1], arguments[1], at), align=8)
-    return context.get_dummy_value()
+    return nothing(context)
 
 
 @type_callable(spread)
@@ -157,7 +158,7 @@ def _type_spread(context: Any) -> Any:
 @lower_builtin(spread, types.Float)
 @lower_builtin(spread, types.Integer)
 def _lower_spread(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return _spread(builder, context.cast(builder, arguments[0], signature.args[0], types.float64))
+    return _spread(builder, converted(context, builder, arguments[0], signature.args[0], types.float64))
 
 
 def _declare_fold(function: Any, build: Any) -> None:
@@ -194,13 +195,13 @@ def _lower_root(context: Any, builder: Any, signature: Any, arguments: Any) -> A
 def _call(builder: Any, name: str, operands: Any) -> Any:
     """Call an LLVM intrinsic whose operands and result are vectors."""
     kind = ir.FunctionType(operands[0].type, [x.type for x in operands])
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), operands)
+    return builder.call(declared(builder, name, kind), operands)
 
 
 def _operands(context: Any, builder: Any, signature: Any, arguments: Any) -> list[Any]:
     """Return operands as vectors; single numbers are repeated in all lanes."""
     return [
-        x if kind in (lanes, choice) else _spread(builder, context.cast(builder, x, kind, types.float64))
+        x if kind in (lanes, choice) else _spread(builder, converted(context, builder, x, kind, types.float64))
         for x, kind in zip(arguments, signature.args, strict=True)
     ]
 

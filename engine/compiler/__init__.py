@@ -1,1 +1,1 @@
-"""Additions to Numba: tuples of arrays passed by address, remembered choices and sizes, no garbage collection."""
+"""What makes Numba compile faster, and all that is used of Numba beyond its manual."""

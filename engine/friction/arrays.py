@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.arrays import Array, Integers, aligned_zeros
-from engine.compiler.tuples_by_address import by_address
+from engine.compiler.numba_internals import by_address
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
 from engine.jit import inner

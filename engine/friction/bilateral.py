@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.tuples_by_address import by_address
+from engine.compiler.numba_internals import by_address
 from engine.friction.blocks import BODY, PIECE, ROW, clear, factorise, start_system, substitute
 from engine.jit import inner, kernel
 

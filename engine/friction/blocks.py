@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.tuples_by_address import by_address
+from engine.compiler.numba_internals import by_address
 from engine.jit import inner
 from engine.lanes import LANES, fused, read, spread, total, write
 

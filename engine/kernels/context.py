@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from engine.compiler.tuples_by_address import by_address
+from engine.compiler.numba_internals import by_address
 from engine.friction.arrays import FrictionArrays
 from engine.kernels.model import Model, Scratch, State
 

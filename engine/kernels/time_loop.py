@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.tuples_by_address import by_address
+from engine.compiler.numba_internals import by_address
 from engine.friction.arrays import CONVERGED
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import begin_rows

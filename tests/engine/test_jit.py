@@ -82,7 +82,7 @@ def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
 def test_no_unchecked_folder(tmp_path):
     """Numba looks nowhere else for compiled code."""
     done = run("from engine import jit; print(jit.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
-    assert done.stdout == "engine.jit.BuildLocator\n"
+    assert done.stdout == "engine.compiler.numba_internals.BuildLocator\n"
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from engine.compiler.tuples_by_address import TupleByAddress, by_address
+from engine.compiler.numba_internals import TupleByAddress, by_address
 from engine.jit import inner, kernel
 
 

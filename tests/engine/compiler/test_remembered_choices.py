@@ -5,7 +5,7 @@ import pytest
 from numba.core.errors import TypingError
 from numba.core.types.functions import BaseFunction
 
-from engine.compiler import remembered_types
+from engine.compiler import numba_internals
 from engine.jit import inner, kernel
 
 CHOOSE = BaseFunction.get_call_type
@@ -25,7 +25,7 @@ def test_each_choice_is_made_once(monkeypatch):
         made.append((function.typing_key, arguments))
         return CHOOSE(function, context, arguments, named)
 
-    monkeypatch.setattr(remembered_types, "_choose", choose)
+    monkeypatch.setattr(numba_internals, "_choose", choose)
     monkeypatch.setattr(BaseFunction, "get_call_type", choose)
 
     def lengths(x, n):
