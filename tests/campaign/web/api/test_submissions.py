@@ -204,6 +204,7 @@ def test_failed_rows_again(computing):
     assert client.post(where, json={"statuses": ["none"]}, headers=headers["engineer"]).status_code == 422
 
 
+@pytest.mark.processes
 def test_quotas_have_words(storage, tmp_path):
     with computing_with(storage(tmp_path), tmp_path / "data", samples=1000, running=1) as computing:
         too_many = submit(computing, SPEC, samples=1001)
