@@ -8,6 +8,7 @@ import pytest
 import clearcap
 from campaign.coordinator.lease import hold_lease, is_coordinated
 from campaign.coordinator.plan_campaign import plan_campaign
+from campaign.coordinator.state import state_of
 from clearcap import running
 from tests.until import until
 
@@ -76,7 +77,9 @@ def test_interrupt_ends_the_coordinator(monkeypatch, store):
     plan = None
 
     def interrupted(process, progress):
-        until(lambda: is_coordinated(clearcap.open_store(str(store)), plan.campaign_id), "nobody coordinates it")
+        until(
+            lambda: state_of(clearcap.open_store(str(store)), plan.campaign_id)["state"] == "running", "nobody begins"
+        )
         raise KeyboardInterrupt
 
     original = running.plan_campaign
