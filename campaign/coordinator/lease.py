@@ -43,8 +43,9 @@ def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
     LeaseHeld
         If a process that is alive holds it.
     """
-    token = take_lease(store, campaign_id)
-    try:
+    token = secrets.token_hex(8)
+    try:  # an interrupt may come as soon as the lease is written, before it is known to be
+        take_lease(store, campaign_id, token=token)
         yield token
     except BaseException:
         _give_back(store.hasty, campaign_id, token)  # ending must not wait for an unreachable store
@@ -97,9 +98,10 @@ def take_lease(
     campaign_id: str,
     clock: Callable[[], float] = time.monotonic,
     pause: Callable[[float], None] = time.sleep,
+    token: str | None = None,
 ) -> str:
     """Take the lease of a campaign if it is free or stale, and return its token; raise `LeaseHeld` otherwise."""
-    mine = {"token": secrets.token_hex(8), **this_process()}
+    mine = {"token": token or secrets.token_hex(8), **this_process()}
     if store.create_json(campaign_id, LEASE, mine):
         return str(mine["token"])
     other = store.read_json(campaign_id, LEASE)

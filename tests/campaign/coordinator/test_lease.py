@@ -53,6 +53,20 @@ def other(store):
     child.stdout.close()
 
 
+def test_an_interrupt_while_it_is_taken_leaves_nothing(store, monkeypatch):
+    """It comes once the file is there, and before whoever wrote it knows."""
+    create = store.create_json
+
+    def interrupted(*content):
+        assert create(*content)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "create_json", interrupted)
+    with pytest.raises(KeyboardInterrupt), hold_lease(store, "demo"):
+        pass
+    assert lease_holder(store, "demo") is None
+
+
 def test_held_and_given_back(store):
     """Inside the block nobody else gets it; after it anybody."""
     with hold_lease(store, "demo") as token:
