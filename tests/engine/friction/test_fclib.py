@@ -118,6 +118,7 @@ def test_wrong_files_are_named(tmp_path, form, name, value, text):
     """File, dataset, what is there, what is allowed."""
     problem = random_problem(2, 4, bodies=3)
     dense = FrictionProblem(np.eye(12), np.random.default_rng(0).standard_normal((12, 12)), problem.q, problem.mu)
+    (tmp_path / "p.hdf5").unlink(missing_ok=True)  # of the item before: no file is replaced
     write_fclib(tmp_path / "p.hdf5", dense, form=form)
     with h5py.File(tmp_path / "p.hdf5", "r+") as file:
         spoil(file, name, value)
