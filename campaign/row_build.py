@@ -22,7 +22,7 @@ UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of 
 def row_build() -> str:
     """Return the build of this installation.
 
-    Two machines with the same build compute the same row.
+    Two machines with the same build and type of processor compute the same row.
 
     Returns
     -------
