@@ -7,6 +7,9 @@ LOCK   := deploy/requirements.lock
 # The same versions without hashes, and those of the tools: a new release of one breaks no verb, and refuses no change.
 DEV    := deploy/development.lock
 AUDIT  := deploy/audit.lock
+# The ends of what pyproject.toml allows: versions of Python, or paths to one
+OLDEST ?= 3.11
+NEWEST ?= 3.13
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 # Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
@@ -20,7 +23,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit lock bench clean
+.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -58,7 +61,7 @@ test: $(VENV)/.dev ## prove the parts; what is tested depends neither on the spe
 gate: $(VENV)/.dev ## one slow proof of each kind: a storm, a browser, the README's sessions, S3, hosts that speak TLS
 	$(TOGETHER) -m gate $(PARALLEL) $(CROWD)
 
-full: lint audit everything on-s3 kernels ## all there is, with new seeds, before an issue is closed: three quarters of an hour
+full: lint audit everything on-s3 kernels oldest newest ## all there is, with new seeds, before an issue is closed: three quarters of an hour
 
 everything: $(VENV)/.dev
 	$(TOGETHER) -m "" $(PARALLEL) $(CROWD)
@@ -91,6 +94,20 @@ audit: $(TOOLS)/uv ## the locked packages: installable with these hashes, withou
 	$(TOOLS)/uv pip install --quiet --dry-run --python $(TOOLS)/python --require-hashes --requirement $(LOCK)
 	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file build/sbom.json
 	$(TOOLS)/python deploy/audit.py
+
+# From nothing each time, because uv keeps versions that are there. The newest ones are not those of the lock file.
+oldest newest: $(TOOLS)/uv
+	$(TOOLS)/uv venv --quiet --clear --python $(PYTHON_OF) build/$@
+	$(TOOLS)/uv pip install --quiet --python build/$@/bin/python --resolution $(RESOLUTION) \
+		--requirements pyproject.toml $(EXTRAS:%=--extra %) --editable .
+	build/$@/bin/python deploy/smoke.py
+
+oldest: PYTHON_OF = $(OLDEST)
+oldest: RESOLUTION = lowest-direct
+oldest: ## import, two kernels, a small campaign and its report with the oldest packages that pyproject.toml allows
+newest: PYTHON_OF = $(NEWEST)
+newest: RESOLUTION = highest
+newest: ## the same with the newest packages that it allows
 
 COMPILE := $(TOOLS)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --custom-compile-command 'make lock'
 lock: $(TOOLS)/uv ## lock the newest versions of all packages: those that a cluster needs, with their hashes; those of the tools
