@@ -164,6 +164,7 @@ def test_an_earlier_campaign_is_read(earlier):
         assert ("earlier version of clearcap planned it" in done.stderr) == (verb == "replay")
 
 
+@pytest.mark.slow
 def test_an_earlier_campaign_is_not_completed(earlier, campaign):
     """What would compute its missing or failed rows refuses; none of its rows is reused in a new plan."""
     plan = earlier.plan(EARLIER.name)

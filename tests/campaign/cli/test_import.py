@@ -120,6 +120,7 @@ def test_refused(folder, words, said):
     assert not (folder / "x.toml").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_without_the_extra(folder):
     """Where OCCT is not installed, `import` says what to install, and others work, with the kernels of this process."""
@@ -160,6 +161,7 @@ def test_update(folder):
     assert json.loads(clearcap("import", "latch_B.step", "--update", "kept.toml", "--json"))["changes"] == []
 
 
+@pytest.mark.slow
 def test_update_of_limits(folder):
     """New limits follow in the campaign file, too; a recognition gap that was asked for stays."""
     clearcap("import", "latch.step", "-o", "revised.toml", "--no-pictures", "--recognition", "1e-3")

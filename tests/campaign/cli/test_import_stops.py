@@ -53,6 +53,7 @@ def clearcap(*words):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_from_a_step_file_to_the_lift_of_a_cam(tmp_path, monkeypatch):
     """Import, remove the marks of the candidate, check, simulate: the roller rests where the turned nose holds it."""
     monkeypatch.chdir(tmp_path)

@@ -48,6 +48,7 @@ def slope(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_submitted_campaign_is_driven_to_its_report(slope):
     """``submit`` prints the id alone and returns; a process of its own computes it; submitting again finds it."""
     done = clearcap("submit", "slope.toml", "--workers", "1", cwd=slope)
@@ -75,6 +76,7 @@ def there(slope):
     return slope, plan
 
 
+@pytest.mark.slow
 @pytest.mark.bits
 def test_replay_is_equal_to_the_bit(there, monkeypatch):
     """A row once more, in another process or here; a row that was tampered with is not equal, and exits 1."""
@@ -98,6 +100,7 @@ def test_replay_is_equal_to_the_bit(there, monkeypatch):
     assert "has samples 0 to 11" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_rerun_of_what_failed(there, monkeypatch):
     """Blocks that slide are not settled: run again they still are not, and their rows say that they were tried twice.
 
@@ -212,6 +215,7 @@ def test_a_lower_share_of_ok_runs_can_be_stated(faked, campaign_file, monkeypatc
     assert json.loads(done.stdout)["samples"] == 25
 
 
+@pytest.mark.slow
 def test_the_terminal_says_no_verdict_with_and_without_a_report(faked, campaign_file, monkeypatch):
     """A table of capable survivors alone would mislead; what stopped too early has its report too."""
     always = partial(fake_engine.raises_above, -1.0)

@@ -44,6 +44,7 @@ def campaign(tmp_path, monkeypatch):
     return tmp_path / "campaign.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_geometry_is_sent_as_numbers(campaign):
     """A server opens no CAD file: it gets the mechanism that this machine reads, in plain numbers."""

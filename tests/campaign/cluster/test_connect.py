@@ -145,6 +145,7 @@ def test_local_workers_over_tls(folder, caplog):
     assert not [r for r in caplog.records if r.levelno >= logging.CRITICAL]
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_memory_is_shared_out():
     """Local workers together cannot take all of the machine's memory."""

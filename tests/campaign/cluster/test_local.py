@@ -117,6 +117,7 @@ def test_ctrl_c_does_not_reach_workers(client):
     assert {pid for pid, _ in client.run(environment).values()} == before
 
 
+@pytest.mark.slow
 def test_a_restarted_worker_is_like_the_first(client):
     """A worker that was killed comes back with the same settings, as deaf to Ctrl-C."""
     before = {pid for pid, _ in client.run(environment).values()}
@@ -183,6 +184,7 @@ def test_a_worker_that_ends_or_hangs_while_it_starts(signal_number, within, monk
     assert ["did not start" in text for text in said] == [True]
 
 
+@pytest.mark.slow
 def test_workers_that_never_start(tmp_path, monkeypatch):
     """A few attempts, then one message, and no process and no folder stays."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

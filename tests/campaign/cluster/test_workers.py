@@ -91,6 +91,7 @@ def test_calls_that_are_taken_back_are_not_returned(workers, tmp_path):
     assert later.result() == 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_refused_workers_get_no_calls(kind, monkeypatch):
     """A worker of another build names itself; without the refused ones, the other computes, and none is left then."""

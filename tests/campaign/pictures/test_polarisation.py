@@ -54,6 +54,7 @@ def test_merged_runs_and_mean():
     assert merge_runs([]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_campaign_and_its_figure(tmp_path):
     """Two samples of the C-60 in two processes: all rings, as in one run of the same values; a figure with words."""

@@ -62,6 +62,7 @@ def test_total_indices_of_a_campaign(tmp_path):
     assert any(note.startswith("Variables that act together with others: J1 explains") for note in notes)
 
 
+@pytest.mark.slow
 def test_a_hole_is_closed_by_a_rerun(tmp_path):
     """One run fails: no total indices, and its number; once it is computed again they are there."""
     asked = designed(tmp_path, 64)

@@ -127,6 +127,7 @@ def test_a_page_has_the_distributions_and_the_advice_of_the_campaign(plan, tmp_p
     assert {each["variable"] for each in content["advice"]} == {"J1", "preload"} or content["advice_note"]
 
 
+@pytest.mark.slow
 def test_the_advice_of_the_page_knows_production_lots(campaign_file, tmp_path):
     """Four lots say nothing of how far a spread may grow, however many samples they have; 20 lots do."""
     for size, refused in ((100, True), (20, False)):

@@ -38,6 +38,7 @@ def written(tmp_path, text=SPEC, samples=25):
     return load_campaign(str(path))
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_rows_are_the_same_however_they_are_computed(tmp_path):
     """Batches of 3 on two workers, of 10 in this process, and a longer campaign: components and weights to the bit."""

@@ -196,6 +196,7 @@ json.dump(seen, sys.stdout)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.processes
 def test_the_interpreter_sees_no_file_opened():
     """What an audit hook hears of: shipped mechanisms, and the memory in use when a data file is decoded."""

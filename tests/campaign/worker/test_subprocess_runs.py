@@ -59,6 +59,7 @@ def same(rows, store, plan):
     return [row | varies for row in rows] == [row | varies for row in reference]
 
 
+@pytest.mark.slow
 def test_a_store_that_fails_the_child_is_no_fault_of_a_run(store, plan):
     """The child's error is the store's, so that the batch is tried again; then all rows are as ever."""
     address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), patience=HASTY)
@@ -110,6 +111,7 @@ def test_kills_from_outside_blame_nobody(store, plan, tmp_path):
     assert same(list(rows_in_subprocess(CampaignAddress.of(store, plan, killed), range(3), 1)), store, plan)
 
 
+@pytest.mark.slow
 def test_killed_while_it_sends_a_row(store, plan, tmp_path):
     """The run was over: it is repeated, and its row is as ever."""
     killed = partial(fake_engine.kills_the_answer, str(tmp_path / "kills"))
