@@ -4,6 +4,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
+# The ends of what pyproject.toml allows: versions of Python, or paths to one
+OLDEST ?= 3.11
+NEWEST ?= 3.13
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 # Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
@@ -17,7 +20,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test prove storms service-on-s3 attacks lint audit lock bench clean
+.PHONY: help run serve test prove storms service-on-s3 attacks lint audit oldest newest lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -74,6 +77,20 @@ audit: $(TOOLS)/uv ## the locked packages: installable with these hashes, withou
 	$(TOOLS)/uv pip install --quiet --dry-run --python $(TOOLS)/python --require-hashes --requirement $(LOCK)
 	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file build/sbom.json
 	$(TOOLS)/python deploy/audit.py
+
+# From nothing each time, because uv keeps versions that are there. The newest ones are not those of the lock file.
+oldest newest: $(TOOLS)/uv
+	$(TOOLS)/uv venv --quiet --clear --python $(PYTHON_OF) build/$@
+	$(TOOLS)/uv pip install --quiet --python build/$@/bin/python --resolution $(RESOLUTION) \
+		--requirements pyproject.toml $(EXTRAS:%=--extra %) --editable .
+	build/$@/bin/python deploy/smoke.py
+
+oldest: PYTHON_OF = $(OLDEST)
+oldest: RESOLUTION = lowest-direct
+oldest: ## import, two kernels, a small campaign and its report with the oldest packages that pyproject.toml allows
+newest: PYTHON_OF = $(NEWEST)
+newest: RESOLUTION = highest
+newest: ## the same with the newest packages that it allows
 
 lock: $(TOOLS)/uv ## lock the newest versions of all packages that a cluster needs, with their hashes
 	$(TOOLS)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
