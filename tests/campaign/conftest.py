@@ -83,9 +83,9 @@ def store(tmp_path, plan):
     return opened
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def s3_port():
-    """Return the port of a server that speaks S3, for all tests of a module."""
+    """Return the port of a server that speaks S3; each test has a bucket of its own."""
     from tests.campaign.store.files.test_s3 import s3_server  # which imports this module
 
     with s3_server() as (_, port):

@@ -49,6 +49,7 @@ def test_each_kind_of_processor_has_its_own_folder(tmp_path):
     assert other != here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["open to all", "a file", "no home"])
 def test_a_temporary_folder(fault, open_folder):
     """Where the usual folder is not to be used, one message says why; child processes share it, and it is removed."""

@@ -119,6 +119,7 @@ def test_the_poison_works(place, poison, proof):
     assert proof.read_text() == f"{VICTIM}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["folder", "link", "parent", "content"])
 def test_a_folder_that_the_victim_names(way, place, poison, proof):
     """It is refused in one message that says whose it is; nothing in it runs."""
@@ -145,6 +146,7 @@ def test_a_folder_that_the_victim_names(way, place, poison, proof):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_home_where_others_write(place, poison, proof):
     """Its folder is not used: a temporary one is, which is removed, and one message says so."""
     cache = home(place, 0o777) / ".cache"

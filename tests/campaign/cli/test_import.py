@@ -145,6 +145,7 @@ def test_without_the_extra(folder):
     assert run("mechanism", "check", "lever").returncode == 0
 
 
+@pytest.mark.slow
 def test_update(folder):
     """A revision whose faces are the same: only the SHA-256 and the file follow, as a diff; answers stay."""
     clearcap("import", "latch.step", "-o", "kept.toml", "--no-pictures")
@@ -183,6 +184,7 @@ def test_update_of_limits(folder):
     assert not path.exists()  # whoever has moved it has it elsewhere
 
 
+@pytest.mark.slow
 def test_pictures_are_not_written_over(folder):
     """A file of a picture's name is kept and named, and nothing is written; with `--update` it must be said."""
     for name in ("drawn.svg", "drawn.html"):
@@ -206,6 +208,7 @@ def test_pictures_are_not_written_over(folder):
     assert "stop-1" in drawing
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_refused_unless_it_is_accepted(folder):
     """An entity refers to one that is missing: nothing is written, until somebody says that the rest will do."""
     whole = (folder / "latch.step").read_text("latin-1")

@@ -238,6 +238,7 @@ def test_what_lies_off_centre_is_told_to_move(advised):
     assert "off centre: moving the mean by -0.22" in short.text
 
 
+@pytest.mark.slow
 def test_runs_that_fail_limit_a_growth_or_end_the_advice(lift):
     """Where wide J3 fails, J3 may grow until 1 % of the runs do; with more failures now, nothing is advised."""
     text = ("lsl = 9.70\nusl = 10.30", "lsl = 9.50\nusl = 10.50")
@@ -254,6 +255,7 @@ def test_runs_that_fail_limit_a_growth_or_end_the_advice(lift):
     assert "% of the runs have no value" in found.note
 
 
+@pytest.mark.slow
 def test_the_page_and_the_command_say_what_must_shrink(lift, advised):
     """The same factors in both; the growth names whom it keeps, and what it costs those below."""
     (store, plan), found = lift(), advised

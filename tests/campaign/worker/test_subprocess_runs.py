@@ -84,6 +84,7 @@ def test_another_build_is_no_fault_of_a_run(store, plan, monkeypatch):
         list(rows_in_subprocess(address, range(3), 1))
 
 
+@pytest.mark.slow
 def test_a_child_that_cannot_import_is_no_fault_of_a_run(store, plan, monkeypatch, caplog):
     """A function that no other process finds: children fail one after the other, and the last one's error is told."""
     nowhere = ModuleType("nowhere")
@@ -120,12 +121,14 @@ def test_killed_while_it_sends_a_row(store, plan, tmp_path):
     assert same(rows, store, plan)
 
 
+@pytest.mark.slow
 def test_what_an_earlier_run_left_behind_blames_nobody(store, plan):
     """A thread of one run ends the process in the next one, which is innocent and is computed alone."""
     address = CampaignAddress.of(store, plan, fake_engine.leaves_a_thread)
     assert same(list(rows_in_subprocess(address, range(2), 1)), store, plan)
 
 
+@pytest.mark.slow
 def test_a_run_that_spoils_the_answers_is_a_row(store, plan, monkeypatch):
     """What it wrote into the pipe is no message, time after time."""
     monkeypatch.setattr(subprocess_runs, "TRIES", 2)

@@ -79,6 +79,7 @@ def test_an_assembly_does_not_depend_on_those_before(turns):
         assert bits(mechanism) == bits(anew(mechanism))
 
 
+@pytest.mark.slow
 @each("which", EVERY)
 def test_every_number_that_may_be_set_has_the_same_effect_on_what_is_kept(which):
     """One number after the other, each also in a mechanism that is assembled anew; every twentieth of the C-60's.

@@ -33,6 +33,7 @@ def asked(path):
     return [question.text.partition(":")[0] for question in questions_of_file(path)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["MM", "M"])
 def test_a_ball_joint(tmp_path, unit):
     """Its centre is in the frames of both parts; radius and clearance are those of the drawing."""
@@ -50,6 +51,7 @@ def test_a_ball_joint(tmp_path, unit):
     assert place.text == "joint stem-cup: ball of stem in cup, radii 5.03 and 5, clearance 0.03 mm"
 
 
+@pytest.mark.slow
 def test_a_ball_as_large_as_its_socket(tmp_path):
     """Its clearance is a question, and so is an overlap."""
     _, path = proposal(ball_joint(cup(2.0, BALL), stem(), x=0.05), tmp_path)
@@ -79,6 +81,7 @@ def test_a_pin_that_is_pressed_in(tmp_path):
     assert not questions_of_file(path)[-1].text.startswith("joints")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["INCH", "M"])
 def test_equal_radii_do_not_overlap_by_a_last_digit(tmp_path, unit):
     """Neither clearance nor overlap is made of what the unit of the file rounds; numbers are written without it."""
@@ -90,6 +93,7 @@ def test_equal_radii_do_not_overlap_by_a_last_digit(tmp_path, unit):
     assert flanges["radius"] == round(flanges["radius"], 9)
 
 
+@pytest.mark.slow
 def test_names_in_other_alphabets(tmp_path):
     """Letters with marks become letters; what has no letter of its own is a part with a number."""
     names = ("Fl\N{LATIN SMALL LETTER U WITH DIAERESIS}gel", "\N{CJK UNIFIED IDEOGRAPH-8EF8}")
@@ -106,6 +110,7 @@ def test_letters_that_have_no_marks_of_their_own(tmp_path):
     assert list(found.bodies.values()) == ["grosser-Hebel", "kol-Ae"]
 
 
+@pytest.mark.slow
 def test_long_names_are_cut_off(tmp_path):
     """Two parts whose long names begin alike have different names, and a joint that names both."""
     found, path = proposal(hinge(names=("x" * 300 + "a", "x" * 300 + "b")), tmp_path)
@@ -128,6 +133,7 @@ def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
     assert any(each.startswith("radial_clearance = 0.03 ") and "the least of 0.04 and 0.03" in each for each in lines)
 
 
+@pytest.mark.slow
 def test_a_loose_pin_says_what_to_write(tmp_path):
     """Hole and pin of a joint that is not proposed, as a person can write them."""
     found, path = proposal(hinge(plate(3.5)), tmp_path)

@@ -41,6 +41,7 @@ def chosen(found, folder):
     return load_mechanism(path)
 
 
+@pytest.mark.slow
 def test_all_that_are_drawn_and_no_others(drawn):
     """One candidate for each pair that is one, with its gap; the flat of a countersink is a second one for its ball."""
     found, _ = drawn
@@ -95,6 +96,7 @@ def test_a_rounded_edge_beside_a_flat_is_none(tmp_path, own_cache):
     np.testing.assert_allclose(stop.pair.middle, [0.0, -0.5, 2.0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_face_narrower_than_a_point_is_sought_for(tmp_path, own_cache):
     """The edge of a sheet 0.6 mm thick: its candidate says within which distance of the point no other face is."""
     sheet, block = box((0.0, 0.0, 0.0), (10.0, 10.0, 0.6)), box((10.5, 0.0, -5.0), (5.0, 10.0, 10.0))

@@ -51,6 +51,7 @@ def test_the_proposal_loads(latch, tmp_path):
     assert "axial play along [0, 0, 1]" in path.read_text()
 
 
+@pytest.mark.slow
 def test_all_answered(latch, tmp_path):
     """Whoever removes the marks has a mechanism that can start, with the stop 0.8 mm away."""
     path = written(tmp_path, latch)

@@ -66,6 +66,7 @@ def test_a_clearance_as_drawn(latch):
     assert kept.kept == []
 
 
+@pytest.mark.slow
 def test_without_its_mark(latch):
     """A stop that the person has taken over follows too, and keeps having no mark."""
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
@@ -169,6 +170,7 @@ def test_parameters_come_and_go():
     assert "[parameters]\nown = 3\n" in updated_proposal(one.replace("]\nJ", "]\nown = 3\nJ"), one, none).text
 
 
+@pytest.mark.slow
 def test_candidates_that_are_gone(latch):
     """What still has its mark goes; what the person has taken over stays, and is named."""
     text = proposed(latch.assembly)

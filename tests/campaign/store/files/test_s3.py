@@ -47,13 +47,6 @@ def s3_server(port=0, busy=0, percent=0, seed=0):
             server.kill()
 
 
-@pytest.fixture(scope="module")
-def server():
-    """Return the port of a server for all tests of this file."""
-    with s3_server() as (_, port):
-        yield port
-
-
 def bucket(monkeypatch, port):
     """Point the environment at a server, as a user would, and return the URL of a new bucket there."""
     for key, value in {**ACCESS, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}"}.items():
@@ -65,9 +58,9 @@ def bucket(monkeypatch, port):
 
 
 @pytest.fixture
-def url(monkeypatch, server):
+def url(monkeypatch, s3_port):
     """Return the URL of a store that is empty."""
-    return bucket(monkeypatch, server)
+    return bucket(monkeypatch, s3_port)
 
 
 @pytest.fixture

@@ -76,11 +76,11 @@ def test_errors_of_the_input_come_as_what_they_are():
     [
         (partial(strange_jobs.sleep, 600), JobLimits(wall_s=0.5), JobPostponed, "longer than 0.5 s"),
         (strange_jobs.spin, JobLimits(processor_s=0.5, wall_s=600.0), JobTooLarge, "more than 0.5 s of processor time"),
-        (strange_jobs.eat, LIMITS, JobTooLarge, "more than 1 GiB of memory"),
+        pytest.param(strange_jobs.eat, LIMITS, JobTooLarge, "more than 1 GiB of memory", marks=pytest.mark.slow),
         (partial(strange_jobs.raw, 3 << 20), LIMITS, JobTooLarge, "more than 1 MiB"),
         (strange_jobs.crash, LIMITS, JobFailed, r"by signal 11 \(Segmentation fault\)"),
-        (strange_jobs.leave, LIMITS, JobFailed, "with exit status 7"),
-        (strange_jobs.bug, LIMITS, JobFailed, r"a bug in the program \(KeyError\)"),
+        pytest.param(strange_jobs.leave, LIMITS, JobFailed, "with exit status 7", marks=pytest.mark.slow),
+        pytest.param(strange_jobs.bug, LIMITS, JobFailed, r"a bug in the program \(KeyError\)", marks=pytest.mark.slow),
     ],
 )
 def test_a_job_that_goes_wrong_is_one_clear_error_and_its_process_is_replaced(job, limits, kind, words, caplog):

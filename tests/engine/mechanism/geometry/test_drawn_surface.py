@@ -211,6 +211,7 @@ def test_all_faces_of_a_box_are_the_box(load):
     assert len(mechanism.geometry.faces) == 6
 
 
+@pytest.mark.slow
 def test_an_ellipse_by_its_outline(load):
     """A closed face with a seam: points of the ellipse have no gap, on its normals it is the distance."""
     a, b = 8.0, 5.0
@@ -261,6 +262,7 @@ def test_what_is_refused(load, surface, key, words):
     assert words in found[key]
 
 
+@pytest.mark.slow
 def test_the_command_says_it_once(tmp_path, monkeypatch, capsys):
     """A face that cannot be a surface: one message with its key, no traceback, exit code 2."""
     path = tmp_path / "faces.toml"
