@@ -55,11 +55,11 @@ serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; 
 	$(BIN)/clearcap submit c60 --samples 500 --batch-size 25 --queue-only --store runs
 	$(BIN)/clearcap serve --store runs
 
-test: $(VENV)/.dev ## prove the parts; what is tested depends neither on the speed nor on the kind of the processor
+test: $(VENV)/.dev ## prove the parts: what depends neither on the speed nor on the kind of the processor
 	$(TOGETHER) $(PARALLEL)
 
-gate: $(VENV)/.dev ## one slow proof of each kind: a storm, a browser, the README's sessions, S3, hosts that speak TLS
-	$(TOGETHER) -m gate $(PARALLEL) $(CROWD)
+gate: $(VENV)/.dev ## the quick tests that start processes, and one slow proof of each kind: storm, browser, README, S3, TLS
+	$(TOGETHER) -m "processes and not slow or gate" $(PARALLEL) $(CROWD)
 
 full: lint audit everything on-s3 kernels oldest newest ## all there is, with new seeds, before an issue is closed: three quarters of an hour
 

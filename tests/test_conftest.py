@@ -41,6 +41,7 @@ def test_garbage_is_looked_for_again_after_collection():
     assert gc.get_freeze_count() > 0
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("reruns", "failed"), [("1", {"test_with_none"}), ("", {"test_with_none", "test_with_a_process"})]
 )

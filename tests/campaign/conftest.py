@@ -92,7 +92,7 @@ def s3_port():
         yield port
 
 
-@pytest.fixture(params=["folder", "s3"])
+@pytest.fixture(params=["folder", pytest.param("s3", marks=pytest.mark.processes)])
 def either_store(request, tmp_path, monkeypatch, plan):
     """Return a store that holds the plan: in a folder, and on S3."""
     from tests.campaign.store.files.test_s3 import bucket

@@ -27,8 +27,6 @@ from campaign.store.layout import DELETED, LEASE, PLAN
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 
-pytestmark = pytest.mark.processes
-
 
 class Killed(BaseException):
     """The process is no more."""
@@ -97,6 +95,7 @@ def half_deleted(store, plan):
     store.files.move(f"{plan.campaign_id}/{PLAN}", f"{plan.campaign_id}/{DELETED}")
 
 
+@pytest.mark.processes
 def test_a_half_deleted_campaign_is_none(whole, plan, capsys, monkeypatch):
     """No verb finds it but delete, which finishes it without asking; list says so, and a service passes it over."""
     half_deleted(whole, plan)
@@ -170,6 +169,7 @@ def test_a_deletion_that_was_away_stops(whole, plan, monkeypatch):
     assert len(whole.survey(plan).parts) == 3
 
 
+@pytest.mark.processes
 def test_a_coordinator_that_comes_too_late_writes_nothing(store, plan):
     """It had read the plan before the campaign was deleted: no folder is made again."""
     delete_campaign(store, plan.campaign_id)
@@ -193,6 +193,7 @@ delete_campaign(open_store(sys.argv[1]), sys.argv[2])
 """
 
 
+@pytest.mark.processes
 def test_kill_of_the_process(whole, plan):
     """Kill -9 in the midst: on this machine the next one need not wait, and finishes."""
     command = [sys.executable, "-c", DELETES, whole.url, plan.campaign_id]

@@ -53,7 +53,6 @@ def filled(either_store, plan, campaign_file):
     return either_store
 
 
-@pytest.mark.processes
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_is_seen(filled, plan, exact, change):
     """In the token of its campaign and of no other; one campaign alone has the token that it has among all."""
@@ -66,7 +65,6 @@ def test_a_change_is_seen(filled, plan, exact, change):
     assert change_token(filled, plan.campaign_id) == after[plan.campaign_id]
 
 
-@pytest.mark.processes
 def test_what_changes_all_the_time_is_left_out(filled, plan, exact):
     """Heartbeats, the log, files that are being written; the service, and folders that are no campaign."""
     before = change_tokens(filled)
@@ -76,7 +74,6 @@ def test_what_changes_all_the_time_is_left_out(filled, plan, exact):
     assert change_tokens(filled) == before
 
 
-@pytest.mark.processes
 def test_campaigns_that_are_gone(filled, plan, exact):
     """A deleted one has no token, nor has a folder without a plan."""
     delete_campaign(filled, plan.campaign_id)

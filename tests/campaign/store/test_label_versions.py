@@ -13,7 +13,6 @@ from campaign.store.labels import LONGEST_NOTE, LONGEST_OWNER, LONGEST_TAG, MOST
 from campaign.store.layout import labels_name
 
 
-@pytest.mark.processes
 def test_labels_are_kept_beside_the_plan(either_store, plan):
     """What is changed is read back, what is not named stays, and the plan has no part in it."""
     name, before = plan.campaign_id, either_store.files.read(f"{plan.campaign_id}/plan.json")
@@ -30,7 +29,6 @@ def test_labels_are_kept_beside_the_plan(either_store, plan):
     assert either_store.plan(name) == plan
 
 
-@pytest.mark.processes
 def test_a_stale_writer_is_refused(either_store, plan):
     """Who read version 1 and writes after version 2 learns who was first; nothing of the first is lost."""
     change_labels(either_store, plan.campaign_id, LabelChange("alice"), by="alice", version=0)
