@@ -19,6 +19,8 @@ from engine import load_mechanism
 from engine.jit import CACHE_FOLDER
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

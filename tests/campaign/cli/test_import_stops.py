@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 from campaign.cli import app
 from tests.engine.cad import stops
 
+pytestmark = pytest.mark.processes
+
 TURN, ROLLER, GAP = 0.1, 2.0, 0.2
 
 ANSWERS = {

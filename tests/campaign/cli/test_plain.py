@@ -3,12 +3,15 @@
 import json
 import tomllib
 
+import pytest
 import tomli_w
 from typer.testing import CliRunner
 
 from campaign.cli import app
 from engine import load_mechanism
 from tests.engine.mechanism.geometry.latch_file import latch_file
+
+pytestmark = pytest.mark.processes
 
 
 def test_plain(tmp_path, monkeypatch):

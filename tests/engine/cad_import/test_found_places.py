@@ -11,6 +11,8 @@ from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.found_places import found_places, part_text
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture
 def places(latch):

@@ -18,6 +18,8 @@ from tests.engine.cad.ball_joints import BALL, SOCKET, ball_joint, cup, stem
 from tests.engine.cad.hinges import BORE, PIN, hinge, plate, stud
 from tests.engine.cad.step_files import box, cut, cylinder, fused
 
+pytestmark = pytest.mark.processes
+
 
 def proposal(drawing, folder, **how):
     """Write and read a drawing; return what is found in it, and the path of its mechanism file."""

@@ -16,6 +16,8 @@ from engine.cad_import.proposed_mechanism import proposed_mechanism
 from tests.engine.cad import stops
 from tests.engine.cad.step_files import box
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture(scope="module")
 def drawn(proposal_cache, tmp_path_factory):

@@ -10,6 +10,8 @@ from engine.cad_import.names_in_file import named_as_written
 from engine.cad_import.names_of_before import named_as_before, renamed_parts
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 
+pytestmark = pytest.mark.processes
+
 
 def names(found):
     """Return the names of all stops."""

@@ -13,6 +13,8 @@ from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.unloaded_directions import unloaded_directions
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
+pytestmark = pytest.mark.processes
+
 
 def written(folder, found):
     """Return the path of the proposed file."""

@@ -12,6 +12,8 @@ from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.updated_proposal import updated_proposal
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
+pytestmark = pytest.mark.processes
+
 
 def proposed(assembly):
     return proposed_mechanism(find_geometry(assembly), "latch.step", "latch")

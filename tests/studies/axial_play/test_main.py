@@ -12,6 +12,8 @@ from studies.axial_play.runs import run
 from studies.c60_spread.tables import RESPONSES
 from tests.studies.c60_spread.test_tables import table_after
 
+pytestmark = pytest.mark.slow
+
 BY_NAME = {play.name: play for play in plays()}
 GAPS = {f"J{i}": 0.06 for i in range(1, 8)}
 

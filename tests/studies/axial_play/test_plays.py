@@ -10,6 +10,8 @@ from studies.axial_play.runs import starts
 from tests.each import each
 from tests.engine.mechanism.test_c60 import axial_gaps
 
+pytestmark = pytest.mark.slow
+
 ALL = plays()
 C60 = load_mechanism("c60")
 

@@ -17,6 +17,8 @@ from studies.c60_cad.bodies import listed_files, start_pose
 from tests.engine.cad.hinges import as_splines
 from tests.engine.cad.step_files import Drawing, box, cut, cylinder
 
+pytestmark = pytest.mark.slow
+
 WALL = 0.6  # of the tubes that stand for the bodies
 PART_FILES = {
     "handle": "CAD/C60/manette.stp",

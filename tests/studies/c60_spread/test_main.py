@@ -10,6 +10,8 @@ from studies.c60_spread.tables import HEAD
 from studies.c60_spread.variants import SHIPPED, variants
 from tests.studies.c60_spread.test_tables import table_after
 
+pytestmark = pytest.mark.slow
+
 PAIR = [variant for variant in variants() if variant.name == SHIPPED or variant.heading == "shared"]
 
 

@@ -12,6 +12,8 @@ from studies.c60_spread.runs import clearances, mechanism_of, run
 from studies.c60_spread.variants import ENDS, UNIFORM, Variant, variants
 from tests.each import each
 
+pytestmark = pytest.mark.slow
+
 
 @each("variant", variants())
 def test_every_variant_can_start(variant):

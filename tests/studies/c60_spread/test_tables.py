@@ -21,6 +21,8 @@ from studies.c60_spread.tables import (
 )
 from studies.c60_spread.variants import variants
 
+pytestmark = pytest.mark.slow
+
 PAGE = (Path(__file__).parents[3] / "docs" / "c60-force.md").read_text("utf-8")
 NUMBER = r"[+-]?\d+\.\d+"
 

@@ -1,6 +1,10 @@
 """The variants of the study: each changes something, and no two the same."""
 
+import pytest
+
 from studies.c60_spread.variants import SHIPPED, variants
+
+pytestmark = pytest.mark.slow
 
 ALL = variants()
 

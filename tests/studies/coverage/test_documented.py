@@ -14,6 +14,8 @@ from studies.coverage.rarities import AIMED
 from studies.coverage.tables import GROUPS, faults
 from tests.house import ROOT
 
+pytestmark = pytest.mark.slow
+
 HEADING = "## What the intervals are worth"
 # A tenth is so far from the whole by chance in one of 10,000 numbers.
 CHANCE = 1e-4

@@ -1,10 +1,13 @@
 """What the study takes for a warning of the page, and what not."""
 
 import numpy as np
+import pytest
 
 from studies.coverage.estimates import methods
 from studies.coverage.outcomes import WARNED
 from studies.coverage.productions import LOTS, SHAPES
+
+pytestmark = pytest.mark.slow
 
 
 def outcomes(production, n: int, pattern: str, campaigns: int = 5) -> list[str]:

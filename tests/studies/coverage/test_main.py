@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 
 from studies.coverage import families
 from studies.coverage.__main__ import lines
@@ -11,6 +12,8 @@ from studies.coverage.outcomes import Statement
 from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES
 from studies.coverage.rarities import AIMED
 from studies.coverage.tables import GROUPS, faults
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_few_replications():

@@ -7,6 +7,8 @@ import pytest
 from studies.coverage.outcomes import COVERED, HIGH, LOW, WARNED, WITHHELD, Statement, Tally, tallied
 from tests.each import each
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("interval", "warned", "outcome"),

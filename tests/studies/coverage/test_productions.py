@@ -17,6 +17,8 @@ from studies.coverage.productions import (
 )
 from tests.each import each
 
+pytestmark = pytest.mark.slow
+
 KNOWN = {
     "normal": stats.norm(),
     "lognormal": stats.lognorm(0.5),

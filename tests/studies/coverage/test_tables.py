@@ -2,9 +2,13 @@
 
 from collections import Counter
 
+import pytest
+
 from studies.coverage.outcomes import COVERED, LOW, WARNED, WITHHELD, Tally
 from studies.coverage.productions import SHAPES
 from studies.coverage.tables import cell, details, table
+
+pytestmark = pytest.mark.slow
 
 HOLDS, SHORT = Tally(Counter({COVERED: 950, LOW: 50})), Tally(Counter({COVERED: 700, LOW: 300}))
 HALF = Tally(Counter({COVERED: 470, LOW: 30, WARNED: 500}))

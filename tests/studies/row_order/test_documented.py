@@ -2,11 +2,15 @@
 
 import re
 
+import pytest
+
 from reporting.capability.intervals import share_interval
 from studies.row_order.__main__ import SIZES, alarms
 from studies.row_order.processes import PROCESSES
 from tests.each import each
 from tests.house import ROOT
+
+pytestmark = pytest.mark.slow
 
 DRAWS = 300
 # So far from the whole by chance in one of 10,000 numbers; and a printed percent is rounded.

@@ -2,9 +2,13 @@
 
 import re
 
+import pytest
+
 from studies.settling.__main__ import lines
 from studies.settling.settlings import CHOSEN, LIMIT, WINDOWS, settlings
 from studies.settling.tables import COSTS
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_few_samples():

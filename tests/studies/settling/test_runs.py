@@ -7,6 +7,8 @@ from studies.settling.runs import mechanism_of, run
 from studies.settling.settlings import CHOSEN, CONTINUED, Settling, settlings
 from tests.each import each
 
+pytestmark = pytest.mark.slow
+
 GAPS = {f"J{i}": 0.06 for i in range(1, 8)}
 BY_NAME = {settling.name: settling for settling in settlings()}
 

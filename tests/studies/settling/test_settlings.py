@@ -7,6 +7,8 @@ from engine.mechanism import set_values
 from studies.settling.runs import mechanism_of
 from studies.settling.settlings import CHOSEN, FREE_FALL, settlings
 
+pytestmark = pytest.mark.slow
+
 BY_NAME = {settling.name: settling for settling in settlings()}
 C60 = load_mechanism("c60")
 

@@ -7,6 +7,8 @@ from studies.c60_spread.tables import RESPONSES
 from studies.settling.runs import Ending
 from studies.settling.tables import cost_row, distance_table, drift, mean_table, scatter, scatter_table, sigma, values
 
+pytestmark = pytest.mark.slow
+
 
 def ending(value, status="ok"):
     """Return the end of a run whose responses are all alike."""

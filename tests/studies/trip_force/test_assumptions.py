@@ -2,7 +2,11 @@
 
 from dataclasses import replace
 
+import pytest
+
 from studies.trip_force.assumptions import MAPPED, PUBLISHED_BUMPS, SHIPPED, box, grids
+
+pytestmark = pytest.mark.slow
 
 GRIDS = grids()
 

@@ -8,6 +8,8 @@ from engine import load_mechanism, simulate
 from studies.trip_force.assumptions import SHIPPED
 from studies.trip_force.runs import FRICTION, bench, run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("name", ["trip_pin", "trip_lamage"])
 def test_the_shipped_set_is_the_shipped_bench(name):

@@ -11,6 +11,8 @@ from studies.trip_force.assumptions import MAPPED, SHIPPED, grids
 from studies.trip_force.runs import THRESHOLDS, Push
 from studies.trip_force.tables import AT_PEAK, FORCE, GRIDS, MAP, RELEASE, grid_row, misses, verdict
 
+pytestmark = pytest.mark.slow
+
 PAGE = (Path(__file__).parents[3] / "docs" / "c60-trip.md").read_text("utf-8")
 
 

@@ -7,6 +7,8 @@ from engine.cad import CadFace
 from engine.mechanism.geometry.cad_table import AS_DRAWN
 from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
 
+pytestmark = pytest.mark.processes
+
 
 class OwnFrame:
     """The search of a part whose frame is the assembly's."""

@@ -29,6 +29,8 @@ from tests.engine.kernels.surface_shapes import wavy
 from tests.engine.kernels.test_surfaces_occt import over
 from tests.engine.mechanism.geometry.surface_files import one_part, surface_file, written
 
+pytestmark = pytest.mark.processes
+
 BOWL = {"faces": [{"near": [0.0, 0.0, 0.0]}]}
 WAVY = wavy(9, 8, 0.4)
 

@@ -10,6 +10,8 @@ from engine import load_mechanism, read_trajectory, simulate
 from tests.engine.cad.spline_shapes import elliptic_cam, parabolic_bowl
 from tests.engine.mechanism.geometry.surface_files import one_part, surface_file, written
 
+pytestmark = pytest.mark.processes
+
 TILT, RADIUS, BALL = 0.25, 10.0, 1.5
 
 

@@ -9,6 +9,8 @@ from engine.cad import CadEdge
 from engine.cad.triangle_distance import distance_to_triangles
 from engine.mechanism.geometry.face_search import _to_arc
 
+pytestmark = pytest.mark.processes
+
 NUMBERS = st.floats(-3, 3, allow_nan=False).map(lambda x: round(x, 3))
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
 

@@ -15,6 +15,8 @@ from engine.mechanism import mechanism_from
 from tests.each import each
 from tests.engine.mechanism.geometry.latch_file import LATCH, latch_file
 
+pytestmark = pytest.mark.processes
+
 
 @pytest.fixture
 def load(tmp_path):
