@@ -110,6 +110,7 @@ def _prices(tolerance: Array, saving: Array, rate: Array, room: Array, bounds: t
     balance = np.hstack([slopes.T, sides[:, at_upper], -sides[:, at_lower]])[told]
     price = np.zeros(room.size)
     if np.any(told):
-        multipliers, _ = nnls(balance, np.ones(balance.shape[0]))
+        # SciPy's own limit, 3 steps a column, is reached or not as the rounding of a processor has it
+        multipliers, _ = nnls(balance, np.ones(balance.shape[0]), maxiter=30 * balance.shape[1])
         price[active] = multipliers[: np.count_nonzero(active)]
     return price * unit
