@@ -48,7 +48,7 @@ def test_garbage_is_looked_for_again_after_collection():
 def test_a_flaky_test_of_processes_is_named(tmp_path, reruns, failed):
     """Only a test that starts processes is run again, and only where that is asked for; the summary names it."""
     (tmp_path / "test_two.py").write_text(TWO_TESTS)
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("CI", "PYTEST"))}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("CI", "PYTEST", "CLEARCAP"))}
     environment |= {"CLEARCAP_RERUNS": reruns} if reruns else {}
     command = [sys.executable, "-m", "pytest", "-c", os.devnull, "-q", "-rA", "-p", "tests.conftest", "test_two.py"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
