@@ -40,6 +40,7 @@ def test_no_part_is_lost_and_nothing_passes_through(recorded, bench):
         assert (places < CASE[:, 1]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bench", ["trip", "off"])
 def test_open_parts_rest_on_their_stops(recorded, bench):
     """Handle on C2, plate on C3, moving contact on C6; the contacts are open by 5 mm."""

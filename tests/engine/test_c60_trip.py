@@ -43,6 +43,7 @@ def test_nothing_passes_through_anything(tripped):
     assert min(contact.gap.min() for contact in motion.contacts.values()) >= -1e-8
 
 
+@pytest.mark.slow
 def test_it_ends_in_the_tripped_position(tripped):
     """Handle on C2, plate on C3, moving contact on the plate (C6), C7 open; these three at rest."""
     _, motion = tripped

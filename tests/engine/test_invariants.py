@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from engine import load_mechanism, simulate
 from engine.assembly import assemble
 from engine.loop import Cancel
+from tests.counts import many
 from tests.engine.histories import History, history, recorded
 from tests.engine.linkages import fly, in_millimetres, linkage, mirrored
 from tests.engine.small import GRAVITY, made, shipped, small, swinging, tumbling, turned
@@ -21,8 +22,8 @@ from tests.engine.test_determinism import fresh
 pytestmark = pytest.mark.bits
 
 seeds = given(seed=st.integers(0, 100_000))
-few = settings(max_examples=10, deadline=None, derandomize=True)
-many = settings(max_examples=25, deadline=None, derandomize=True)
+few = settings(max_examples=many(12), deadline=None)
+many = settings(max_examples=many(24), deadline=None)
 
 NAMED = pytest.mark.parametrize("describe", [tumbling, swinging, lambda: shipped("incline")])
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from engine import simulate
 from engine.assembly import assemble
 from engine.mechanism import Mechanism
+from tests.counts import many
 from tests.engine.histories import History, history, recorded
 from tests.engine.linkages import linkage
 from tests.engine.small import made, shipped, swinging, tumbling, turned
@@ -18,7 +19,7 @@ from tests.engine.small import made, shipped, swinging, tumbling, turned
 pytestmark = pytest.mark.bits
 
 TRAVEL = 2e-3  # m
-SOME = settings(max_examples=15, deadline=None, derandomize=True)
+SOME = settings(max_examples=many(16), deadline=None)
 seeds = st.integers(0, 100_000)
 coordinate = st.floats(-1000, 1000)
 vectors = st.tuples(coordinate, coordinate, coordinate)
@@ -160,6 +161,7 @@ def placed(shift: list[float], turn: Rotation | None = None) -> Mechanism:
     return made(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clearances", BREAKERS)
 def test_the_c60_does_not_depend_on_the_frame(clearances):
     """Where a breaker stands on the bench, and how it is turned, moves no force by more than the solver's tolerance.

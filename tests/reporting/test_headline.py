@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import pytest
+
 from reporting.render.html import render_html
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 
@@ -25,6 +27,7 @@ def test_the_share_that_a_verdict_takes_can_be_stated() -> None:
     assert strict.headline.startswith("No verdict: 1 of 100 samples failed (1\u00a0%: 1 ")
 
 
+@pytest.mark.slow
 def test_few_failures_lead_only_where_they_could_change_a_verdict() -> None:
     """One failure of 2,000 changes nothing; three of 300 would make capable responses not capable."""
     one = analysis_of(c60_table(2000, 1), c60_spec(2000))

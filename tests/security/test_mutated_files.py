@@ -398,6 +398,7 @@ def ready():
     logging.disable(logging.NOTSET)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_some_mutated_files(tmp_path, ready, kind):
     """A twentieth of them, in every run of the tests."""

@@ -16,6 +16,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
+from tests.counts import some
 
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b31m\x7f\r\x00\u202egnp.exe\u2066\u200b\ufeff\u2028 [bold]x[/nothing] :smile:"
 
@@ -122,7 +123,7 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize("odd", ODD.values(), ids=ODD)
+@pytest.mark.parametrize("odd", some(ODD.values()), ids=some(ODD))
 def test_odd_state(store, plan, campaign_file, capsys, monkeypatch, odd):
     """All campaigns are listed, and of the odd one what is odd; so says its status, and whoever watches it."""
     other = make_plan(load_campaign(str(campaign_file), seed=1), 10)
@@ -160,7 +161,7 @@ ODD_BEATS = {
 }
 
 
-@pytest.mark.parametrize("odd", ODD_BEATS.values(), ids=ODD_BEATS)
+@pytest.mark.parametrize("odd", some(ODD_BEATS.values()), ids=some(ODD_BEATS))
 def test_odd_heartbeat(store, plan, capsys, monkeypatch, odd):
     """The status of a running campaign, without the heartbeat that cannot be one."""
     store.write_json(plan.campaign_id, "state.json", {"state": "running", "since": 1.0})

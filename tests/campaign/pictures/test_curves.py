@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from campaign.pictures.curves import cut_range, panels, plot
+from tests.counts import some
 
 
 def test_panels_of_the_pendulum(pendulum):
@@ -36,7 +37,7 @@ def test_cut_range():
     assert 1 < high < 10
 
 
-@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+@pytest.mark.parametrize("ending", some([".png", ".svg", ".pdf"]))
 def test_plot_is_a_picture_with_words(pendulum, tmp_path, ending):
     """PNG, SVG and PDF: sound files, with a description in their metadata; the same run makes the same bytes."""
     path = tmp_path / f"curves{ending}"

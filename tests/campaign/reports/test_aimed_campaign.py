@@ -51,6 +51,7 @@ def aimed_at(tmp_path, store, plan, samples, **options):
     return load_campaign(str(path))
 
 
+@pytest.mark.slow
 def test_from_plain_runs_to_one_ppm_and_again(tmp_path):
     """200 plain runs, 1,000 that aim, 1,000 that aim by those: the exact share of a sum, to a few percent."""
     limits = f"lsl = {11.97 - 4.5 * SIGMA}\nusl = {11.97 + 4.753424 * SIGMA}\n"
@@ -80,6 +81,7 @@ def test_scores_are_those_that_were_drawn(tmp_path):
     assert sampler_named("random").scores(spec, 3, 5)["J1"] == pytest.approx(ndtri(uniforms(7, "J1", 3, 5)))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_aimed_at(tmp_path):
     """No rows, no limits, an unknown response, samples that nothing has drawn, production batches."""
     store = open_store(str(tmp_path / "runs"))

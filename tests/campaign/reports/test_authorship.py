@@ -54,6 +54,7 @@ def test_the_date_of_a_report_can_be_given(monkeypatch):
             report_date()
 
 
+@pytest.mark.slow
 def test_two_reports_differ_in_their_date_alone(campaign, tmp_path, monkeypatch):
     """All files are equal bit for bit, but for the one place of the page and of the JSON where the date stands."""
     store, plan = computed(tmp_path, campaign, 25)

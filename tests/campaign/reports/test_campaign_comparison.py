@@ -22,6 +22,7 @@ def both(campaign_file, folder, change):
     return store, first, second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [

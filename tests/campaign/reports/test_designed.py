@@ -48,6 +48,7 @@ def influences(store, plan):
     return {i["variable"]: i for i in found["influences"]}, found["notes"]
 
 
+@pytest.mark.slow
 def test_total_indices_of_a_campaign(tmp_path):
     """Ishigami's known indices come back; the constant beside the variables is no part of the design."""
     store, plan = computed(tmp_path / "runs", designed(tmp_path, 1024), 1000, partial(ishigami, 1.0))

@@ -66,6 +66,7 @@ def test_every_cost_law_gets_a_proposal_from_the_command(campaign_file, tmp_path
     assert "process" in told.stdout
 
 
+@pytest.mark.slow
 def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_path):
     """What may grow is asked of the capable responses; what must shrink, of each that is not, to lift it to 1.33."""
     path = campaign_file.parent / "narrow.toml"
@@ -231,6 +232,7 @@ def test_whatif_of_what_is_advised_gives_the_target(lift, changed):
     assert asked >= 4
 
 
+@pytest.mark.slow
 def test_what_lies_off_centre_is_told_to_move(advised):
     """FC-4 has room in its limits, but not where its mean lies: centred, it needs no smaller tolerance."""
     short = next(s for s in advised.shortfalls if s.response == "FC-4")

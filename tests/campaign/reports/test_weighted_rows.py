@@ -56,6 +56,7 @@ def test_rows_are_the_same_however_they_are_computed(tmp_path):
     assert table["J1"].to_pylist() == draw(plan.spec, 0, 25)["J1"].tolist()
 
 
+@pytest.mark.slow
 def test_failed_runs_have_weights_and_reruns_keep_them(tmp_path):
     """A run that fails is a row with its weight; computed again, it has the same one."""
     asked = written(tmp_path)

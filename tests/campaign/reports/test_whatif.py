@@ -68,6 +68,7 @@ def test_the_verbs_say_it_in_json_and_in_words(filled):
     assert advised["below"] == {}
 
 
+@pytest.mark.slow
 def test_production_batches_are_minded(campaign_file, tmp_path):
     """Samples that share a shift are worth fewer than independent ones; those of four lots give no interval."""
     path, text = campaign_file.parent / "batches.toml", campaign_file.read_text()

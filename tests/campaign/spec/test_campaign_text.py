@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from campaign.plan import dump_spec
 from campaign.spec.campaign_text import campaign_text
 from campaign.spec.load import campaign_names, load_campaign, load_campaign_text
+from tests.counts import many
 from tests.house import ROOT
 
 
@@ -28,7 +29,7 @@ SCALARS = st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False) | st.boo
 VALUES = st.recursive(SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(NAMES, v, max_size=3), max_leaves=9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=many(200), deadline=None)
 @given(st.dictionaries(NAMES, VALUES, max_size=5))
 def test_any_tables(tables):
     """Sound or not: a form shows what it has."""

@@ -135,6 +135,7 @@ def test_lower_role(name, role, ask, as_user):
     assert [(entry.who, entry.action, entry.status) for entry in entries] == [(role.word, name, 403)]
 
 
+@pytest.mark.slow
 @each("how", FOREIGN)
 @each("name", ASKING_WRITES)
 def test_from_another_site(name, how, ask, browse):

@@ -17,6 +17,7 @@ from engine.assembly.remembered import remembered
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, get_value, library_names, set_values
 from engine.mechanism.keys.values import settable_keys
+from tests.counts import many
 from tests.each import each
 from tests.engine.small import made, shipped
 
@@ -70,7 +71,7 @@ def anew(mechanism: Mechanism) -> Mechanism:
     return mechanism.model_copy(deep=True)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=many(30))
 @given(st.lists(st.tuples(st.sampled_from(EVERY), st.integers(0, 3)), min_size=1, max_size=6))
 def test_an_assembly_does_not_depend_on_those_before(turns):
     """Any mechanisms and values in any order: to the bit as if nothing had been assembled before."""

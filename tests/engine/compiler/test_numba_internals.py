@@ -25,6 +25,7 @@ def outcomes(tmp_path_factory):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_with_a_supported_numba(outcomes):
     """The kernel computes what it should, and nothing is logged."""
     assert outcomes[""] == {"logged": [], "result": (2.0 * 0.5 + 3.0 + 7.0).hex(), "missing": True}

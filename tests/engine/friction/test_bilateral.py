@@ -103,6 +103,7 @@ def hanging_chain(links):
     return p, n
 
 
+@pytest.mark.slow
 def test_a_chain_of_hundreds_of_links_is_held_exactly():
     """The rows of 400 links, ill-conditioned as the square of their number, hold to 1e-11."""
     p, n = hanging_chain(400)

@@ -9,6 +9,7 @@ from engine.friction.arrays import dense_rows, friction_arrays
 from engine.friction.blocks import BODY, PIECE, ROW, add_contact, factorise, start_system, substitute
 from engine.friction.elimination import eliminate_nodes
 from engine.jit import kernel
+from tests.counts import many
 
 pytestmark = pytest.mark.bits
 
@@ -45,7 +46,7 @@ def filled(neighbours, order):
 
 
 @given(st.integers(0, 10**6), st.integers(1, 9), st.integers(0, 20), st.integers(2, 4))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(60), deadline=None)
 def test_a_system_of_contacts_is_solved_as_lapack_solves_it(seed, nodes, edges, runs):
     """Contacts of one to four nodes each, blocks A with a positive symmetric part, some without friction."""
     rng = np.random.default_rng(seed)

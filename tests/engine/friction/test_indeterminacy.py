@@ -80,6 +80,7 @@ def with_planes(H, mu, r, contact, outside):
         yield sign * found.fun
 
 
+@pytest.mark.slow
 @each("seed", range(40))
 def test_between_the_linear_programmes_with_planes_inside_and_outside_the_cones(seed):
     """Up to three bodies, random contacts, some frictionless: the cones themselves lie between the two."""

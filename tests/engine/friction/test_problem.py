@@ -9,6 +9,7 @@ from engine.friction import FrictionError, FrictionProblem, solve
 from engine.friction.problem import solver_arrays
 from engine.friction.solver import solve_friction
 from engine.lanes import LANES
+from tests.counts import many
 from tests.each import each
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem
 
@@ -141,7 +142,7 @@ def test_contacts_are_given_back_in_their_own_units():
     np.testing.assert_allclose(arrays.r.ravel(), solution.r, rtol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=many(30), deadline=None)
 @given(length=st.floats(1e-3, 1e3), mass=st.floats(1e-3, 1e3), time=st.floats(1e-3, 1e3), seed=st.integers(0, 50))
 def test_residual_does_not_depend_on_units(length, mass, time, seed):
     """In other units it is the same problem: same residual, impulses scaled by the unit of impulse."""

@@ -5,11 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.mechanism.contacts import PAIRS, Contact
+from tests.counts import many
 from tests.each import each
 from tests.engine.kernels.shapes import Poses, brute_gap, distance, drawn, found, scattered, twists
 
 CONTACTS = 5  # drawn of each pair
-POSES = 400  # of each of them
+POSES = many(400)  # of each of them
 PLATES_AND_BALLS = ("disc", "rectangle", "sphere", "socket")
 
 

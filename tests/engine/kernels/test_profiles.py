@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.mechanism.contacts import Contact
+from tests.counts import many
 from tests.each import each
 from tests.engine.kernels.shapes import Poses, brute_gap, distance, drawn, found, scattered
 from tests.engine.test_determinism import fresh
@@ -120,7 +121,7 @@ def test_teeth_finer_than_any_cell_are_found():
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(60), deadline=None)
 @given(seeds, st.sampled_from(KINDS), st.sampled_from(["point", "arc"]), st.floats(-9, 0.5))
 def test_a_gap_changes_no_faster_than_the_point_moves(seed, kind, first, size):
     """A shift of side a changes the gap by at most its length: 1-Lipschitz, inside and outside, far and near."""
@@ -132,7 +133,7 @@ def test_a_gap_changes_no_faster_than_the_point_moves(seed, kind, first, size):
     assert np.all(change <= np.linalg.norm(shift, axis=1) + 1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(60), deadline=None)
 @given(seeds, st.sampled_from(KINDS))
 def test_the_sign_changes_where_the_surface_is_passed(seed, kind):
     """From outside towards the nearest point the gap is the height, down to 1e-9; on the surface 0; beyond it negative.
@@ -158,7 +159,7 @@ def test_the_sign_changes_where_the_surface_is_passed(seed, kind):
             np.testing.assert_allclose(now[on_face], height, rtol=0, atol=1e-14)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=many(30), deadline=None)
 @given(seeds, st.sampled_from(KINDS))
 def test_the_sign_is_what_counting_says(seed, kind):
     """Inside is where a ray leaves the profile an odd number of times, also close to corners and joints."""

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from engine.assembly.surface_trees import surface_tree
 from engine.mechanism.contacts import Contact
 from engine.mechanism.surfaces.surface import FreeFormSurface
+from tests.counts import many
 from tests.engine.kernels.shapes import OWN, Poses, found
 from tests.engine.kernels.surface_shapes import (
     graded_rectangle,
@@ -97,7 +98,7 @@ def test_the_least_of_all_distances(name):
     """Against a grid of every patch and a search from its best places: no smaller distance is there."""
     rng, patches = np.random.default_rng(3), contact(name).b.surface.boundary
     low, high = patches.reshape(-1, 3).min(axis=0), patches.reshape(-1, 3).max(axis=0)
-    q = rng.uniform(low - 1, high + 1, (40 if name == "twisted" else 15, 3))
+    q = rng.uniform(low - 1, high + 1, (many(40 if name == "twisted" else 16), 3))
     gap, normal = distances(name, q)
     for k, p in enumerate(q):
         near = np.abs(patches - p).max(axis=(1, 2, 3)) < 2 * (abs(gap[k]) + 2)
@@ -105,7 +106,7 @@ def test_the_least_of_all_distances(name):
         assert searched_distance(patches[near], p - gap[k] * normal[k]) < 1e-6
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=many(30), deadline=None)
 @given(
     name=st.sampled_from(["wavy", "octant", "cylinder", "plate", "twisted"]),
     seed=st.integers(0, 10_000),
@@ -124,7 +125,7 @@ def test_no_distance_changes_faster_than_the_point_moves(name, seed, size):
 def test_a_point_goes_through_the_surface_along_its_normal():
     """The gap is the height over the foot of the perpendicular, on both sides, to the last digits."""
     rng = np.random.default_rng(4)
-    above = rng.uniform([1, 1, 0.7], [9, 7, 1.0], (200, 3))
+    above = rng.uniform([1, 1, 0.7], [9, 7, 1.0], (many(200), 3))
     gap, normal = distances("wavy", above)
     foot = above - gap[:, None] * normal
     for height in (-0.05, -1e-3, -1e-8, -1e-12, 0.0, 1e-12, 1e-8, 1e-3, 0.05):

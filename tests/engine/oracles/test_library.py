@@ -28,6 +28,7 @@ def test_it_runs_within_its_certificate(name):
         assert run.certificate.max_violation <= 1e-10 * MM[mechanism.units]
 
 
+@pytest.mark.slow
 @each("name", [name for name in library_names() if name != "c60"])
 def test_it_is_the_same_elsewhere(name):
     """Moved by a metre, turned, in another order: as many steps, and responses to 5e-6 of their units.

@@ -53,6 +53,7 @@ def coverage(ratio: float, *, lots: int = 20, unequal: bool = False, runs: int =
     return {name: count / runs for name, count in inside.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.3, 1.0])
 def test_intervals_of_twenty_lots_hold(ratio: float) -> None:
     """Nominal 95 %, three binomial standard errors of 200 are 0.046; independent values' intervals: 38 % at ratio 1."""

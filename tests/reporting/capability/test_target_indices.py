@@ -89,6 +89,7 @@ def test_lots_widen_the_intervals():
     assert np.all(covered[1] < 0.75 * 200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["normal", "lognormal", "standard_t", "uniform"])
 def test_the_intervals_cover(shape):
     """500 samples of 200 values, the target 0.7 sigma off: 91.5 to 98 % (standard error 1 %)."""

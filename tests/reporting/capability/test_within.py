@@ -128,6 +128,7 @@ def test_intervals_hold_where_values_within_lots_have_heavy_tails() -> None:
     assert covered(draw, 1.0) >= 0.91
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lots", "size"), [(20, 3), (10, 5), (5, 100)])
 def test_intervals_hold_for_a_skewed_response(lots, size) -> None:
     """The residuals of small lots look more normal than the values, and five lots tell little of how lots differ."""

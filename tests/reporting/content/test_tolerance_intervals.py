@@ -76,6 +76,7 @@ def test_few_lots_have_none():
     assert of(x, np.arange(2000)) == of(x)
 
 
+@pytest.mark.slow
 def test_lots_widen_what_they_make_uncertain():
     """100 samples of 50 lots of 20, as different between as within: the content is reached in 89 to 100 % (two errors).
 

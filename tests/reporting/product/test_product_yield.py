@@ -92,6 +92,7 @@ def test_failures_and_missing_values_are_rejects_beside():
     assert [loss.share for loss in found.losses] == [1.5 / 8, 0.5 / 8]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rho", "word"), [(0.9, "in the same samples more often"), (0.0, "no larger than chance"), (-0.9, "less often")]
 )
@@ -153,6 +154,7 @@ def test_what_has_no_limits_or_is_no_production_has_no_yield(campaign):
     assert (failed.counted, failed.losses, failed.with_failures.share) == (None, (), 0.0)
 
 
+@pytest.mark.slow
 def test_the_variable_that_makes_the_rejects_costs_the_yield():
     """J2 alone decides about both responses: it has nearly the whole reject share, on the page too."""
     table, _ = two_responses([0.5] * 1500, [0.5] * 1500)

@@ -96,6 +96,7 @@ SCENES = {  # response of the scores, upper limit, share beyond it
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_plain_runs_then_3000_then_20000_know_some_ppm(scene):
     """The user's way: 2,000 plain runs, 3,000 that aim by them, 20,000 that aim by those: an interval within 20 %."""

@@ -153,6 +153,7 @@ def test_total_order_without_scatter():
     assert np.mean(errors, axis=0) == pytest.approx(np.zeros(6), abs=0.04)
 
 
+@pytest.mark.slow
 def test_the_card_says_what_scatter_means():
     """Attention, with share and interval, and what it limits; the other responses in one sentence."""
     spec, table = c60_spec(300), c60_table(300)

@@ -36,6 +36,7 @@ def test_a_linear_response():
     json.dumps(dataclasses.asdict(found), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_each_response_says_which_variable_costs_its_rejects():
     """J1 the upper limit of the gap, J2 the width; a response without a reject, or without limits, says nothing."""
     x, y = linear(4000, np.random.default_rng(12))

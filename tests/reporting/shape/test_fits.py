@@ -61,6 +61,7 @@ def test_yeo_johnson_finds_scipys_power_of_the_standardised_values() -> None:
     assert fit.parameters["lambda"] == pytest.approx(stats.yeojohnson((x - fit.shift) / fit.scale)[1], abs=1e-4)
 
 
+@pytest.mark.slow
 @each(
     ("name", "x"),
     [

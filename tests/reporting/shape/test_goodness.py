@@ -7,6 +7,7 @@ from scipy import stats
 from reporting.shape.fits import fit_families
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "draw"),
     [

@@ -61,6 +61,7 @@ def test_the_verdict_is_about_size_and_proof(known, n: int, verdict: str) -> Non
     assert "%" in found.reason
 
 
+@pytest.mark.slow
 def test_a_departure_nobody_minds_stays_normal_however_many_values() -> None:
     """A skew normal whose shares are off by 0.7 %: a million values make the p-value 0 and leave the verdict."""
     for n in (30_000, 1_000_000):
@@ -69,6 +70,7 @@ def test_a_departure_nobody_minds_stays_normal_however_many_values() -> None:
     assert found.anderson_darling_p < 1e-10
 
 
+@pytest.mark.slow
 def test_intervals_of_shape_cover_the_truth() -> None:
     """500 samples of 2,000 gamma(16) values, skewness 0.5 and excess 0.375; three standard errors are 0.029.
 

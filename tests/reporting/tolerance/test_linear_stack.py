@@ -99,6 +99,7 @@ def test_constants_missing_values_and_few_samples():
     assert linear_stack(GAP, columns, (fixed,)) is None
 
 
+@pytest.mark.slow
 def test_the_page_says_what_is_linear_and_where_it_fails():
     """Every response has its row and the two runs that check it; corners and grids have none."""
     table, spec = c60_table(300), c60_spec(300)

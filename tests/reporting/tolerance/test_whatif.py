@@ -40,6 +40,7 @@ def truth():
             "ppm": c.ppm_observed, "ppm_above": c.ppm_observed_above}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_intervals_cover_a_fresh_campaign():
     """Of 400 campaigns of 2,000 samples, the 95 % intervals hold the numbers of the new law, within 4 %.
 
@@ -58,6 +59,7 @@ def test_intervals_cover_a_fresh_campaign():
         assert count / 400 < 0.95 + 0.04 or name.startswith("ppm"), name
 
 
+@pytest.mark.slow
 def test_effective_sizes_are_those_of_fresh_runs():
     """The mean scatters as the mean of `effective` fresh samples does."""
     rng, means, sizes = np.random.default_rng(12), [], []

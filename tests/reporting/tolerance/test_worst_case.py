@@ -54,6 +54,7 @@ def test_columns_of_different_lengths_are_refused():
         worst_case(np.zeros(8), INPUTS | {"J2": np.zeros(7)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failures", [0, 9])
 def test_on_the_page(failures):
     """Headline, table, and the warning that indices of corners mean nothing."""

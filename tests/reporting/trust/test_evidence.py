@@ -46,6 +46,7 @@ def test_failures_as_rejects_ask_for_attention_with_what_follows() -> None:
     assert line(analysis_of(c60_table(300), c60_spec(300)), "Failures as rejects").level == "good"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("failed", "level"), [(0, "good"), (2, "attention"), (3, "bad")])
 def test_failures_are_bad_where_they_leave_no_verdict(failed: int, level: str) -> None:
     """Two of 200 leave 99 % ok, three do not."""

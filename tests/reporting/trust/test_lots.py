@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
+import pytest
 
 from reporting.render.html import render_html
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
@@ -28,6 +29,7 @@ def line(analysis, name: str):
     return next(check for check in analysis.trust if check.name == name)
 
 
+@pytest.mark.slow
 def test_many_lots_are_named_and_independence_is_not_claimed() -> None:
     analysis = analysed(40)
     assert TOO_GOOD not in line(analysis, "Sampling").text
@@ -48,6 +50,7 @@ def test_without_lots_nothing_is_said_of_them() -> None:
     assert TOO_GOOD in line(analysis, "Sampling").text
 
 
+@pytest.mark.slow
 def test_two_lots_make_no_verdict_certain() -> None:
     """590 runs of two lots were called capable, certain, with Cpk 1.519; the true one was 1.320."""
     analysis = analysed(2, size=295, ratio=0.3)
@@ -61,6 +64,7 @@ def test_two_lots_make_no_verdict_certain() -> None:
     assert line(analysis, "Production lots").level == "attention"
 
 
+@pytest.mark.slow
 def test_methods_for_independent_values_have_no_interval_with_lots() -> None:
     first = analysed(20).responses[0]
     assert all(method.ppk_interval is None for method in first.methods)
@@ -69,6 +73,7 @@ def test_methods_for_independent_values_have_no_interval_with_lots() -> None:
     assert first.running.n[0] > 200
 
 
+@pytest.mark.slow
 def test_failed_runs_keep_the_lots_of_the_others() -> None:
     analysis = analysed(10, failures=3)
     first = analysis.responses[0]

@@ -44,6 +44,7 @@ def others(either_store, plan, campaign_file):
     return plans
 
 
+@pytest.mark.slow
 def test_comparisons_are_documents_of_their_own(either_store, plan, others, capsys, monkeypatch):
     """Neither the campaign's own report nor another comparison is replaced; status says which there are."""
     name, first, second = plan.campaign_id, *(other.campaign_id for other in others)

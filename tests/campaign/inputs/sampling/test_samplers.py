@@ -63,6 +63,7 @@ def written(tmp_path, **keys):
     return str(path)
 
 
+@pytest.mark.slow
 def test_following_the_recipe_is_enough(antithetic, tmp_path):
     """One object and its line in the registry: the file names it, rows are drawn, the report says what they are."""
     campaign = load_campaign(written(tmp_path, sampler="antithetic", samples=24))

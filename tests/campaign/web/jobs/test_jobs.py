@@ -40,6 +40,7 @@ def test_a_single_run_is_the_commands():
         assert {**found["certificate"], "wall_s": 0} == {**said["certificate"], "wall_s": 0}
 
 
+@pytest.mark.slow
 def test_the_motion_is_a_gif(monkeypatch):
     """It has more than one picture."""
     monkeypatch.setattr(mechanisms, "ANIMATION_FRAMES", 8)

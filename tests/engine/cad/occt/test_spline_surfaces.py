@@ -123,6 +123,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.slow
 @each("turned", [False, True])
 @each("name", list(SHAPES))
 def test_they_cover_the_face_and_nothing_else(read, name, turned):
