@@ -77,7 +77,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
             for k in range(6):
                 state.v[body, k] = 0.0
     for j in range(nc):
-        problem.compliance[j] = 0.0
+        problem.compliance[j] = 0.0  # the contacts of a step are rigid, and it does not set this
     return status, nc
 
 
