@@ -18,7 +18,7 @@ from engine.friction.blocks import BODY, PIECE, ROW, clear, factorise, start_sys
 from engine.jit import inner, kernel
 
 EPS = 1e-12
-REFINEMENTS = 1
+REFINEMENTS = 1  # leaves 1e-11 in a chain of 400 links
 TINY = 1e-300
 
 

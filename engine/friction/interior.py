@@ -72,6 +72,7 @@ def interior_point(nc, p, goal, inside, pace, effort):
             _right_hand_side(c, target, corrected > 0)
             step = min(1.0, (pace.reach if corrected else 1.0) * _direction(nc, p, slope))
             if not corrected:
+                # Mehrotra's choice: the cube of the share of the gap that the predictor leaves
                 target = gap * min(max(_gap_after(c, step) / (nc * gap), 0.0), 1.0) ** 3
         for k in range(3):
             for i in range(0, nc, LANES):

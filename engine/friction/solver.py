@@ -56,7 +56,7 @@ BUDGET = 80_000  # steps times (contacts + 30 for the system): 8 to 10 ms; an in
 LEAST_BUDGET = 500  # steps
 NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is first tried; FALL is the factor to the next try
 FALL = 1e-2
-SMALLEST = 1e-30
+SMALLEST = 1e-30  # of the load squared: tau^2 below which the natural map is tried for the last time
 
 
 @kernel

@@ -53,6 +53,7 @@ class Course(NamedTuple):
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
     counts, reals = np.zeros(12, np.int64), np.zeros(14)
+    # as no speed is known yet, an infinite one makes the first step the shortest
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -115,7 +116,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
             n[SLOW] = 0
         if not control.plain and now[LATELY_CREATED] > MUCH_CREATED * now[PEAK_KINETIC]:
             _halve_longest_step(control, now)
-    n[PHASE] = phases - 1
+    n[PHASE] = phases - 1  # whose loads the forces at rest balance
     n[COMPLETED] = 1
 
 

@@ -28,7 +28,7 @@ def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, sc
     for key, text in formulas.items():
         if not key.startswith(PREFIX):
             _note(found, key, _units_in(parse(text), units.get(key, ""), scaled))
-    for name in reversed(list(order_of(own))):
+    for name in reversed(list(order_of(own))):  # what uses a parameter comes first, and gives it its unit
         for unit in found.get(name, ()) or ("",):
             _note(found, PREFIX + name, _units_in(parse(own[name]), unit, scaled))
     return found
