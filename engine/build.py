@@ -11,20 +11,7 @@ LIBRARIES = ("numpy", "numba", "llvmlite")  # the kernels are built on these
 
 
 def hash_sources(root: Path, parts: Iterable[str] = (".",)) -> str:
-    """Return the hash of the Python sources in a folder.
-
-    Parameters
-    ----------
-    root : Path
-        The folder.
-    parts : iterable of str
-        Files and folders in it to include; by default all of it.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Return the hash of the Python sources in a folder, or in some files and folders in it: 16 hexadecimal digits."""
     digest = hashlib.sha256()
     files = {
         path for part in parts for path in ([root / part] if part.endswith(".py") else (root / part).rglob("*.py"))

@@ -66,16 +66,9 @@ os.register_at_fork(after_in_child=_begin_anew)
 
 @contextmanager
 def set_after(seconds: float, flag: Any, value: int) -> Iterator[None]:
-    """Set a flag that is still zero if the block takes longer than a real-time limit.
+    """Set a flag, shape (1,), that is still zero if the block takes longer than some real time [s].
 
-    Parameters
-    ----------
-    seconds : float
-        Real time [s].
-    flag : (1,) array
-        The flag; it is never set after the block has ended.
-    value : int
-        Its new value.
+    It is never set after the block has ended.
     """
     clock, limit = _clock, _Limit(monotonic() + seconds, flag, value)
     clock.add(limit)

@@ -26,20 +26,10 @@ def read_contacts(mechanism: Mechanism) -> dict[str, str]:
 
 
 def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
-    """Return the measured responses together with those derived from them.
+    """Return the measured responses together with those derived from them; NaN: no value.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    measured : mapping
-        Response -> value; NaN without a value.
-    ranges : mapping
-        Contact -> smallest and largest normal force at rest; contacts that were not at rest are missing.
-
-    Returns
-    -------
-    dict
-        Response -> value.
+    ``ranges`` gives the smallest and largest normal force at rest by contact; contacts that were not at rest are
+    missing.
     """
     responses = dict(measured)
     for name, response in mechanism.responses.items():

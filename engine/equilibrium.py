@@ -26,22 +26,14 @@ from engine.mechanism import Mechanism
 class PoseAtRest:
     """A mechanism at rest, held in copies of the arrays that its run writes, so that the run can continue undisturbed.
 
-    Attributes
-    ----------
-    assembly : Assembly
-        The copies, with the contact forces at rest; they share the friction problem of the run.
-    reported : (n,) array
-        The values that the responses report, with the contact forces as determined by the pose.
-    forces : (nc, 3) array or None
-        These contact forces. None if no forces in the friction cones were found that balance the loads.
-    moves : bool
-        True if responses measure contact forces, no balancing forces exist, and bodies start to move; the twists in
-        ``assembly`` give the motion.
-        say how.
+    ``reported`` holds the values of the responses, with the contact forces ``forces``, (nc, 3), as determined by the
+    pose; None if none in the friction cones were found that balance the loads. ``moves`` is true if responses measure
+    contact forces, no forces balance the loads, and bodies start to move, with the twists in ``assembly``.
     """
 
     def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> None:
         """Find the contact forces that balance the loads of ``phase`` at time ``t``."""
+        # no copy of the friction problem: each step of the run writes it anew
         self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
         sim = mechanism.simulation
         touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
@@ -56,6 +48,7 @@ class PoseAtRest:
         """Evaluate the contact-force responses with the forces at rest; they are NaN if no forces balance the loads."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
+        # the length of the step is 1, because state.r holds forces here, not impulses
         measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
         responses, last = model.responses, len(mechanism.phases) - 1
         # speeds keep their values, and so do responses that were read at the end of an earlier phase
@@ -71,28 +64,12 @@ class PoseAtRest:
 
 
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
-    """Return the contact forces that balance the loads of ``phase`` at time ``t`` in the current pose.
+    """Return the contact forces, (nc, 3), that balance the loads of ``phase`` at time ``t`` in the current pose.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The mechanism, at rest; its twists are set to zero, and its friction problem is overwritten.
-    phase : int
-        Number of the phase whose forces and torques act.
-    h : float
-        Any positive time. The forces are impulses over a small fraction of it, divided by the length of that fraction.
-    touching_gap : float
-        Contacts with a gap up to this length count as touching, as do those that carried a load in the last step. A
-        pose that springs would hold counts as held if it is no farther away than this length.
-    t : float
-        Time since the start of the run, for loads with a time law.
-
-    Returns
-    -------
-    (nc, 3) array or None
-        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the touching contacts, followed by -1. None if the
-        touching contacts cannot hold the loads: the twists of the bodies then give the motion that starts, at an
-        arbitrary scale, or are zero if the forces were not found.
+    None if the touching contacts cannot hold the loads: the twists then give the motion that starts, at an arbitrary
+    scale, or are zero if no forces were found. Contacts touch with a gap up to ``touching_gap`` or if they carried a
+    load in the last step; ``work.chosen`` receives their numbers, followed by -1. A pose that springs would hold counts
+    as held if it is at most ``touching_gap`` away. ``h`` may be any positive time.
     """
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
@@ -127,21 +104,9 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
     """Return the smallest and largest normal force of some contacts among all forces with the same balance.
 
-    All touching contacts may carry forces, including those without one in ``forces``.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        At rest, with the friction problem as `forces_at_rest` left it.
-    forces : (nc, 3) array
-        Return value of `forces_at_rest`.
-    wanted : list of int
-        Numbers of the contacts.
-
-    Returns
-    -------
-    list of (least, largest)
-        The largest is inf where friction wedges: see `engine.friction.indeterminacy`.
+    All touching contacts may carry forces, including those without one in ``forces``, which `forces_at_rest` returned;
+    the friction problem must be as it left it. The largest is inf where friction wedges, see
+    `engine.friction.indeterminacy`.
     """
     touching = assembly.work.chosen[assembly.work.chosen >= 0]
     place = {int(contact): j for j, contact in enumerate(touching)}

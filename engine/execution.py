@@ -26,29 +26,14 @@ def execute(
     sink: Callable[[Array], None] | None = None,
     every: int = 1,
 ) -> Run:
-    """Run the time loop and judge its outcome.
+    """Run the time loop from an assembly at its start, and judge its outcome.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    assembly : Assembly
-        The mechanism's assembly, at its start.
-    full_horizon : bool
-        Do not stop at rest in the last phase.
-    cancel : Cancel or None
-        A flag that ends the run from another thread.
-    indeterminacy : bool
-        Also compute the ranges of the contact forces at rest.
-    sink, every
-        See `engine.loop.drive`.
-
-    Returns
-    -------
-    Run
+    With ``full_horizon`` it does not stop at rest in the last phase; with ``indeterminacy`` the ranges of the contact
+    forces at rest are computed, too. For ``sink`` and ``every`` see `engine.loop.drive`.
     """
     control = control_of(mechanism, full_horizon)
     unmoved = control.drift / control.window  # speed below which a body counts as unmoved
-    prepare(assembly, control)
+    prepare(assembly, control)  # before the clock starts: the time it takes to compile is not that of the run
 
     @lru_cache(maxsize=1)  # the last pose examined is the final one if the run comes to rest
     def pose_at(phase: int, t: float) -> PoseAtRest:
@@ -83,7 +68,7 @@ def execute(
         contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
         if pose.moves:
             drift = unheld(mechanism, pose.assembly, control)
-        elif until_rest:
+        elif until_rest:  # in a phase with a duration a part may fly off
             drift = flight(mechanism, pose.assembly, control, in_flight(assembly, pose.assembly, unmoved))
         ranges, reported = pose.ranges(list(dict.fromkeys(contacts))), pose.reported
     measured = dict(zip(mechanism.responses, map(float, reported), strict=True))

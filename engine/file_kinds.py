@@ -28,14 +28,7 @@ _BEGINNING = 4096  # bytes, enough to recognise the kind of a file
 def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str | None:
     """Return what kind of TOML file this is and which command takes it; None if it may be the wanted kind.
 
-    Parameters
-    ----------
-    tables : mapping
-        Tables in the file.
-    path : str or Path
-        Path of the file, for the suggested command.
-    wanted : str
-        Expected kind: ``mechanism`` or ``campaign``.
+    ``wanted`` is "mechanism" or "campaign"; the path is for the suggested command.
     """
     of_mechanism, of_campaign = len(tables.keys() & MECHANISM_KEYS), len(tables.keys() & CAMPAIGN_KEYS)
     name = shlex.quote(str(path))
@@ -54,15 +47,7 @@ def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str 
 
 
 def unreadable_kind(path: str | Path, wanted: str) -> str | None:
-    """Return what a folder or a non-TOML file is and which command takes it; None if that is not known.
-
-    Parameters
-    ----------
-    path : str or Path
-        The folder or file.
-    wanted : str
-        Expected kind: ``mechanism`` or ``campaign``.
-    """
+    """Return what a folder or a non-TOML file is and which command takes it; None if that is not known."""
     if os.path.isdir(path):
         kind = _folder_kind(Path(path))
         return kind and f"{kind}; name a {wanted} file"
@@ -76,12 +61,7 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
 def content_kind(content: bytes, wanted: str) -> str | None:
     """Return what kind of non-TOML file some content belongs to and which command takes it; None if not known.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file; its beginning suffices.
-    wanted : str
-        Expected kind: ``mechanism`` or ``campaign``.
+    The beginning of the file suffices.
     """
     beginning = content[:_BEGINNING]
     for pattern, kind in _CONTENTS.items():

@@ -23,31 +23,18 @@ LITTLE = 1e-6  # share of the largest impulse; anything smaller is a rounding er
 class Jam:
     """A proof that a step has no solution; contacts and rows are the numbers of `Assembly`.
 
-    Attributes
-    ----------
-    contacts : tuple of int
-        Contacts whose impulses balance each other, whatever the bodies do.
-    rows : tuple of int
-        Ideal joints and prescribed motions that balance the rest of these impulses, or that contradict each other.
-    locked : bool
-        Whether the balance needs friction; without friction the bodies could escape. In this case theory does not
-        guarantee a solution, and none was found.
+    If it is ``locked``, the balance needs friction: theory does not guarantee a solution, and none was found.
     """
 
-    contacts: tuple[int, ...]
-    rows: tuple[int, ...]
-    locked: bool = False
+    contacts: tuple[int, ...]  # whose impulses balance each other, whatever the bodies do
+    rows: tuple[int, ...]  # joints and motions that balance the rest of these impulses, or contradict each other
+    locked: bool = False  # whether the bodies could escape without friction
 
 
 def find_jam(assembly: Assembly, status: int) -> Jam | None:
     """Return why the last step of a failed run has no solution; None if it may have one.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly as the run left it; its friction problem is overwritten.
-    status : int
-        Final status of the run, see `kernels.time_loop`.
+    ``status`` is the final one of `kernels.time_loop`. The friction problem of the assembly is overwritten.
     """
     with one_thread():
         if status == time_loop.NOT_CONVERGED:
@@ -65,7 +52,7 @@ def _jam_of_velocities(assembly: Assembly) -> Jam | None:
     q, mu = problem.q[:nc], problem.mu[:nc, None]
     speed = float(np.abs(q).max(initial=0.0))
     jam = _squeeze(chosen, G[:, 0], q[:, 0], speed, J)
-    if jam is None:
+    if jam is None:  # only now: normal impulses alone are a proof, those with friction just leave no guarantee
         angle = 2 * np.pi * np.arange(SIDES) / SIDES
         edges = np.stack(np.broadcast_arrays(1.0, mu * np.cos(angle), mu * np.sin(angle)), axis=2)
         rows, velocities = (edges @ G).reshape(-1, G.shape[2]), np.einsum("isk,ik->is", edges, q)
@@ -87,10 +74,12 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     for j, i in enumerate(chosen):
         whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, j)
     N = _contact_rows(assembly, chosen.size)[:, 0]
+    # each row as two inequalities: what they squeeze is a contradiction between joints and motions
     contradiction = squeezing_impulses(np.vstack([J, -J]), np.concatenate([off, -off]), worst)
     if contradiction is not None:
         pull = contradiction[: len(J)] - contradiction[len(J) :]
         return Jam((), _largest(np.arange(len(J)), np.abs(pull)))
+    # contacts are judged after the displacement that closes the joints, as in the projection
     closing = np.linalg.lstsq(J, -off, rcond=None)[0] if len(J) else np.zeros(J.shape[1])
     return _squeeze(chosen, N, state.gap[chosen] + N @ closing, worst, J)
 

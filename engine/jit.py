@@ -40,10 +40,7 @@ _log = logging.getLogger(__name__)
 def _cache_folder() -> Path:
     """Return a folder for this build's compiled code that no other user can have filled: Numba runs what it holds.
 
-    Raises
-    ------
-    FolderError
-        If the folder named by ``NUMBA_CACHE_DIR`` is not safe, or if no safe folder exists.
+    Raise FolderError if the folder named by ``NUMBA_CACHE_DIR`` is not safe, or if no safe folder exists.
     """
     inherited, named = os.environ.get(_INHERITED), os.environ.get("NUMBA_CACHE_DIR")
     if inherited and not named:
@@ -122,14 +119,7 @@ uncached: Any = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)  # type: ignore[call-o
 class Kernel:
     """A kernel that Python calls, and that other kernels can call as an `inner` one.
 
-    Attributes
-    ----------
-    py_func : callable
-        The Python function.
-    compiled : Dispatcher
-        The function that Python calls, with machine code that is kept on disk.
-    callee : Dispatcher
-        The function that other kernels call.
+    Python calls ``compiled``, whose machine code is kept on disk, and other kernels call ``callee``.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

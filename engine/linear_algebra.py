@@ -30,13 +30,7 @@ def _threads() -> ThreadpoolController:
 
 
 def nonnegative_least_squares(matrix: Array, target: Array) -> Array:
-    """Return the x >= 0 that minimises |matrix x - target|.
-
-    Raises
-    ------
-    RuntimeError
-        If the search does not end.
-    """
+    """Return the x >= 0 that minimises |matrix x - target|; raise RuntimeError if the search does not end."""
     from scipy.optimize import nnls  # takes 0.4 s to import
 
     solution, _ = nnls(matrix, target, maxiter=STEPS * matrix.shape[1])

@@ -52,6 +52,7 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
     """Return a mechanism's settings for the time loop."""
     sim = mechanism.simulation
     adaptive, plain = sim.adaptive, sim.scheme == "moreau_jean"
+    # the plain scheme projects nothing, so gaps and joints may drift: their errors have no limit
     return Control(
         step=sim.step,
         longest=max(sim.step, adaptive.longest) if adaptive else sim.step,
@@ -85,37 +86,20 @@ def drive(
     every: int = 1,
     moves: Callable[[Course], bool] | None = None,
 ) -> Course:
-    """Run the time loop to its end.
+    """Run the time loop to its end, or until some real time [s] has passed or another thread cancels it.
 
     In a pose at rest that nothing holds, bodies may have started to move so slowly that it cannot be seen yet. The run
     then continues until nothing has moved for twice the window of rest and something holds the pose; if nothing does,
-    for four times the window, and so on up to the horizon.
+    for four times the window, and so on up to the horizon. ``moves`` tells whether bodies start to move in the pose at
+    rest; it does not change the arrays of the run.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The mechanism at its start; on return, at the end of the run.
-    control : Control
-    wall_limit : float
-        Real time after which the run is stopped [s].
-    cancel : Cancel, optional
-        A flag that stops the run from another thread.
-    sink : callable, optional
-        Called with blocks of rows of the trajectory, see `kernels.record`.
-    every : int
-        The sink gets every ``every``-th step and the last one.
-    moves : callable, optional
-        Called when the last phase comes to rest before the horizon. Returns whether bodies start to move in that pose
-        because nothing holds it. It does not change the arrays of the run.
-
-    Returns
-    -------
-    Course
+    The sink gets blocks of rows of the trajectory, see `kernels.record`: every ``every``-th step and the last one.
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     prepare(assembly, control)
     course = new_course(control)
     length = row_length(len(model.bodies.mass), len(assembly.contact_names), len(work.values))
+    # the first row counts the others, see `kernels.record`
     rows = np.zeros((1 + (max(ROOM // length, 16) if sink else 0), length))
     stride = every if sink else 0
     try:
@@ -133,7 +117,7 @@ def drive(
             if _rests(assembly, control, course):
                 course.counts[[SETTLED, COMPLETED]] = 1  # the horizon leaves no time for a longer window
     finally:
-        if sink:
+        if sink:  # the loop records the start of a step, so the end of the last one is missing, whatever ended the run
             if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
                 _flush(rows, sink)
                 record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
@@ -155,14 +139,9 @@ def _rests_early(assembly: Assembly, control: Control, course: Course) -> bool:
 
 @contextmanager
 def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
-    """Yield the flag that ends the time loop; another thread sets it, or the clock when the real-time limit is reached.
+    """Yield the flag that ends the time loop, set by another thread or, after some real time [s], by the clock.
 
-    Parameters
-    ----------
-    cancel : Cancel or None
-        The flag for another thread to set; None if only the clock sets it.
-    seconds : float
-        Real time after which the clock sets the flag [s].
+    If ``cancel`` is None, only the clock sets it.
     """
     stop = (cancel or Cancel()).flag
     try:

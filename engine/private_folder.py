@@ -33,26 +33,11 @@ class _Step:
 
 
 def private_folder(base: Path, *names: str) -> Path:
-    """Create a folder that only this user can access, mode 0700, or check an existing one.
+    """Return a folder that only this user can access, mode 0700, created or checked; links on its path are resolved.
 
-    Parameters
-    ----------
-    base : Path
-        A folder, which may belong to root and be shared, as ``/tmp`` is. It is created if it is missing.
-    names : str
-        Folders below it, each inside the previous one. All of them become private to this user.
-
-    Returns
-    -------
-    Path
-        The last of these folders, with all links on its path resolved.
-
-    Raises
-    ------
-    FolderError
-        If another user could have changed the content of the folder, or could replace it.
-    OSError
-        If the folder cannot be created or written.
+    ``base`` may belong to root and be shared, as ``/tmp`` is; ``names``, each inside the previous one, become private
+    to this user. Raise FolderError if another user could have changed the content of the folder or could replace it,
+    and OSError if it cannot be created or written.
     """
     folder = _trusted_folder(base.absolute())
     for name in names:

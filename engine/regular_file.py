@@ -29,30 +29,11 @@ def read_beginning(path: str | Path, count: int) -> bytes:
 
 
 def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = True) -> bytes:
-    """Return the content of a regular file.
+    """Return the content of a regular file of at most ``at_most`` bytes.
 
-    It never waits for a pipe or a terminal, and never reads more than allowed, even if the file grows meanwhile.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    at_most : int
-        Largest number of bytes allowed.
-    follow_link : bool
-        Whether the path may be a symbolic link to the file.
-
-    Returns
-    -------
-    bytes
-        All of its content.
-
-    Raises
-    ------
-    UnfitFile
-        If the path is a folder, a pipe, a socket, a device or a link that is not allowed, or the file is too large.
-    OSError
-        If the file does not exist or cannot be read.
+    It never waits for a pipe or a terminal, and never reads more than allowed, even if the file grows meanwhile. Raise
+    UnfitFile for a folder, a pipe, a socket, a device, a link unless ``follow_link``, or a file that is too large, and
+    OSError if it does not exist or cannot be read.
     """
     descriptor = _open_regular(path, follow_link=follow_link)
     try:

@@ -30,12 +30,7 @@ TOKEN = re.compile(
 class UnfitToml(ValueError):
     """A text is not TOML, or exceeds a limit.
 
-    Parameters
-    ----------
-    message : str
-        Where the fault is, what it is, and what to do.
-    line, column : int, optional
-        Position of the fault, counted from 1.
+    The message says where the fault is, what it is, and what to do; line and column count from 1.
     """
 
     def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
@@ -44,19 +39,10 @@ class UnfitToml(ValueError):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file.
+    """Return the content of a TOML file of at most a megabyte.
 
-    Parameters
-    ----------
-    path : Path
-        A regular file of at most a megabyte.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read, is not a regular file, or is too large.
-    UnfitToml
-        If it is not TOML in UTF-8, or exceeds a limit.
+    Raise OSError if it cannot be read, is not a regular file, or is too large, and UnfitToml if it is not TOML in UTF-8
+    or exceeds a limit.
     """
     return parse_toml(read_regular_file(path, LARGEST))
 

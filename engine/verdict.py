@@ -18,21 +18,9 @@ def judge(
 ) -> tuple[Status, str]:
     """Judge a run that completed its phases: check that all values exist and that the validity conditions hold.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    Response -> value; NaN if it has no value.
-        Response -> value; NaN without a value.
-    settled : bool
-        Whether the run ended at rest.
-    drift : str
-        Description of a motion that continues although nothing measured moves, see `engine.unrest`; empty if none.
-    at_rest : bool
-        Whether the run had to end at rest. If not, such a motion matters only if it leaves a force without a value.
-
-    Returns
-    -------
-    status, message : str
+    ``measured`` is NaN where a response has no value. ``drift`` describes a motion that continues although nothing
+    measured moves, see `engine.unrest`; empty if there is none. Unless the run had to end ``at_rest``, it matters only
+    if it leaves a force without a value. Return status and message.
     """
     missing = [name for name, value in measured.items() if math.isnan(value)]
     events = [name for name in missing if isinstance(mechanism.responses[name].at, Event)]
@@ -63,21 +51,9 @@ def judge(
 
 
 def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> tuple[Status, str]:
-    """Judge a run that reached its horizon in a phase that ends at rest or at an event.
+    """Judge a run that reached its horizon in a phase that ends at rest or at an event; return status and message.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    phase : int
-        Number of the last phase that began.
-    settled : bool
-        Whether the mechanism was at rest at the horizon.
-    motion : str
-        Description of what moves, see `engine.unrest`; empty if not known.
-
-    Returns
-    -------
-    status, message : str
+    ``phase`` is the last one that began, ``motion`` describes what moves, see `engine.unrest`; empty if not known.
     """
     sim, awaited, moving = mechanism.simulation, mechanism.phases[phase].until, f": {motion}" if motion else ""
     horizon = f"the horizon of {sim.horizon:g} {mechanism.unit('time')}"

@@ -29,28 +29,13 @@ __all__ = ["Assembly", "assemble"]
 
 @dataclass(frozen=True)
 class Assembly:
-    """A mechanism as arrays, at its start pose.
-
-    Attributes
-    ----------
-    model : Model
-        Constants of the run.
-    state : State
-        The motion; a run changes it.
-    work : Scratch
-    problem : FrictionArrays
-        The friction problem of a step.
-    contact_names : tuple of str
-        Name of each contact, in the order of the arrays.
-    row_names : tuple of str
-        Name of each bilateral row, in the order of the arrays.
-    """
+    """A mechanism as arrays, at its start pose."""
 
     model: Model
-    state: State
+    state: State  # a run changes it
     work: Scratch
-    problem: FrictionArrays
-    contact_names: tuple[str, ...]
+    problem: FrictionArrays  # of a step
+    contact_names: tuple[str, ...]  # in the order of the arrays, as are row_names
     row_names: tuple[str, ...]
 
     @property
@@ -61,31 +46,19 @@ class Assembly:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """The arrays of a mechanism without play; they are never modified, because runs get copies.
-
-    Attributes
-    ----------
-    assembly : Assembly
-    held : list of BilateralRow
-        The rows of the ideal joints.
-    faces : tuple
-        See `engine.assembly.clearances.add_play`.
-    """
+    """The arrays of a mechanism without play; they are never modified, because runs get copies."""
 
     assembly: Assembly
-    held: list[BilateralRow]
-    faces: tuple[tuple[int, str, str], ...]
+    held: list[BilateralRow]  # the rows of the ideal joints
+    faces: tuple[tuple[int, str, str], ...]  # see `clearances.add_play`
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
     """Convert a mechanism to arrays.
 
     If only the play differs from an earlier mechanism, as from sample to sample, all other arrays are copied from it.
-
-    Raises
-    ------
-    MechanismError
-        If parts overlap or an ideal joint is open at the start pose, or the step is longer than the horizon.
+    Raise MechanismError if parts overlap or an ideal joint is open at the start pose, or the step is longer than the
+    horizon.
     """
     refuse_long_step(mechanism)
     prepared = _prepared(without_play(mechanism))

@@ -11,34 +11,16 @@ from engine.mechanism.models import Mechanism
 
 @dataclass(frozen=True)
 class BilateralRow:
-    """One bilateral row between two bodies (`kernels.bilateral`).
+    """One bilateral row between two bodies (`kernels.bilateral`)."""
 
-    Attributes
-    ----------
-    name : str
-        JOINT.ROW or the name of the motion, as used in messages.
-    kind : int
-        SLIDE or TURN.
-    a, b : int
-        Indices of the bodies.
-    geometry : (9,) array
-        Row of `kernels.bilateral`.
-    arm : float
-        Length that multiplies a TURN's angle; 1 for a SLIDE.
-    law : int
-        Number of the time law of its target; -1: none.
-    phases : (n_phase,) bool array or None
-        The phases in which it acts; None: all.
-    """
-
-    name: str
-    kind: int
-    a: int
+    name: str  # JOINT.ROW or the name of the motion, for messages
+    kind: int  # SLIDE or TURN
+    a: int  # index of a body, as is b
     b: int
-    geometry: Array
-    arm: float = 1.0
-    law: int = -1
-    phases: Array | None = None
+    geometry: Array  # (9,) row of `kernels.bilateral`
+    arm: float = 1.0  # length that multiplies a TURN's angle; 1 for a SLIDE
+    law: int = -1  # number of the time law of its target; -1: none
+    phases: Array | None = None  # (n_phase,) bool, the phases in which it acts; None: all
 
 
 def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:

@@ -23,15 +23,9 @@ def without_play(mechanism: Mechanism) -> Mechanism:
 
 
 def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], clearance: Array) -> None:
-    """Add the play of the joints.
+    """Add the play of the joints to ``clearance``, (nc,), in place.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    faces : iterable of (int, str, str)
-        Number of a contact, its joint, and the key of its clearance.
-    clearance : (nc,) array
-        Clearances of the contacts without play; changed in place.
+    Each of ``faces`` is the number of a contact, its joint, and the key of its clearance.
     """
     for i, joint, key in faces:
         clearance[i] += getattr(mechanism.joints[joint], key)

@@ -54,41 +54,19 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Pair:
-    """A potential contact: two primitives on two bodies.
+    """A potential contact: two primitives on two bodies."""
 
-    Attributes
-    ----------
-    name : str
-        Unique name, used in messages and trajectories.
-    kind : int
-        Number of the pair of primitives, see `kernels.model`.
-    a, b : int
-        Indices of the bodies.
-    geometry_a, geometry_b : (GEOMETRY,) arrays
-        Rows of `kernels.contact_geometry.gaps`.
-    clearance : float
-        Length added to the distance to give the gap; for a contact of a joint, without the joint's play.
-    law : (float, float)
-        Friction and restitution.
-    pieces : (np, PIECE) array
-        Pieces of side b's profile; empty if it has none.
-    play : (str, str) or None
-        The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: none.
-    surface : Surfaces or None
-        The tree of side b, if that is a surface.
-    """
-
-    name: str
-    kind: int
-    a: int
+    name: str  # unique, for messages and trajectories
+    kind: int  # number of the pair of primitives, see `kernels.model`
+    a: int  # index of a body, as is b
     b: int
-    geometry_a: Array
+    geometry_a: Array  # (GEOMETRY,) row of `kernels.contact_geometry.gaps`, as is geometry_b
     geometry_b: Array
-    clearance: float
-    law: tuple[float, float]
-    pieces: Array = field(default_factory=NO_PIECES.copy)
-    play: tuple[str, str] | None = None
-    surface: Surfaces | None = None
+    clearance: float  # added to the distance to give the gap; for a contact of a joint, without the joint's play
+    law: tuple[float, float]  # friction and restitution
+    pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
+    play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `clearances.add_play`
+    surface: Surfaces | None = None  # the tree of side b, if that is a surface
 
 
 @remembered

@@ -70,12 +70,8 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
 def cuthill_mckee(near: Sequence[Collection[int]]) -> list[int]:
     """Return the nodes of a graph in reverse Cuthill-McKee order, which gives its matrix a narrow band.
 
-    scipy provides this algorithm, but takes 0.4 s to load, longer than a run of the C-60.
-
-    Parameters
-    ----------
-    near : sequence
-        The neighbours of each node.
+    ``near`` holds the neighbours of each node. scipy provides this algorithm, but takes 0.4 s to load, longer than a
+    run of the C-60.
     """
     order: list[int] = []
     visited: set[int] = set()

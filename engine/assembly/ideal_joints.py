@@ -26,16 +26,10 @@ HELD = {
 
 
 def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[BilateralRow]:
-    """Yield the rows of all joints. An ideal joint has 6 rows minus the number of its degrees of freedom.
+    """Yield the rows of all joints: for an ideal joint, 6 minus the number of its degrees of freedom.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        A joint with play has no rows, except a shaft in a sleeve whose rotation is held.
-    frames : dict
-        BodyFrame of each body.
-    R : (nb + 1, 3, 3) array
-        Rotations at the start.
+    A joint with play has no rows, except a shaft in a sleeve whose rotation is held. R, (nb + 1, 3, 3), holds the
+    rotations at the start.
     """
     for name, joint in mechanism.joints.items():
         slides, turns = _held(joint)

@@ -19,23 +19,13 @@ from engine.mechanism.primitives import Socket
 
 @dataclass(frozen=True)
 class Mate:
-    """The two sides of a joint, and their relative rotation.
-
-    Attributes
-    ----------
-    a, b : BodyFrame
-        Frames of the two bodies.
-    point_a, point_b : (3,) arrays
-        The joint's points, from the state's origins.
-    relative : (3, 3) array
-        Rotation from a's axes to b's at the start.
-    """
+    """The two sides of a joint, and their relative rotation."""
 
     a: BodyFrame
     b: BodyFrame
-    point_a: Array
+    point_a: Array  # (3,) from the origin of the state's frame of a, as is point_b for b
     point_b: Array
-    relative: Array
+    relative: Array  # (3, 3) from a's axes to b's at the start
 
     def align(self, along_a: Array, along_b: Array) -> Array:
         """Return the direction of b or its opposite, whichever agrees with a's direction at the start."""
@@ -50,17 +40,7 @@ def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
 
 
 def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
-    """Yield the contacts of the joints with play.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its ideal joints have no contacts.
-    frames : dict
-        BodyFrame of each body.
-    R : (nb + 1, 3, 3) array
-        Rotations at the start.
-    """
+    """Yield the contacts of the joints with play; R, (nb + 1, 3, 3), holds the rotations at the start."""
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             continue

@@ -17,13 +17,7 @@ ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> Loads:
     """Return all loads as arrays; a damper is stored as a spring without stiffness.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    frames : dict
-        Frame of each body.
-    laws : dict
-        Key of its owner -> number of each time law.
+    ``laws`` gives the number of each time law by the key of its owner.
     """
     return Loads(
         gravity=np.array(mechanism.gravity, float),

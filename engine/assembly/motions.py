@@ -15,15 +15,7 @@ def motion_rows(
 ) -> list[BilateralRow]:
     """Return one row per motion, in the order of the file; its violation is 0 at the pose of ``state``.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    frames : dict
-        Frame of each body.
-    state : State
-        The start pose.
-    laws : dict
-        Key of its owner -> number of each time law.
+    ``laws`` gives the number of each time law by the key of its owner.
     """
     rows = []
     for key, motion in mechanism.motions.items():

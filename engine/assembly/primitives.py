@@ -19,7 +19,6 @@ def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Arra
 
     This length is minus the contact's offset and minus the skin of side a, i.e. the radius of a sphere or of a rounded
     edge; for a ring around a cylinder it is the radial clearance between them.
-    edge; for a ring around a cylinder it is the radial clearance between them.
     """
     a, b = contact.sides
     row, skin = _row_a(a, frame_a)
@@ -41,7 +40,7 @@ def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
         n = frame.direction(shape.normal)
         e = tangent(n) if shape.middle is None else _across(n, frame.direction(shape.middle))
         return _row(frame.point(shape.centre), n, e, shape.radius, shape.half_angle), shape.edge_radius
-    n = frame.direction(shape.axis)
+    n = frame.direction(shape.axis)  # a cylinder, represented by its circle at mid-height
     return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
 
 

@@ -17,13 +17,7 @@ Result = TypeVar("Result")
 
 
 class TablesRead:
-    """A mechanism that records which of its tables are read, including by its own methods.
-
-    Attributes
-    ----------
-    tables : dict
-        Name -> table, for those that have been read.
-    """
+    """A mechanism that records in ``tables`` which of its tables are read, including by its own methods."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
@@ -38,17 +32,10 @@ class TablesRead:
 def remembered(build: Callable[..., Result]) -> Callable[..., Result]:
     """Let a function return an earlier result if it would build the same one again.
 
-    Parameters
-    ----------
-    build : callable
-        A function of a mechanism, followed by results of other such functions, and of nothing else. Its result must not
-        be modified, because runs on other threads use it at the same time.
-
-    Returns
-    -------
-    callable
-        The function. It returns an earlier result if all tables that were read to build it, and all other arguments,
-        are the same objects. As these are immutable, the result is identical to the bit.
+    ``build`` must be a function of a mechanism and of results of other such functions, and of nothing else. An earlier
+    result is returned if all tables that were read to build it, and all other arguments, are the same objects. As these
+    are immutable, the result is identical to the bit. It must not be modified: runs on other threads use it at the same
+    time.
     """
     kept: tuple[tuple[list[tuple[str, Any, Any]], tuple[Any, ...], Result], ...] = ()
 

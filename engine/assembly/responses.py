@@ -35,22 +35,10 @@ MOTION = ("position", "angle", "gap")
 
 
 def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]) -> Responses:
-    """Return the responses: what is measured, and when it is reported.
+    """Return the responses: what is measured, and when it is reported; ``pairs`` are all contacts.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    frames : dict
-        Frame of each body.
-    state : State
-        The start pose.
-    pairs : list of Pair
-        All contacts, in the order of the arrays.
-
-    Raises
-    ------
-    MechanismError
-        If a response names a contact that its joint does not have, or the force of a joint without contacts.
+    Raise MechanismError if a response names a contact that its joint does not have, or the force of a joint without
+    contacts.
     """
     items = mechanism.responses.items()
     _refuse_missing_contacts(mechanism, [pair.name for pair in pairs])

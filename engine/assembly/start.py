@@ -17,13 +17,7 @@ JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in a
 
 
 def refuse_long_step(mechanism: Mechanism) -> None:
-    """Check the time step against the simulated time.
-
-    Raises
-    ------
-    MechanismError
-        If the step is longer than the horizon, so that not one whole step would be made.
-    """
+    """Raise MechanismError if the step exceeds the horizon, so that not one whole step would be made."""
     sim, unit = mechanism.simulation, mechanism.unit("time")
     if sim.step > sim.horizon:
         raise MechanismError(
@@ -36,10 +30,8 @@ def refuse_long_step(mechanism: Mechanism) -> None:
 def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str], state: State, work: Scratch) -> None:
     """Write the gaps at the start into the state.
 
-    Raises
-    ------
-    MechanismError
-        If a gap is below minus the allowed penetration: one line for each contact, or clearance of a joint.
+    Raise MechanismError if a gap is below minus the allowed penetration: one line for each contact, or clearance of a
+    joint.
     """
     gap = state.gap
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
@@ -74,13 +66,10 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
 
 
 def refuse_open_joints(mechanism: Mechanism, held: list[BilateralRow], state: State) -> None:
-    """Check that the rows of the ideal joints are closed.
+    """Raise MechanismError if an ideal joint is open at the start, with one line for each fault.
 
-    Raises
-    ------
-    MechanismError
-        If the points of a joint are apart along a direction that it holds, or its axes are inclined (an angle times the
-        arm), by more than 1e-5 of the arm and more than `simulation.penetration`: one line for each.
+    A joint is open if its points are apart along a direction that it holds, or its axes are inclined (an angle times
+    the arm), by more than 1e-5 of the arm and more than `simulation.penetration`.
     """
     if not held:
         return

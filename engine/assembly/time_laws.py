@@ -48,6 +48,7 @@ def _pieces(law: Law) -> Array:
     if isinstance(law, Sine):
         mean = law.mean + law.amplitude * np.sin(law.phase) if isinstance(law, FactorSine) else 0.0
         return np.array([[0.0, mean, 0.0, 0.0, 0.0]])
+    # a second piece that never begins, because a law is constant from its last piece on
     return np.array([[0.0, 0.0, law.speed, 0.0, 0.0], [np.inf, 0.0, 0.0, 0.0, 0.0]])
 
 

@@ -13,40 +13,20 @@ from engine.friction.elimination import eliminate_nodes
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The numbering of the unknowns, and the blocks of a step's system (`engine.friction.blocks`).
-
-    Attributes
-    ----------
-    system : Elimination
-    body : (nb,) array
-        Node of each body's velocities.
-    at : (nt,) array
-        Index of each row's multiplier among the unknowns.
-    row_body, row_pair : (nt, 2) arrays
-        Nodes of the two bodies that each row acts on, -1 for the ground; first piece of each with the row's node.
-    contact_pair : (nc,) array
-        First piece of the two bodies of each contact, 0 if one of them is the ground.
-    """
+    """The numbering of the unknowns, and the blocks of a step's system (`engine.friction.blocks`)."""
 
     system: Elimination
-    body: Integers
-    at: Integers
-    row_body: Integers
-    row_pair: Integers
-    contact_pair: Integers
+    body: Integers  # (nb,) node of each body's velocities
+    at: Integers  # (nt,) index of each row's multiplier among the unknowns
+    row_body: Integers  # (nt, 2) nodes of the two bodies that each row acts on; -1: the ground
+    row_pair: Integers  # (nt, 2) first piece of each of these nodes with the row's node
+    contact_pair: Integers  # (nc,) first piece of the two bodies of each contact; 0 if one of them is the ground
 
 
 def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, int]]) -> Unknowns:
-    """Return the numbering of the unknowns.
+    """Return the numbering of the unknowns; up to six successive rows between the same two bodies share a node.
 
-    Parameters
-    ----------
-    bodies : int
-        Number of moving bodies.
-    rows : list of BilateralRow
-        Up to six successive rows between the same two bodies share a node.
-    contacts : sequence of (int, int)
-        The two bodies of each contact; a number of ``bodies`` or more is the ground.
+    In ``contacts``, the two bodies of each contact, a number of ``bodies`` or more is the ground.
     """
     groups: list[list[int]] = []
     for i, row in enumerate(rows):
@@ -63,6 +43,7 @@ def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, 
         for body in (rows[group[0]].a, rows[group[0]].b):
             if body < bodies:
                 neighbours[node, body] = neighbours[body, node] = True
+    # multipliers come after their bodies, which alone give them a pivot
     system, number, piece = eliminate_nodes(neighbours, np.arange(nodes) >= bodies)
 
     at, row_body, row_pair = (

@@ -79,20 +79,9 @@ class FrictionArrays(NamedTuple):
 
 
 def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int = 0) -> FrictionArrays:
-    """Allocate the arrays of a problem.
-
-    Parameters
-    ----------
-    system : Elimination
-        The blocks of its system.
-    nc : int
-        Number of contacts.
-    runs : int
-        Largest number of nodes that a contact acts on.
-    bilateral : int
-        Number of bilateral rows.
-    """
+    """Allocate a problem of ``nc`` contacts, each with at most ``runs`` nodes, and ``bilateral`` rows."""
     nodes, pairs = system.begin.size, system.pair.size
+    # m: contacts in whole groups of eight lanes
     n, m, pieces = ROW * nodes, -(-nc // LANES) * LANES, PIECE * (nodes + 2 * pairs)
     per_contact, G, numbers, ones, threes, nines, w, dw, K, F, integers = aligned_zeros(
         (3, nc, 3),

@@ -39,12 +39,7 @@ class CentreWork(NamedTuple):
 def least(cones, way, inside, work):
     """Return the minimum of way . y within the cones, starting at ``inside``; -inf if friction wedges (unbounded).
 
-    Parameters
-    ----------
-    cones : Cones
-    way, inside : (d,) arrays
-        The objective, and an interior point of the cones.
-    work : CentreWork
+    ``way`` and the interior point ``inside`` have shape (d,).
     """
     y, push, weight = work.y, work.push, FIRST
     for a in range(way.shape[0]):
@@ -65,16 +60,7 @@ def least(cones, way, inside, work):
 
 @kernel
 def centre(cones, push, y, work):
-    """Move ``y`` to the minimum of push . y plus the barrier; it starts and stays inside the cones.
-
-    Parameters
-    ----------
-    cones : Cones
-    push : (d,) array
-    y : (d,) array
-        Changed in place.
-    work : CentreWork
-    """
+    """Move ``y``, (d,), in place to the minimum of push . y plus the barrier; it starts and stays inside the cones."""
     start, basis = cones
     s, ds, bend, slope, step, _, _ = work
     nc, d = basis.shape[0], basis.shape[2]

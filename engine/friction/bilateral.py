@@ -18,7 +18,7 @@ from engine.friction.blocks import BODY, PIECE, ROW, clear, factorise, start_sys
 from engine.jit import inner, kernel
 
 EPS = 1e-12
-REFINEMENTS = 1
+REFINEMENTS = 1  # leaves 1e-11 in a chain of 400 links
 TINY = 1e-300
 
 
@@ -39,14 +39,7 @@ class BilateralSystem(NamedTuple):
 
 @kernel
 def factorise_bilateral(system, rows):
-    """Write the lengths of the rows and the factors of B; call it after each change of J.
-
-    Parameters
-    ----------
-    system : Elimination
-        The blocks of the problem's system.
-    rows : BilateralSystem
-    """
+    """Write the lengths of the rows and the factors of B; call it after each change of J."""
     for i in range(rows.at.shape[0]):
         s = 0.0
         for a in range(2 * ROW):
@@ -107,18 +100,9 @@ def _miss(rows, w):
 
 @kernel
 def hold_bilateral(system, rows, c, w):
-    """Write the smallest change w of the velocities with J w + c = 0.
+    """Write the smallest change w of the velocities, shape (n,), with J w + c = 0.
 
-    Parameters
-    ----------
-    system : Elimination
-        The blocks of the problem's system.
-    rows : BilateralSystem
-        The rows, with the factors for the current J.
-    c : (nt,) array
-        Velocities to cancel, in the scaling of the rows J.
-    w : (n,) array
-        Written.
+    The velocities c, shape (nt,), are in the scaling of the rows J; the factors must be those of the current J.
     """
     clear(w)
     for i in range(rows.at.shape[0]):

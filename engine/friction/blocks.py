@@ -52,16 +52,7 @@ def start_system(system, K):
 
 @inner
 def add_contact(rows, i, A, smooth, K):
-    """Add G_i' A_i G_i to the system for contact i, with A_i in column i of ``A``; only A_NN is used if ``smooth``.
-
-    Parameters
-    ----------
-    rows : ContactRows
-    i : int
-    A : (9, nc) array
-    smooth : bool
-    K : (48 pieces,) array
-    """
+    """Add G_i' A_i G_i to the system for contact i, with A_i in column i of ``A``; only A_NN is used if ``smooth``."""
     G = rows.G[i]
     for s in range(rows.node.shape[1]):
         node = rows.node[i, s]
@@ -157,6 +148,7 @@ def _factorise_diagonal(K, F, at):
 @inner
 def _eliminate_pair(K, F, at, pair):
     """Apply the node's factors to the pieces of a pair: L^-1 to the right one, U'^-1 to the transposed one below."""
+    # written out: entry (r, c) of a piece is at 8 r + c, and F holds L transposed, so L_10 is F[at + 1]
     y0 = read(K, pair)
     y1 = read(K, pair + 8) - F[at + 1] * y0
     y2 = read(K, pair + 16) - F[at + 2] * y0 - F[at + 10] * y1

@@ -16,21 +16,9 @@ from engine.jit import kernel
 def order_nodes(neighbours, after, order, degree):
     """Write the order of elimination, and mark the pairs of the fill-in in ``neighbours``.
 
-    Parameters
-    ----------
-    neighbours : (nodes, nodes) bool array
-        Symmetric; true for the pairs with a block.
-    after : (nodes,) bool array
-        Marks the nodes that come after all their unmarked neighbours.
-    order : (nodes,) int64 array
-        Written.
-    degree : (nodes,) int64 array
-        Workspace.
-
-    Returns
-    -------
-    pairs, targets : int
-        Number of pairs, and number of pairs among the later neighbours, summed over all nodes.
+    ``neighbours``, (nodes, nodes), is symmetric and true for the pairs with a block; nodes marked in ``after`` come
+    after all their unmarked neighbours; ``degree`` is workspace. Return the number of pairs, and the number of pairs
+    among the later neighbours of each node, summed over all nodes.
     """
     nodes, pairs, targets = order.shape[0], 0, 0
     for a in range(nodes):
@@ -48,7 +36,7 @@ def order_nodes(neighbours, after, order, degree):
                 if ready:
                     best = a
         order[step], m = best, degree[best]
-        degree[best] = -1
+        degree[best] = -1  # eliminated
         pairs, targets = pairs + m, targets + m * (m - 1) // 2
         for a in range(nodes):
             if neighbours[best, a] and degree[a] >= 0:
@@ -65,15 +53,8 @@ def order_nodes(neighbours, after, order, degree):
 def list_blocks(neighbours, order, piece, system):
     """Write the blocks of a system with nodes numbered in the order of elimination.
 
-    Parameters
-    ----------
-    neighbours : (nodes, nodes) bool array
-        Symmetric, including the fill-in, with nodes numbered as before the elimination.
-    order : (nodes,) int64 array
-    piece : (nodes, nodes) int64 array
-        Written: the first piece of each pair of nodes, numbered by elimination; 0 if the pair has none.
-    system : Elimination
-        Written.
+    ``neighbours`` includes the fill-in, with nodes numbered as before the elimination. ``piece``, (nodes, nodes),
+    receives the first piece of each pair of nodes, numbered by elimination; 0 if the pair has none.
     """
     nodes, e, at = order.shape[0], 0, 0
     for a in range(nodes):
@@ -94,21 +75,11 @@ def list_blocks(neighbours, order, piece, system):
 
 
 def eliminate_nodes(neighbours: np.ndarray, after: np.ndarray | None = None) -> tuple[Elimination, Integers, Integers]:
-    """Return the blocks of a system, the place of each node in the elimination, and the pieces of all pairs.
+    """Return the blocks of a system, the place of each node in the elimination, and the first pieces of all pairs.
 
-    Parameters
-    ----------
-    neighbours : (nodes, nodes) bool array
-        Symmetric; true for the pairs with a block. The fill-in is added to it.
-    after : (nodes,) bool array, optional
-        Marks the nodes of multipliers, which come after the bodies that their rows act on.
-
-    Returns
-    -------
-    system : Elimination
-    number : (nodes,) array
-    piece : (nodes, nodes) array
-        The first piece of each pair, by the new numbers.
+    ``neighbours``, (nodes, nodes), is symmetric and true for the pairs with a block; the fill-in is added to it.
+    ``after`` marks the nodes of multipliers, which come after the bodies that their rows act on. The pieces, (nodes,
+    nodes), are by the new numbers.
     """
     nodes = len(neighbours)
     order, degree, number = np.zeros((3, nodes), np.int64)

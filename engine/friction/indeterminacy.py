@@ -26,29 +26,10 @@ FRICTIONLESS = 1e-12  # a smaller mu counts as 0
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
     """Return the smallest and largest normal force of one contact among all forces with the same balance.
 
-    The largest is infinite where friction locks: two opposite walls can be pressed apart with any force.
-
-    Parameters
-    ----------
-    H : (3 nc, n) array
-        Local frames; rows (N, T1, T2) per contact, in any metric.
-    mu : (nc,) array
-        Coefficients of friction, >= 0.
-    r : (3 nc,) array
-        Known forces (or impulses), inside Coulomb's cones.
-    contact : int
-        Number of the contact, 0 ... nc - 1.
-
-    Returns
-    -------
-    least, largest : float
-        In the unit of ``r``.
-
-    Raises
-    ------
-    FrictionError
-        If an array is not one of finite numbers, the shapes do not match, a coefficient is negative, there is no such
-        contact, or r does not lie in the cones.
+    The largest is infinite where friction locks: two opposite walls can be pressed apart with any force. H, (3 nc, n),
+    holds rows (N, T1, T2) per contact in any metric, r the known forces or impulses, inside Coulomb's cones. Raise
+    FrictionError if numbers are not finite, shapes do not match, mu < 0, there is no such contact, or r is outside the
+    cones.
     """
     H, mu, r = real_numbers("H", H), real_numbers("mu", mu).ravel(), real_numbers("r", r).ravel()
     nc = mu.size
@@ -72,22 +53,9 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
 
 
 def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list[tuple[float, float]]:
-    """Return the smallest and largest normal forces of some contacts.
+    """Return the smallest and largest normal force of each of ``contacts``; see `normal_force_range`.
 
-    Parameters
-    ----------
-    H, mu, r
-        As for `normal_force_range`; at least one force is not 0.
-    contacts : sequence of int
-
-    Returns
-    -------
-    list of (least, largest)
-
-    Raises
-    ------
-    FrictionError
-        If the squares of numbers in H overflow.
+    At least one force in r must not be 0. Raise FrictionError if the squares of numbers in H overflow.
     """
     size = float(np.abs(r).max())
     cones, scale = _balanced(H, mu, r / size)
@@ -101,7 +69,7 @@ def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list
         if not np.abs(way).max(initial=0) > SLACK:
             ranges.append((force, force))
             continue
-        if middle is None:
+        if middle is None:  # the centre of the cones is the same for all contacts
             middle = np.zeros(d)
             centre(cones, np.zeros(d), middle, work)
         low, high = least(cones, way, middle, work), -least(cones, -way, middle, work)

@@ -22,21 +22,9 @@ ROUNDING = 1e-12  # share of a row: a smaller remainder beside the bilateral row
 def squeezing_impulses(rows: Array, q: Array, speed: float, held: Array | None = None) -> Array | None:
     """Return impulses proving that no velocity w satisfies rows w + q >= 0 and held w = 0; None if none are found.
 
-    Parameters
-    ----------
-    rows : (m, n) array
-        Directions of possible impulses, such as the contacts' normals, in the metric of the mass matrix.
-    q : (m,) array
-        Relative velocities along them without impulses.
-    speed : float
-        Largest relative velocity of the problem.
-    held : (k, n) array, optional
-        Bilateral rows, in the same metric; they may be redundant.
-
-    Returns
-    -------
-    (m,) array or None
-        Impulses >= 0 with sum 1, with ``rows.T @ p`` = 0 apart from the held rows and rounding, and ``p @ q`` < 0.
+    ``rows``, (m, n), are directions of possible impulses such as the contacts' normals, and ``held``, (k, n), bilateral
+    rows, which may be redundant, both in the metric of the mass matrix; ``speed`` is the largest relative velocity of
+    the problem. The impulses p >= 0 have sum 1, rows' p = 0 apart from the held rows and rounding, and p . q < 0.
     """
     length = np.linalg.norm(rows, axis=1)
     length[length == 0.0] = 1.0

@@ -41,27 +41,10 @@ BOLD = Pace(1.0, 0.0, 0.0, 0.95)  # always Newton's direction: few steps if the 
 
 @inner
 def interior_point(nc, p, goal, inside, pace, effort):
-    """Solve from the current impulses, moved inside the cones by ``inside`` times the load.
+    """Solve from the current impulses, moved inside the cones by ``inside`` times the load; return steps and residual.
 
-    Parameters
-    ----------
-    nc : int
-        Number of contacts.
-    p : FrictionArrays
-        The problem; the best impulses are left in its lanes.
-    goal : Goal
-    inside : float
-        Share of the load.
-    pace : Pace
-    effort : Effort
-        Largest number of steps, and the number of steps without halving the residual, once the whole shift is applied,
-        after which the method is abandoned.
-
-    Returns
-    -------
-    steps : int
-    residual : float
-        The smallest residual reached.
+    The best impulses are left in the lanes of p. The method is abandoned after ``effort.patience`` steps without
+    halving the residual, counted once the whole shift is applied.
     """
     c, size, share = p.contacts, 0.0, pace.share
     for i in range(nc):
@@ -89,6 +72,7 @@ def interior_point(nc, p, goal, inside, pace, effort):
             _right_hand_side(c, target, corrected > 0)
             step = min(1.0, (pace.reach if corrected else 1.0) * _direction(nc, p, slope))
             if not corrected:
+                # Mehrotra's choice: the cube of the share of the gap that the predictor leaves
                 target = gap * min(max(_gap_after(c, step) / (nc * gap), 0.0), 1.0) ** 3
         for k in range(3):
             for i in range(0, nc, LANES):

@@ -40,18 +40,8 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
     below ``end``, so that a wrong guess of which contacts open, slide and stick is corrected early instead of being
     kept; after ``CREEP`` consecutive poor steps the method is abandoned with tau^2 above ``end``.
 
-    Parameters
-    ----------
-    nc : int
-        Number of contacts.
-    p : FrictionArrays
-    goal : Goal
-    tau2, end : float
-        Smoothing tau^2 at the start and at the end.
-    proximal : float
-        Proximal term of the contacts (`complementarity.eliminate`) as a share of the residual. Far from the solution it
-        keeps impulses that the velocities do not determine at their values.
-    effort : Effort
+    ``proximal`` is the proximal term of the contacts (`complementarity.eliminate`) as a share of the residual. Far from
+    the solution it keeps impulses that the velocities do not determine at their values.
     """
     c = p.contacts
     finish(nc, p)
@@ -84,7 +74,7 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
             poor = poor + 1 if step < SHORT else 0
             if after <= 0.25 * tau2 * nc:
                 tau2 *= SHRINK
-                m1, m2, m3 = 0.0, 0.0, 0.0
+                m1, m2, m3 = 0.0, 0.0, 0.0  # merits of another equation, which say nothing about this one
     return iteration, reached if reached < np.inf else np.inf, tau2
 
 

@@ -10,17 +10,9 @@ WORN = 1e-6  # share of a computed square: once subtractions leave less than thi
 
 
 def null_space(rows: Array) -> Array:
-    """Return an orthonormal basis of all x with rows x = 0.
+    """Return an orthonormal basis, (n, n - rank), of all x with rows x = 0; the squares of the rows must be finite.
 
-    Parameters
-    ----------
-    rows : (m, n) array
-        Finite numbers whose squares are also finite.
-
-    Returns
-    -------
-    (n, n - rank) array
-        The basis; its bits do not depend on the number of cores, unlike LAPACK's.
+    Its bits do not depend on the number of cores, unlike those of LAPACK's.
     """
     left = np.array(rows, float)  # C order: each row is a column of the matrix whose range is removed
     pivot, squares = np.zeros(len(left)), np.zeros((2, len(left)))

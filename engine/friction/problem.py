@@ -155,12 +155,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def refuse_asymmetry(A: Array, name: str) -> None:
-    """Raise an error that states the largest asymmetry of a matrix, if it exceeds rounding errors.
-
-    Raises
-    ------
-    FrictionError
-    """
+    """Raise FrictionError with the largest asymmetry of a matrix, if it exceeds rounding errors."""
     size = np.abs(A).max(initial=0)
     off = np.abs(A / 2 - A.T / 2)  # halved, because the difference of two finite numbers may overflow
     if off.max(initial=0) > ASYMMETRY / 2 * size:
@@ -172,13 +167,7 @@ def refuse_asymmetry(A: Array, name: str) -> None:
 
 
 def real_numbers(name: str, value: Any) -> Array:
-    """Return a contiguous array of finite doubles.
-
-    Raises
-    ------
-    FrictionError
-        If the array holds anything else, is ragged or masked, or a number is not finite.
-    """
+    """Return a contiguous array of finite doubles; raise FrictionError for any other, ragged or masked one."""
     try:
         with np.errstate(all="ignore"):
             given = np.asanyarray(value)
@@ -203,13 +192,7 @@ class Whitening(NamedTuple):
 
 
 def solver_arrays(problem: FrictionProblem) -> tuple[FrictionArrays, Whitening]:
-    """Return the arrays of the solver for a problem, without its q and mu.
-
-    Raises
-    ------
-    FrictionError
-        If the mass matrix is not positive definite.
-    """
+    """Return the solver's arrays without q and mu; raise FrictionError if M is not positive definite."""
     nc, n = problem.mu.size, problem.M.shape[0]
     nodes = -(-n // BODY)
     L, G, first = np.empty((n, n)), np.empty((3 * nc, n)), np.empty(n, np.int64)

@@ -18,14 +18,7 @@ from engine.lanes import read, write
 def even_out(nc, p, mean):
     """Give each contact the unit in which its Delassus scale is nearly ``mean``; `restore` undoes it.
 
-    Parameters
-    ----------
-    nc : int
-        Number of contacts.
-    p : FrictionArrays
-        The rows and the lanes of the contacts are changed.
-    mean : float
-        Mean Delassus scale.
+    The rows of p and the lanes of its contacts are changed.
     """
     c = p.contacts
     for i in range(c.unit.shape[0]):

@@ -14,14 +14,8 @@ from engine.jit import kernel
 def factorise_mass(M, L, first):
     """Write the Cholesky factor of M with its diagonal inverted; return False if M is not positive definite.
 
-    Parameters
-    ----------
-    M : (n, n) array
-        Only the lower half is read.
-    L : (n, n) array
-        Its lower half is written, from the first entry of each row on.
-    first : (n,) int64 array
-        Written: the column of the first entry of each row.
+    Only the lower halves of M and L, (n, n), are used. ``first``, (n,) int64, receives the column of each row's first
+    entry, from which on the row of L is written.
     """
     for i in range(M.shape[0]):
         begin = 0
@@ -46,18 +40,8 @@ def factorise_mass(M, L, first):
 def whiten_rows(H, L, first, G, touched, neighbours):
     """Write G = H L^-T, the nodes of each contact and the nodes that share contacts; return the most nodes of one.
 
-    Parameters
-    ----------
-    H : (3 nc, n) array
-    L : (n, n) array
-    first : (n,) int64 array
-        See `factorise_mass`.
-    G : (3 nc, n) array
-        Written.
-    touched : (nc, nodes) bool array
-        Written; False on entry.
-    neighbours : (nodes, nodes) bool array
-        Written; False on entry.
+    H and G have shape (3 nc, n); ``touched``, (nc, nodes), and ``neighbours``, (nodes, nodes), must be False on entry.
+    For ``L`` and ``first`` see `factorise_mass`.
     """
     most = 0
     for i in range(touched.shape[0]):
@@ -82,17 +66,10 @@ def whiten_rows(H, L, first, G, touched, neighbours):
 
 @kernel
 def place_rows(G, touched, number, piece, rows):
-    """Write the whitened rows node by node.
+    """Write the whitened rows G, (3 nc, n), node by node.
 
-    Parameters
-    ----------
-    G : (3 nc, n) array
-    touched : (nc, nodes) bool array
-    number : (nodes,) int64 array
-    piece : (nodes, nodes) int64 array
-        See `elimination.eliminate_nodes`.
-    rows : ContactRows
-        Written; must contain no nodes (-1) and zeros on entry.
+    ``number``, (nodes,), and ``piece``, (nodes, nodes), are those of `elimination.eliminate_nodes`; ``rows`` must
+    contain no nodes (-1) and zeros on entry.
     """
     for i in range(touched.shape[0]):
         run = 0

@@ -21,16 +21,9 @@ from engine.kernels.time_laws import time_law, time_law_rate
 
 @kernel
 def row_targets(rows, time_laws, t, h, target):
-    """Write the target of each row at t and at t + h, and its rate at t + h.
+    """Write into ``target``, (3, nt), each row's target at t and at t + h, and its rate at t + h.
 
-    Parameters
-    ----------
-    rows : BilateralRows
-    time_laws : TimeLaws
-    t, h : float
-        Time since the start of the run, and length of the step.
-    target : (3, nt) array
-        Written; an inactive row keeps its offset and has rate 0.
+    The time t is that since the start of the run. An inactive row keeps its offset and has rate 0.
     """
     for i in range(rows.kind.shape[0]):
         target[0, i], target[1, i], target[2, i] = rows.offset[i], rows.offset[i], 0.0
@@ -45,19 +38,8 @@ def row_targets(rows, time_laws, t, h, target):
 def row_violations(rows, x, R, target, violation, point, direction):
     """Write the violation of each row, its point P_b and its world direction t at the pose (x, R).
 
-    An inactive row gets the direction 0 and thus constrains nothing.
-
-    Parameters
-    ----------
-    rows : BilateralRows
-    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
-        Centres of mass and rotations.
-    target : (nt,) array
-        Targets, lengths or angles.
-    violation : (nt,) array
-        Written; lengths.
-    point, direction : (nt, 3) arrays
-        Written.
+    Violations are lengths; targets, (nt,), are lengths or angles. An inactive row gets the direction 0 and thus
+    constrains nothing.
     """
     for i in range(violation.shape[0]):
         a, b, row, t, p = rows.a[i], rows.b[i], rows.geometry[i], direction[i], point[i]
@@ -83,18 +65,9 @@ def row_violations(rows, x, R, target, violation, point, direction):
 
 @inner
 def begin_rows(rows, state, at_pose, phase):
-    """Activate the rows that act in ``phase``; a motion that begins with it starts from the current coordinate.
-
-    Parameters
-    ----------
-    rows : BilateralRows
-        ``acts`` and ``offset`` are written.
-    state : State
-    at_pose : BilateralState
-        Written.
-    phase : int
-    """
+    """Activate the rows that act in ``phase``; a motion that begins with it starts from the current coordinate."""
     violation, target = at_pose.violation, at_pose.target[1]
+    # with target 0 the violation is the coordinate; only the motions that begin need it
     for i in range(violation.shape[0]):
         begins = phase > 0 and rows.phase[i, phase] and not rows.phase[i, phase - 1]
         rows.acts[i], target[i] = begins, 0.0

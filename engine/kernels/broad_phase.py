@@ -13,15 +13,7 @@ from engine.kernels.contact_geometry.gaps import find_contact
 
 @inner
 def body_speeds(twist, speed):
-    """Write the speed and angular speed of each body.
-
-    Parameters
-    ----------
-    twist : (nb + 1, 6) array
-        Velocities and angular velocities.
-    speed : (nb + 1, 2) array
-        Written.
-    """
+    """Write the speed and angular speed of each body into ``speed``, shape (nb + 1, 2)."""
     for body in range(speed.shape[0] - 1):
         v = twist[body]
         speed[body, 0] = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -59,17 +51,7 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
 def find_near_contacts(contacts, state, broad_phase, sites, dt, distance, gap):
     """Update the contacts whose gap could be within ``distance`` after ``dt`` at the speeds ``broad_phase.speed``.
 
-    Parameters
-    ----------
-    contacts : Contacts
-    state : State
-    broad_phase : BroadPhase
-        ``near`` and the budgets are written.
-    sites : ContactSites
-        Written for the near contacts.
-    dt, distance : float
-    gap : (nc,) array
-        Written; for contacts that are not near, a lower bound.
+    The sites are written for near contacts only. For the others ``gap``, (nc,), receives a lower bound.
     """
     for i in range(gap.shape[0]):
         gap[i] = broad_phase.budget[i]

@@ -14,20 +14,7 @@ from engine.kernels.vectors import CENTRED, world_direction
 
 @kernel
 def relative_velocity(x, R, a, b, point, frame, twist, i, u):
-    """Write the velocity of body a relative to body b at contact i, along (N, T1, T2), into ``u[i]`` (eq. 18).
-
-    Parameters
-    ----------
-    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
-        The pose.
-    a, b : int
-        The two bodies.
-    point, frame : (nc, 3), (nc, 3, 3) arrays
-        Contact points and local frames.
-    twist : (nb + 1, 6) array
-    i : int
-    u : (nc, 3) array
-    """
+    """Write the velocity of body a relative to body b at contact i, along (N, T1, T2), into ``u[i]`` (eq. 18)."""
     r0, r1, r2 = 0.0, 0.0, 0.0
     for side in range(2):
         body = a if side == 0 else b
@@ -50,25 +37,9 @@ def aim_centred(contacts, state, work, twist, dt, i):
     """Turn contact i's normal against the motion of a pin centred in its hole, so that it touches the side ahead.
 
     `find_contact` gives such a contact a direction fixed in the body, unrelated to the motion. If a pin crosses its
-    play within one step, the impact would depend on that arbitrary direction.
-
-    Parameters
-    ----------
-    contacts : Contacts
-        Contacts; only a ring around its journal and the centre of a ball in a socket are changed.
-    state : State
-    work : Scratch
-        ``sites`` and ``u[i]`` are written; ``gap[i]`` belongs to the current pose.
-    twist : (nb + 1, 6) array
-        The motion.
-    dt : float
-        Remaining time of the step.
-    i : int
-
-    Returns
-    -------
-    bool
-        Whether the normal was turned: the contact is centred, and moves by more than rounding errors in ``dt``.
+    play within one step, the impact would depend on that arbitrary direction. Only a ring around its journal and the
+    centre of a ball in a socket are changed. Return whether the normal was turned: the contact is centred at the
+    current pose, and moves by more than rounding errors in ``dt``, the rest of the step. ``u[i]`` is overwritten.
     """
     kind, radius, hole = contacts.kind[i], contacts.geometry_b[i, 9], 0.0
     if kind == ON_BALL and radius > 0.0 and contacts.geometry_a[i, 9] == 0.0:
@@ -105,18 +76,6 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
     """Write contact i's rows of G M^-1/2, and the nodes that they act on, as contact j of a friction problem.
 
     M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
-
-    Parameters
-    ----------
-    bodies : Bodies
-    contacts : Contacts
-    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
-        The pose.
-    sites : ContactSites
-    i : int
-    rows : ContactRows
-        Written.
-    j : int
     """
     root, point, frame = bodies.inverse_root, sites.point, sites.frame
     rows.pair[j, 0, 1] = rows.pair[j, 1, 0] = contacts.pair[i]

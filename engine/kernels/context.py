@@ -54,7 +54,7 @@ class StepResult(NamedTuple):
     """The outcome of one time step."""
 
     status: int  # of the friction solver: CONVERGED or NOT_CONVERGED
-    residual: float  # largest relative residual of the step's friction problems
+    residual: float  # relative residual of the step's last friction problem, which contains the earlier ones' contacts
     penetration: float  # largest remaining penetration
     contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
     violation: float  # largest remaining joint violation

@@ -31,29 +31,15 @@ def kinetic_energy(bodies, v):
 def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
     """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts; negative: they dissipate energy.
 
-    Parameters
-    ----------
-    bodies : Bodies
-    contacts : Contacts
-    state : State
-        With the pose within the step and the twists at its end.
-    work : Scratch
-        ``u``: relative velocities at the start of the step; overwritten unless the scheme is plain.
-    problem : FrictionArrays
-        The solved problem.
-    n : int
-        Number of contacts; with 0 nothing is created.
-    theta : float
-        See `StepContext`.
-    plain : bool
-        Moreau-Jean's scheme, whose contact frames belong to another pose.
+    The state has the pose within the step and the twists at its end. ``work.u``, the relative velocities at the start
+    of the step, is computed here unless the scheme is ``plain``, whose contact frames belong to another pose.
     """
     gained = 0.0
     for j in range(n):
         i = work.chosen[j]
         for k in range(3):
             gained += theta * problem.r[j, k] * problem.u[j, k]
-        gained -= theta * problem.r[j, 0] * work.shift[i]
+        gained -= theta * problem.r[j, 0] * work.shift[i]  # problem.u contains the shift of the impact law
         if not plain:
             a, b, sites = contacts.a[i], contacts.b[i], work.sites
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
@@ -78,13 +64,9 @@ def _square_of_change(bodies, before, after):
 
 @inner
 def work_of_displacement(R, wrench, displacement):
-    """Return the work of forces and torques along displacements of the centres of mass and rotations in body axes.
+    """Return the work of forces and torques, in world axes, along displacements of the bodies.
 
-    Parameters
-    ----------
-    R : (nb + 1, 3, 3) array
-    wrench, displacement : (nb + 1, 6) arrays
-        The wrench in world axes.
+    A displacement is one of the centre of mass, and a rotation in body axes; both arrays have shape (nb + 1, 6).
     """
     total = 0.0
     for body in range(R.shape[0] - 1):

@@ -17,22 +17,8 @@ from engine.kernels.motion import NOTHING
 def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
     """Change ``twist``, with the least kinetic energy, so that the joints hold at the current pose.
 
-    Parameters
-    ----------
-    bodies : Bodies
-    rows : BilateralRows
-    state : State
-        With the twists at the start of the step.
-    at_pose : BilateralState
-        Written.
-    problem : FrictionArrays
-        Its bilateral system and its unknowns are written.
-    twist : (nb + 1, 6) array
-        Twists at the end of the step.
-    h : float
-        Length of the step, whose mean velocity must satisfy the joints; 0: the velocity at the end must satisfy them.
-    theta : float
-        See `StepContext`.
+    The mean velocity of a step of length ``h`` must satisfy the joints, with the twists at its start in ``state``; if
+    ``h`` is 0, the velocity at the end must. The bilateral system of ``problem`` and its unknowns are overwritten.
     """
     x, R = state.x, state.R
     if at_pose.violation.shape[0] == 0:

@@ -9,22 +9,10 @@ from engine.kernels.time_laws import time_law
 
 @kernel
 def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
-    """Write the force and the torque about the centre of mass of each body, in world axes.
+    """Write the force and the torque about the centre of mass of each body, in world axes, (nb + 1, 6).
 
-    Parameters
-    ----------
-    bodies : Bodies
-    loads : Loads
-    time_laws : TimeLaws
-    state : State
-    phase : int
-        Number of the current phase: some forces and torques act only in some phases.
-    t : float
-        Time since the start of the run.
-    wrench : (nb + 1, 6) array
-        Written.
-    vectors : (2, 3) array
-        Workspace.
+    Some forces and torques act only in some phases. The time t is that since the start of the run; ``vectors``, (2, 3),
+    is workspace.
     """
     a, b = vectors[0], vectors[1]
     for body in range(wrench.shape[0]):

@@ -28,25 +28,12 @@ def move(state, dt):
 
 @kernel
 def free_twist(bodies, R, twist, wrench, h, theta, again, free):
-    """Write the twists at the end of a step under the loads alone.
+    """Write the twists at the end of a step under the loads alone, from those at its start, into ``free``, (nb + 1, 6).
 
     The gyroscopic moment is evaluated within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+:
-    with theta = 1/2 this is of second order, and a free body conserves energy and momentum.
-
-    Parameters
-    ----------
-    bodies : Bodies
-    R : (nb + 1, 3, 3) array
-    twist : (nb + 1, 6) array
-        Twists at the start of the step.
-    wrench : (nb + 1, 6) array
-        Forces and torques, in world axes.
-    h, theta : float
-    again : bool
-        Take O+ from ``free``, the twists at the end including the impulses of joints. Without these impulses the moment
-        is only of first order.
-    free : (nb + 1, 6) array
-        Written.
+    with theta = 1/2 this is of second order, and a free body conserves energy and momentum. With ``again``, O+ is taken
+    from ``free``, the twists at the end including the impulses of joints, without which the moment is only of first
+    order.
     """
     for body in range(bodies.mass.shape[0]):
         v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]

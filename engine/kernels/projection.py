@@ -17,7 +17,7 @@ from engine.kernels.energy import work_of_displacement
 from engine.kernels.rotations import rotation_matrix, turn
 from engine.lanes import fused, read, spread, total
 
-ROUNDS = 40
+ROUNDS = 40  # long chains with play need as many
 REACH = 2.0  # contacts with gaps below this multiple of the violation take part
 TOLERANCE = 1e-4  # of a displacement problem: the next round removes the remainder
 
@@ -26,28 +26,8 @@ TOLERANCE = 1e-4  # of a displacement problem: the next round removes the remain
 def project_positions(bodies, contacts, rows, state, work, problem, control):
     """Displace the bodies until each contact and joint violates its constraint by at most half its limit.
 
-    Parameters
-    ----------
-    bodies : Bodies
-    contacts : Contacts
-    rows : BilateralRows
-    state : State
-    work : Scratch
-        ``free`` receives the displacement; ``wrench`` holds the loads of the step.
-    problem : FrictionArrays
-    control : Control
-        ``penetration`` and ``violation`` are the limits.
-
-    Returns
-    -------
-    penetration : float
-        Largest remaining penetration.
-    contact : int
-        Its contact; -1: none.
-    violation : float
-        Largest remaining joint violation.
-    lifted : float
-        Work of the displacement against the loads of the step.
+    Return the largest remaining penetration, its contact (-1: none), the largest remaining joint violation, and the
+    work of the displacement against the loads of the step, ``work.wrench``.
     """
     at_pose = work.bilateral
     worst, contact, off, lifted, displacement = 0.0, -1, 0.0, 0.0, work.free
@@ -56,6 +36,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
         worst, contact = largest_penetration(state.gap)
         row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
         off = largest_violation(at_pose.violation)
+        # the second condition: NaN or infinite, which the time loop reports as diverged
         if (worst <= 0.5 * control.penetration and off <= 0.5 * control.violation) or not worst + off < 1e300:
             break
         within = REACH * max(worst, off)
@@ -63,6 +44,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
         for body in range(displacement.shape[0]):
             for k in range(6):
                 displacement[body, k] = 0.0
+        # joints first: the contacts' problem holds J d = 0, and starts from the gaps that this displacement leaves
         if at_pose.violation.shape[0] > 0:
             whitened_bilateral_rows(
                 bodies, rows, state.x, state.R, at_pose.point, at_pose.direction, problem.bilateral.J

@@ -43,23 +43,11 @@ from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 @kernel
 def measure(responses, contacts, loads, state, sites, values, vectors, instant):
-    """Write every response at the end of a step.
+    """Write every response at the end of a step into ``values``, (nr,).
 
-    Parameters
-    ----------
-    responses : Responses
-    contacts : Contacts
-    loads : Loads
-    state : State
-    sites : ContactSites
-        Written where a gap is measured.
-    values : (nr,) array
-        Written. On entry, the values of the previous step, or the offsets at the start: an angle counts its full turns
-        from there.
-    vectors : (2, 3) array
-        Workspace.
-    instant : (float, float)
-        Time at the end of the step, and its length.
+    On entry, ``values`` holds those of the previous step, or the offsets at the start: an angle counts its full turns
+    from there. ``sites`` are written where a gap is measured, ``vectors``, (2, 3), is workspace, and ``instant`` holds
+    the time at the end of the step and its length.
     """
     t, h = instant
     frame, p, q = sites.frame, vectors[0], vectors[1]
@@ -145,18 +133,10 @@ def _joint_impulse(body, row, state, frame, total, way):
 
 @kernel
 def update_reported(responses, values, previous, phase, reported, peak):
-    """Update the reported values after a step of ``phase``.
+    """Update the reported values after a step, from the values at its end and ``previous``, those at its start.
 
-    Parameters
-    ----------
-    responses : Responses
-    values, previous : (nr,) arrays
-        Values at the end of the step and at its start.
-    phase : int
-    reported : (nr,) array
-        Written; NaN before the first step, and until the event at which the response is read has happened.
-    peak : (nr,) array
-        Written; the peak so far of the response whose peak is searched for; NaN before the first step.
+    ``reported`` is NaN before the first step, and until the event at which the response is read has happened; ``peak``,
+    the peak so far of the response whose peak is searched for, is NaN before the first step.
     """
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]

@@ -30,22 +30,11 @@ def start_pause(values, anchor, travel):
 
 @inner
 def moved(responses, state, work, h, drift):
-    """Return whether a measured length or a contact that carries load has moved since the pause began.
+    """Return whether a measured length or a contact that carries load has moved by more than ``drift`` in this pause.
 
     Bodies without load may keep drifting (a rod that spins slowly between its bearings) and do not count. Nor do
-    contact forces: when everything sticks they may vary within their indeterminacy.
-
-    Parameters
-    ----------
-    responses : Responses
-    state : State
-        After the step.
-    work : Scratch
-        ``values`` are the current ones, ``anchor`` those at the start of the pause; ``travel`` is written.
-    h : float
-        Length of the step.
-    drift : float
-        Length by which something may move and still count as unmoved.
+    contact forces: when everything sticks they may vary within their indeterminacy. ``work.travel`` is updated for a
+    step of length ``h``.
     """
     away, load, r, slip, travel = False, 0.0, state.r, state.slip, work.travel
     for i in range(work.values.shape[0]):

@@ -37,27 +37,12 @@ LAST_DIGITS, POLISHING = 1e-13, Effort(1, 20, 5)
 
 @kernel
 def hold_loads(arrays, phase, t, h, touching_gap):
-    """Write the impulses that hold the loads at the current pose into ``work.u``, contact by contact.
+    """Write the impulses that hold the loads at the current pose into ``work.u``; return status and number of contacts.
 
-    Parameters
-    ----------
-    arrays : RunArrays
-        At rest. The twists become zero, or those with which the bodies start to move.
-    phase : int
-        Number of the phase whose forces and torques act.
-    t : float
-        Time since the start of the run.
-    h : float
-        Time during which the loads act; short enough that the free motion has no gyroscopic part.
-    touching_gap : float
-        Contacts with a gap up to this length touch.
-
-    Returns
-    -------
-    status : int
-        HELD; MOVES: no forces of the touching contacts hold the loads; UNSOLVED: none were found.
-    nc : int
-        Number of touching contacts: the first of ``work.chosen``. The rows of the friction problem are theirs.
+    Loads act for the time ``h``, short enough that the free motion has no gyroscopic part; contacts with gaps up to
+    ``touching_gap`` touch, and are the first of ``work.chosen`` and the rows of the problem. The status is HELD, MOVES
+    (no forces of these contacts hold the loads: the twists are those with which bodies start to move, otherwise 0) or
+    UNSOLVED (none were found).
     """
     model, state, work, problem = arrays
     bodies = model.bodies
@@ -69,7 +54,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     falling, target = kinetic_energy(bodies, work.free), work.bilateral.target
     row_targets(model.bilateral, model.time_laws, t, 0.0, target)
     for i in range(target.shape[1]):
-        target[2, i] = 0.0
+        target[2, i] = 0.0  # a motion is held where it is
     hold_joints(bodies, model.bilateral, state, work.bilateral, problem, work.free, 0.0, 0.5)
     nc, diagonal = _gather_touching(model, state, work, problem, touching_gap)
     status = UNSOLVED
@@ -92,7 +77,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
             for k in range(6):
                 state.v[body, k] = 0.0
     for j in range(nc):
-        problem.compliance[j] = 0.0
+        problem.compliance[j] = 0.0  # the contacts of a step are rigid, and it does not set this
     return status, nc
 
 
@@ -197,13 +182,7 @@ def _solve(nc, p, tolerance, given):
 def effect_on_bodies(rows, chosen, effect):
     """Write the effect of forces (N, T1, T2) at some contacts of a friction problem on its unknowns, in mass metric.
 
-    Parameters
-    ----------
-    rows : ContactRows
-    chosen : (m,) int64 array
-        Numbers of contacts.
-    effect : (3 m, n) array
-        Must contain zeros; written.
+    ``effect``, (3 m, n) for m chosen contacts, must contain zeros on entry.
     """
     for j in range(chosen.shape[0]):
         i = chosen[j]

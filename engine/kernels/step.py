@@ -31,16 +31,7 @@ ALONE = 1  # round from which the active set grows by all near contacts; before 
 
 @inner
 def step(context):
-    """Advance the state by one step of length ``h`` from time ``t``.
-
-    Parameters
-    ----------
-    context : StepContext
-
-    Returns
-    -------
-    StepResult
-    """
+    """Advance the state by one step of length ``h`` from time ``t``."""
     model, state, work, problem, control, phase, t, h, theta, bounce = context
     bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
@@ -52,6 +43,7 @@ def step(context):
     consume_budget(contacts, state.v, before, work.broad_phase)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + before, work.wrench, work.vectors)
     row_targets(bilateral, model.time_laws, t, h, work.bilateral.target)
+    # joints need a second pass, in which the gyroscopic moment takes their impulses into account, see `free_twist`
     for again in (False, True):
         if not again or work.bilateral.violation.shape[0] > 0:
             free_twist(bodies, state.R, state.v, work.wrench, h, theta, again, work.free)
@@ -73,7 +65,7 @@ def step(context):
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for growth in range(GROWTH_ROUNDS):
         nc = gather_problem(bodies, contacts, laws, state, work, problem)
-        if plain:
+        if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
         if nc > 0:
             status, spent, residual = solve_friction(nc, problem, control.tolerance)

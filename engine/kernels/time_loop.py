@@ -53,32 +53,23 @@ class Course(NamedTuple):
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
     counts, reals = np.zeros(12, np.int64), np.zeros(14)
+    # as no speed is known yet, an infinite one makes the first step the shortest
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
 
 @kernel
 def run_to_end(arrays, control, course, rows, every, stop):
-    """Simulate until rest in the last phase, the horizon, or a failure.
+    """Simulate until rest in the last phase, the horizon, or a failure, from the progress in ``course``.
 
     A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
     down to that many halvings of the shortest step. So is a step that creates more than ``CREATED`` of the largest
     kinetic energy so far, except in the plain scheme. If even the shortest such step does, it is repeated with less
     restitution, down to none, and is then accepted.
 
-    Parameters
-    ----------
-    arrays : RunArrays
-    control : Control
-    course : Course
-        The progress from which the run starts; on return, where it ended.
-    rows : (n, row length) array
-        Every ``every``-th step is written into it, see `kernels.record`. When it is full, the status is FULL, and the
-        run continues when it is called again with room in the rows.
-    every : int
-        With 0 no step is written.
-    stop : (1,) uint8 array
-        Set by another thread to end the run (time limit, cancellation).
+    Every ``every``-th step (0: none) is written into ``rows``, see `kernels.record`. When they are full, the status is
+    FULL, and the run continues when it is called again with room in them. ``stop``, (1,) uint8, is set by another
+    thread to end the run (time limit, cancellation).
     """
     model, state, work, _ = arrays
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
@@ -125,7 +116,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
             n[SLOW] = 0
         if not control.plain and now[LATELY_CREATED] > MUCH_CREATED * now[PEAK_KINETIC]:
             _halve_longest_step(control, now)
-    n[PHASE] = phases - 1
+    n[PHASE] = phases - 1  # whose loads the forces at rest balance
     n[COMPLETED] = 1
 
 
@@ -200,6 +191,7 @@ def _advance(arrays, control, course, theta, bounce):
         n[REPEATED] += 1
         n[SHORTENED] = 1
         attempt += 1
+        # a step that is not solved is halved HALVINGS times, or down to ``shortest``, but not below ``endless``:
         # where a contact closes permanently, ever shorter steps would stop just short of it, without end
         if now[STEP] >= 1.5 * (shortest if solved or attempt > HALVINGS else endless):
             now[STEP] *= 0.5

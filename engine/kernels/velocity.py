@@ -13,19 +13,7 @@ from engine.lanes import LANES, read, write
 def free_relative_velocities(contacts, laws, state, work, dt, plain, bounce):
     """Write the relative velocities without impulses, and the impact law's shifts, of all near contacts.
 
-    Parameters
-    ----------
-    contacts : Contacts
-    laws : Laws
-    state : State
-    work : Scratch
-        ``q`` and ``shift`` are written.
-    dt : float
-        Remaining time of the step.
-    plain : bool
-        Moreau-Jean's scheme: Newton's impact law for all contacts.
-    bounce : float
-        Factor of the coefficients of restitution.
+    The time ``dt`` is what remains of the step, and ``bounce`` a factor of the coefficients of restitution.
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
@@ -113,29 +101,11 @@ def apply_impulses(bodies, state, work, problem, n):
 
 @inner
 def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
-    """Activate each contact that the new twists would drive into penetration (eq. 22).
+    """Activate each contact that the new twists would drive into penetration (eq. 22); return their number.
 
     An impact that runs along a chain closes its contacts one after the other, and each would require a problem of its
     own. With ``all_near`` the first of them activates all near contacts; those that stay open get no impulse. Contacts
     with restitution are excluded, because Newton's law would hold them although they are open.
-
-    Parameters
-    ----------
-    contacts : Contacts
-    laws : Laws
-    state : State
-    work : Scratch
-    dt : float
-        Remaining time of the step.
-    all_near : bool
-        Activate all near contacts without restitution if any contact closes.
-    bounce : float
-        Factor of the coefficients of restitution.
-
-    Returns
-    -------
-    int
-        Number of contacts that close.
     """
     broad_phase, added = work.broad_phase, 0
     body_speeds(state.v, broad_phase.speed)
@@ -146,6 +116,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
             update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
             aim_centred(contacts, state, work, state.v, dt, i)
             free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
+        # a centred pin is aimed again, as the impulses found so far may drive it: a needle that another part pushes
         elif not work.active[i] and aim_centred(contacts, state, work, state.v, dt, i):
             free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
         a, b = contacts.a[i], contacts.b[i]
@@ -161,15 +132,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
 
 @inner
 def worst_contact(problem, chosen, n):
-    """Return the contact with the largest residual of an unsolved problem, see `friction.cone.residual`.
-
-    Parameters
-    ----------
-    problem : FrictionArrays
-    chosen : (nc,) int64 array
-        Numbers of the ``n`` contacts in the problem.
-    n : int
-    """
+    """Return the contact, of the ``n`` in ``chosen``, with the largest residual, see `friction.cone.residual`."""
     c, worst, where = problem.contacts, -1.0, -1
     for j in range(0, n, LANES):
         s, u1, u2 = read(c.scale, j), read(c.u[1], j), read(c.u[2], j)

@@ -76,19 +76,8 @@ class TableModel(BaseModel):
 def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
     """Return the error that a validator raises to refuse a value.
 
-    Parameters
-    ----------
-    text : str
-        What is wrong; what is allowed; what to do.
-    key : str
-        The key at fault inside the table, dotted; empty if the validated value itself is at fault.
-    value
-        The value at ``key``.
-
-    Returns
-    -------
-    PydanticCustomError
-        The error, for the validator to raise.
+    The text says what is wrong; what is allowed; what to do. ``key`` is the key at fault inside the table, dotted;
+    empty if the validated value itself is at fault.
     """
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
 
@@ -107,21 +96,10 @@ def _number_keys(model: type[BaseModel]) -> frozenset[str]:
 
 
 def with_numbers(value: Any, parameters: Mapping[str, float], key: str = "") -> Any:
-    """Return a value from a file with each expression replaced by its number.
+    """Return a value from a file with each expression, also in nested lists, replaced by its number.
 
-    Parameters
-    ----------
-    value
-        A number, an expression, or lists of them; anything else is returned unchanged, as is a number in quotes.
-    parameters : mapping
-        Parameter name -> number.
-    key : str
-        Position of the value within the enclosing lists, dotted.
-
-    Raises
-    ------
-    PydanticCustomError
-        If an expression has no finite value.
+    Anything else is returned unchanged, as is a number in quotes; ``key`` is the position within the enclosing lists.
+    Raise the error of `refuse` if an expression has no finite value.
     """
     if isinstance(value, list | tuple):
         return [with_numbers(item, parameters, f"{key}.{i}" if key else str(i)) for i, item in enumerate(value)]
@@ -161,17 +139,8 @@ def _no_real_size(smallest: float) -> str:
 def one_of(**keys: str) -> Discriminator:
     """Return the discriminator for a choice of tables, each of which has a key that the others lack.
 
-    Each table in the choice has this key as its tag and as its class variable ``distinguishing_key``.
-
-    Parameters
-    ----------
-    **keys : str
-        The meaning of each key, for the error if none or several of them are given.
-
-    Returns
-    -------
-    Discriminator
-        The discriminator, for the annotation of a union.
+    Each table in the choice has this key as its tag and as its class variable ``distinguishing_key``; ``keys`` gives
+    the meaning of each, for the error if none or several of them are given.
     """
 
     def tag_of(value: Any) -> str | None:

@@ -56,10 +56,7 @@ NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "for
 def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
     """Return a mechanism's plain data with a bench's tables added and removed.
 
-    Raises
-    ------
-    MechanismError
-        If the bench removes a table that does not exist.
+    Raise MechanismError if the bench removes a table that does not exist.
     """
     merged = {**data, "bench": name, "benches": {}, "presets": {}}
     tables = {table: dict(data.get(table, {})) for table in NAMED}

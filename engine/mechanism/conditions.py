@@ -15,21 +15,11 @@ CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
 
 @dataclass(frozen=True)
 class Condition:
-    """A response above or below a limit. A settled run that violates one of its validity conditions is ``invalid``.
-
-    Parameters
-    ----------
-    response : str
-        Name of a response.
-    relation : str
-        ``"<"`` or ``">"``.
-    limit : float
-        In the unit of the response.
-    """
+    """A response above or below a limit. A settled run that violates one of its validity conditions is ``invalid``."""
 
     response: str
-    relation: str
-    limit: float
+    relation: str  # "<" or ">"
+    limit: float  # in the unit of the response
 
     def __str__(self) -> str:
         return f"{self.response} {self.relation} {repr(self.limit).removesuffix('.0')}"

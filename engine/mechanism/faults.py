@@ -21,21 +21,11 @@ MOST_FAULTS = 50  # listed per file
 
 @dataclass(frozen=True)
 class Location:
-    """The position of an error in a file.
+    """The position of an error in a file."""
 
-    Parameters
-    ----------
-    path : tuple of str
-        The keys down to the one at fault, as written by the user.
-    owner : type of BaseModel, or None
-        The model of the table that contains the last key; None if that is not a table with fixed keys.
-    field : FieldInfo or None
-        The declaration of the last key in the path that has one.
-    """
-
-    path: tuple[str, ...]
-    owner: type[BaseModel] | None
-    field: FieldInfo | None
+    path: tuple[str, ...]  # the keys down to the one at fault, as written by the user
+    owner: type[BaseModel] | None  # of the table with the last key; None if that has no fixed keys
+    field: FieldInfo | None  # of the last key in the path that has one
 
     @property
     def known_keys(self) -> list[str]:
@@ -65,22 +55,7 @@ def field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
 
 
 def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem) -> list[Fault]:
-    """Translate a validation error of a mechanism.
-
-    Parameters
-    ----------
-    error : ValidationError
-        The error raised by pydantic.
-    root : type of BaseModel
-        The model that was validated; the paths in the error start there.
-    system : str
-        Unit system, for printing values with their units.
-
-    Returns
-    -------
-    list of Fault
-        One per error, in the order of the file, up to the number that is listed.
-    """
+    """Translate a validation error, whose paths start at ``root``: one fault per error, at most `MOST_FAULTS`."""
     return [_fault(details, root, system) for details in error.errors(include_url=False)[:MOST_FAULTS]]
 
 
@@ -148,12 +123,7 @@ def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str
 def locate(root: type[BaseModel], loc: Sequence[str | int]) -> Location:
     """Find the position of an error by following its path through the models.
 
-    Parameters
-    ----------
-    root : type of BaseModel
-        The model that was validated.
-    loc : sequence of str or int
-        The path in pydantic's error, including the tags that pydantic adds for a choice of models.
+    ``loc`` is pydantic's path, including the tags that pydantic adds for a choice of models.
     """
     annotation: Any = root
     path: list[str] = []

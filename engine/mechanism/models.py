@@ -240,23 +240,9 @@ def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) 
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
-    """Create a mechanism from plain data and check it.
+    """Create a mechanism from the content of a mechanism file, and check it.
 
-    Parameters
-    ----------
-    data : dict
-        Content of a mechanism file.
-    source : str
-        Name of the file, for the first line of an error.
-
-    Returns
-    -------
-    Mechanism
-
-    Raises
-    ------
-    MechanismError
-        With one line for each fault of the file, not only the first.
+    Raise MechanismError with one line for each fault, not only the first, under the name ``source``.
     """
     table = data.get("parameters", {})
     values, faults = parameter_values(table) if isinstance(table, dict) else ({}, [])
@@ -268,7 +254,7 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
     except ValidationError as error:
         system: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
         faults, count = faults_of(error, Mechanism, system), error.error_count()
-        if error.errors()[0]["type"] == "references":
+        if error.errors()[0]["type"] == "references":  # found again below, in the file itself
             faults, count = [], 0
         references = reference_faults(data)
         raise refused(source, faults + references, count + len(references)) from None

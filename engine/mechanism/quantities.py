@@ -34,15 +34,9 @@ _UNITS: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """The quantity that a number in the file measures; its unit follows from the file's unit system.
+    """The quantity that a number in the file measures; its unit follows from the file's unit system."""
 
-    Parameters
-    ----------
-    name : str
-        One of the quantities defined in this module, such as ``"length"`` or ``"torsional stiffness"``.
-    """
-
-    name: str
+    name: str  # one of those in this module, such as "length" or "torsional stiffness"
 
     def unit(self, system: UnitSystem) -> str:
         """Return the unit in a unit system; ``"1"`` for a pure number."""

@@ -25,16 +25,6 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
     """Find every reference to something that does not exist.
 
     This works on plain data, so that a file with faults in its tables is still checked here.
-
-    Parameters
-    ----------
-    data : mapping
-        Content of a mechanism file, or a mechanism dumped to plain data.
-
-    Returns
-    -------
-    list of Fault
-        Empty if there are no faults.
     """
     return [
         *_unknown_names(data),
@@ -152,14 +142,9 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:
-    """Return the name of the material pair for the materials of two bodies, in either order.
+    """Return the name of the material pair for the materials of two bodies, in either order; None if there is none.
 
-    Parameters
-    ----------
-    bodies : sequence
-        The two materials; None for a body without one.
-    pairs : mapping
-        Name of a pair -> its two materials, or None.
+    ``bodies`` holds None for a body without a material, and ``pairs`` for one that does not name two materials.
     """
     if None in bodies:
         return None

@@ -45,7 +45,7 @@ class Simulation(TableModel):
     )
     joint_violation: Annotated[PositiveNumber, Quantity("length")] = Field(
         default=0.0,
-        validate_default=False,
+        validate_default=False,  # `_default_violation` replaces it; 0 itself is refused
         description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
     )
     scheme: Literal["combined", "moreau_jean"] = Field(
@@ -67,7 +67,7 @@ class Simulation(TableModel):
         if not isinstance(data, dict) or "joint_violation" in data:
             return data
         penetration = data.get("penetration")
-        if isinstance(penetration, str) and info.context is not None:
+        if isinstance(penetration, str) and info.context is not None:  # the base class replaces it only later
             penetration = with_numbers(penetration, info.context, "penetration")
         if penetration is None or not is_number(penetration):
             return data

@@ -31,27 +31,10 @@ FLAT = 1e-12  # change of slope between samples, as a share of the radius, below
 def nearest_on_arc(solid, r, half, across, along, axes):
     """Find the point of an arc that is nearest to a solid; the middle of the arc if all points are equally near.
 
-    Parameters
-    ----------
-    solid : tuple
-        See `solids.signed_distance`.
-    r, half : float
-        Radius and half angle [rad] of the arc.
-    across : (W, E, F)
-        World vectors: the arc is W + r (cos E + sin F) perpendicular to the solid's axis.
-    along : (ew, ee, fe)
-        Numbers: the arc is ew + r (cos ee + sin fe) along that axis.
-    axes : (x, y)
-        The solid's own directions perpendicular to its axis, as world vectors.
-
-    Returns
-    -------
-    angle : float
-        Angle from the middle of the arc, -half to half [rad].
-    searched : bool
-        Whether the arc was searched.
-    normal : tuple
-        The normal at that point, in the solid's axes.
+    With the world vectors W, E, F in ``across``, the arc is W + r (cos E + sin F) perpendicular to the solid's axis,
+    and with the numbers in ``along``, ew + r (cos ee + sin fe) along it; ``axes`` are the solid's directions
+    perpendicular to its axis. Return the angle from the middle of the arc, -half to half [rad], whether the arc was
+    searched, and the normal in the solid's axes.
     """
     kind, b = solid[0], solid[1]
     W, E, F = across
@@ -82,15 +65,7 @@ def nearest_on_arc(solid, r, half, across, along, axes):
 
 @not_inlined
 def normal_at(solid, half, curve, angle):
-    """Return the normal at the angle of the arc's nearest point, in the solid's axes.
-
-    Parameters
-    ----------
-    solid, curve, angle
-        As for `distance_along`.
-    half : float
-        Half angle [rad] of the arc.
-    """
+    """Return the normal at the angle [rad] of the arc's nearest point, in the solid's axes; see `distance_along`."""
     _, _, normal = distance_along(solid, curve, angle)
     if abs(angle) < half or half >= np.pi:
         _, slope0, n0 = distance_along(solid, curve, angle - BESIDE)
@@ -193,16 +168,10 @@ def stationary(solid, curve, lower, upper):
 
 @inner
 def distance_along(solid, curve, angle):
-    """Return the signed distance of the arc's point at an angle, its slope, and the normal there.
+    """Return the signed distance of the arc's point at an angle [rad], its slope, and the normal there.
 
-    Parameters
-    ----------
-    solid : tuple
-        See `solids.signed_distance`.
-    curve : (centre, e, f)
-        Vectors in the solid's axes: the arc is centre + cos e + sin f.
-    angle : float
-        Angle [rad].
+    The arc is centre + cos e + sin f with the vectors of ``curve`` in the solid's axes; for ``solid`` see
+    `solids.signed_distance`.
     """
     c, s = np.cos(angle), np.sin(angle)
     centre, e, f = curve

@@ -69,14 +69,7 @@ def seen(v, t, y, z, size):
 def nearest_angle(solid, r, half, curve):
     """Return the angle [rad] of the arc's point nearest to a solid, from the middle of the arc.
 
-    Parameters
-    ----------
-    solid : tuple
-        See `solids.signed_distance`.
-    r, half : float
-        Radius and half angle of the arc.
-    curve : (centre, e, f)
-        Vectors in the solid's axes: the arc is centre + cos e + sin f.
+    For ``solid`` and ``curve`` see `arcs.distance_along`; ``half`` is the half angle of the arc [rad].
     """
     slope_limit, widest = steepest(solid, r, curve), 2 * half / np.ceil(2 * half / COARSE)
     best, angle = least_sample(solid, half, curve, widest)

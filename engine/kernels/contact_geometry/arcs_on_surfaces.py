@@ -49,14 +49,8 @@ def on_surface(contacts, x, R, i, point, frame):
 def nearest_angle_over_surface(solid, r, half, curve):
     """Return the angle [rad], from the middle of the arc, of its point nearest to a surface.
 
-    Parameters
-    ----------
-    solid : tuple
-        See `solids.signed_distance`.
-    r, half : float
-        Radius and half angle of the arc.
-    curve : (centre, e, f)
-        Vectors in the surface's body axes: the arc is centre + cos e + sin f.
+    For ``solid`` and ``curve``, here in the surface's body axes, see `arcs.distance_along`; ``half`` is the half angle
+    of the arc [rad].
     """
     best, angle, low, width, d0, slope0 = np.inf, 0.0, -half, CELL, 0.0, 0.0
     for k in range(SAMPLES):  # the last sample is the end where the search begins
@@ -65,6 +59,7 @@ def nearest_angle_over_surface(solid, r, half, curve):
         if d0 < best:
             best, angle = d0, sample
     while low < half:
+        # no smaller distance within (d0 - best) / r: the slope is at most r
         high = min(low + max(width, (d0 - best) / r), half)
         d, slope, _ = distance_along(solid, curve, high)
         if 0.5 * (d0 + d - r * (high - low)) < best:

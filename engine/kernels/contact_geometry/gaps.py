@@ -55,19 +55,9 @@ NEARLY = 1e-4  # if less than this share of a vector is perpendicular to an axis
 
 @kernel
 def find_contacts(contacts, x, R, gap, point, frame):
-    """Write the gap, point and local frame of each contact at a pose.
+    """Write the gap, point and local frame of each contact at the pose (x, R).
 
-    Parameters
-    ----------
-    contacts : Contacts
-    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
-        Centres of mass and rotations of the bodies, the ground last.
-    gap : (nc,) array
-        Written; lengths, negative where bodies penetrate each other.
-    point : (nc, 3) array
-        Written; in world axes.
-    frame : (nc, 3, 3) array
-        Written; rows N, T1, T2 in world axes.
+    Gaps are negative where bodies penetrate each other; points and the rows N, T1, T2 of frames are in world axes.
     """
     for i in range(gap.shape[0]):
         gap[i] = find_contact(contacts, x, R, i, point, frame)

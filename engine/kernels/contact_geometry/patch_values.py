@@ -38,20 +38,7 @@ def component(a, x, y):
 def expand(piece, q, x, y):
     """Return S - q, the derivatives of S, and the gradient and second derivatives of phi.
 
-    Parameters
-    ----------
-    piece : (3, 4, 4) array
-    q : (3,) tuple
-    x, y : float
-
-    Returns
-    -------
-    r : (3,) tuple
-    slopes : five (3,) tuples
-        Derivatives of S by x, y, xx, xy, yy.
-    gradient : (2,) tuple
-    hessian : (3,) tuple
-        Derivatives of phi by xx, xy, yy.
+    The derivatives of S are by x, y, xx, xy and yy, those of phi by xx, xy and yy; ``piece`` has shape (3, 4, 4).
     """
     r0, x0, y0, xx0, xy0, yy0 = component(piece[0], x, y)
     r1, x1, y1, xx1, xy1, yy1 = component(piece[1], x, y)

@@ -18,21 +18,11 @@ ROUNDED = 1e-12  # share of a surface's size by which rounding may move a point 
 
 @not_inlined
 def surface_distance(solid, x, y, z):
-    """Return the signed distance of a point from the surface of a solid, and its gradient.
+    """Return the signed distance of a point from the surface of a solid, negative inside, and its gradient.
 
-    Parameters
-    ----------
-    solid : (Surfaces, int)
-        The surfaces, and the first node of the solid's surface.
-    x, y, z : float
-        The point in the axes of the body, from its centre of mass.
-
-    Returns
-    -------
-    distance : float
-        Negative inside the material.
-    gradient : (3,) tuple
-        Above a face its normal; at an edge the direction away from the edge, or towards it from inside.
+    The point is in the axes of the body, from its centre of mass; ``solid`` holds the surfaces and the first node of
+    the solid's surface. Above a face the gradient is the normal; at an edge it points away from it, from inside towards
+    it.
     """
     surfaces, root = solid
     r, n, side = nearest_point(surfaces, root, (x, y, z))

@@ -24,23 +24,10 @@ TIE = 1e-12  # share by which the squared distances of one point, found twice, m
 
 @not_inlined
 def search_piece(piece, bounds, q, squares, best):
-    """Search a piece of a patch for a point nearer than the best one so far.
+    """Search a piece of a patch for a point nearer than ``best``, see `nearer`; return ``squares`` and ``best``.
 
-    Parameters
-    ----------
-    piece : (3, 4, 4) array
-    bounds : (9,) array
-        See `engine.kernels.model.Surfaces.bound`.
-    q : (3,) tuple
-    squares : int
-        Number of squares examined so far.
-    best : tuple
-        The nearest point so far, see `nearer`.
-
-    Returns
-    -------
-    squares : int
-    best : tuple
+    ``squares`` counts the squares examined in this query, and ``bounds``, (9,), are those of
+    `engine.kernels.model.Surfaces.bound`.
     """
     deepest = DEEPEST if squares < MOST_SQUARES else 0
     i, j, level, half = 0, 0, 0, 1.0
@@ -68,13 +55,7 @@ def search_piece(piece, bounds, q, squares, best):
 def lower_bound(bounds, middle, half):
     """Return a lower bound of phi over a square, and whether phi has at most one minimum there.
 
-    Parameters
-    ----------
-    bounds : (9,) array
-    middle : tuple
-        Result of `expand` in the middle of the square.
-    half : float
-        Half the side of the square.
+    ``middle`` is the result of `expand` in the middle of the square, and ``half`` half its side.
     """
     r, _, (g_x, g_y), (h_xx, h_xy, h_yy) = middle
     phi = 0.5 * dot(r, r)
@@ -115,17 +96,8 @@ def fall(g_x, g_y, h_xx, h_xy, h_yy):
 def descend(piece, bounds, q, square, middle, best):
     """Descend from the middle of a square to the minimum of phi in it; return the nearer of this point and ``best``.
 
-    Parameters
-    ----------
-    piece : (3, 4, 4) array
-    bounds : (9,) array
-    q : (3,) tuple
-    square : (x, y, half, convex)
-        Its middle, half its side, and whether the second derivative of phi is positive on all of it.
-    middle : tuple
-        Result of `expand` in the middle.
-    best : tuple
-        The nearest point so far, see `nearer`.
+    ``square`` holds its middle x, y, half its side, and whether the second derivative of phi is positive on all of it;
+    ``middle`` is the result of `expand` in the middle.
     """
     x, y, half, convex = square
     r, slopes, gradient, hessian = middle

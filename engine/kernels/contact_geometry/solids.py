@@ -53,15 +53,10 @@ def box(b, x, y, z):
 
 @inner
 def signed_distance(solid, x, y, z):
-    """Return the signed distance of a point from a solid, and its gradient.
+    """Return the signed distance of a point from a solid, and its gradient, in the solid's own axes.
 
-    Parameters
-    ----------
-    solid : (kind, row, pieces, surface)
-        Kind of the pair, geometry row of side b, the pieces of its profile, if any, and its surface, see
-        `patched_surfaces.surface_distance`.
-    x, y, z : float
-        The point in the solid's own axes.
+    ``solid`` holds the kind of the pair, the geometry row of side b, the pieces of its profile, if any, and its surface
+    as in `patched_surfaces.surface_distance`.
     """
     kind, b, pieces, surface = solid
     if kind == ON_RECTANGLE:

@@ -89,19 +89,8 @@ class Piece:
 def closed_curve(start: complex, segments: Sequence[Any], *, on_axis: bool = False) -> list[Piece]:
     """Return the pieces of a closed profile, with the material on their left side.
 
-    Parameters
-    ----------
-    start : complex
-    segments : sequence
-        Tables with ``to``, and for an arc also ``centre`` and ``turn``.
-    on_axis : bool
-        Whether to move points that almost lie on the line u = 0 onto it.
-
-    Raises
-    ------
-    PydanticCustomError
-        If the ends of an arc miss its circle, a segment has no length, turns back or meets another one, or there are
-        no segments or too many.
+    ``on_axis`` moves points that almost lie on the line u = 0 onto it. Raise the error of `refuse` if the ends of an
+    arc miss its circle, a segment has no length, turns back or meets another one, or there are no segments or too many.
     """
     if not 0 < len(segments) <= MOST_SEGMENTS:
         raise refuse(

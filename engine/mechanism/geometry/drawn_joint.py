@@ -31,13 +31,7 @@ class NotAsDrawn(Exception):
 
 @dataclass(frozen=True, eq=False)
 class DrawnPin:
-    """A pin in a hole at the start pose of the CAD file.
-
-    Attributes
-    ----------
-    hole, pin : CadFace
-        The faces, in the mechanism's unit of length and the assembly's frame.
-    """
+    """A pin in a hole at the start pose of the CAD file, in the mechanism's unit of length and the assembly's frame."""
 
     hole: CadFace
     pin: CadFace
@@ -83,22 +77,10 @@ class DrawnPin:
 
 
 def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[PartSearch, PartSearch]) -> dict[str, Any]:
-    """Return the table of a joint with a hole as its bearing and a pin as its journal.
+    """Return the table of a joint with a hole as its bearing and a pin as its journal, from that without selectors.
 
-    The rings are at both ends of the overlap unless the table gives others; `AS_DRAWN` is replaced by a number.
-
-    Parameters
-    ----------
-    drawn : DrawnPin
-    joint : mapping
-        The table as written, without the selectors.
-    searches : tuple of PartSearch
-        The searches in the parts of bearing and journal.
-
-    Raises
-    ------
-    NotAsDrawn
-        If pin and hole do not overlap along the axis, or have no play although it is requested as drawn.
+    The rings are at both ends of the overlap unless the table gives others; `AS_DRAWN` is replaced by a number. Raise
+    NotAsDrawn if pin and hole do not overlap along the axis, or have no play although it is requested as drawn.
     """
     begin, end = drawn.common
     if end <= begin:

@@ -26,15 +26,8 @@ def viewing_direction(assembly: CadAssembly) -> Array:
 def drawn_outline(assembly: CadAssembly, part: str, direction: Array, millimetre: float) -> list[list[float]] | None:
     """Return the corners of a part's silhouette in the body's frame, shape (n, 3); None for a part without triangles.
 
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly, in the mechanism's unit of length.
-    part : str
-    direction : array
-        Viewing direction, a unit vector in the assembly's frame, shape (3,).
-    millimetre : float
-        Length of a millimetre in that unit.
+    ``direction``, a unit vector in the assembly's frame, is that of the view, and ``millimetre`` the length of one in
+    the mechanism's unit of length.
     """
     from engine.cad.silhouette import silhouette
 

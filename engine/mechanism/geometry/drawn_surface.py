@@ -36,10 +36,7 @@ class NotASurface(Exception):
 def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
     """Return the B-splines of a face in the frame of the body, as entries for the table of a surface.
 
-    Raises
-    ------
-    NotASurface
-        If the face has none.
+    Raise NotASurface if the face has none.
     """
     if not face.splines:
         instead = _INSTEAD.get(face.kind, "")
@@ -56,12 +53,7 @@ def surface_table(wanted: FacesNear, splines: Sequence[Sequence[dict[str, Any]]]
 def drawn_faces(surface: dict[str, Any], faces: Sequence[CadFace]) -> list[DrawnFace]:
     """Return how exactly the patches of a surface match the faces of the CAD file; empty if the surface is refused.
 
-    Parameters
-    ----------
-    surface : dict
-        The table of the surface.
-    faces : sequence of CadFace
-        The faces whose B-splines it has, in the same order.
+    The B-splines of ``surface`` are those of ``faces``, in the same order.
     """
     try:
         errors = iter(FreeFormSurface.model_validate(surface).conversion_errors)

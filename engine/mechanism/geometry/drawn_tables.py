@@ -31,32 +31,18 @@ _JOINT_SIDES: dict[str, FeatureKind] = {"bearing": "hole", "journal": "pin"}
 
 @dataclass(frozen=True)
 class DrawnTables:
-    """Converts tables to plain numbers and collects their faults and the entries of the certificate.
+    """Converts tables to plain numbers and collects their faults and the entries of the certificate."""
 
-    Attributes
-    ----------
-    assembly : CadAssembly
-        The assembly, in the mechanism's unit of length.
-    units : str
-        The mechanism's unit system.
-    parts : dict
-        Body -> part, for each body that is a part.
-    moved : set
-        Bodies whose pose in the mechanism file differs from that in the CAD file.
-    pairs : dict
-        Key of a joint or contact -> its two sides, where the CAD file also shows their distance.
-    """
-
-    assembly: CadAssembly
+    assembly: CadAssembly  # in the mechanism's unit of length
     units: UnitSystem
-    parts: dict[str, str] = field(default_factory=dict)
-    moved: set[str] = field(default_factory=set)
+    parts: dict[str, str] = field(default_factory=dict)  # body -> part, for each body that is a part
+    moved: set[str] = field(default_factory=set)  # bodies whose pose is not that in the CAD file
     faults: list[Fault] = field(default_factory=list)
     bodies: dict[str, DrawnBody] = field(default_factory=dict)
     faces: dict[str, DrawnFace] = field(default_factory=dict)
     features: dict[str, CadFace | CadEdge] = field(default_factory=dict)
     joints: dict[str, DrawnJoint] = field(default_factory=dict)
-    pairs: dict[str, ShapePair] = field(default_factory=dict)
+    pairs: dict[str, ShapePair] = field(default_factory=dict)  # of joints and contacts with a distance in the CAD file
 
     @cached_property
     def direction(self) -> Array:

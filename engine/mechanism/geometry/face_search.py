@@ -31,20 +31,11 @@ class NotOneFace(Exception):
 
 @dataclass(frozen=True)
 class PartSearch:
-    """Searches the faces and edges of one part.
+    """Searches the faces and edges of one part."""
 
-    Attributes
-    ----------
-    assembly : CadAssembly
-        The assembly, in the unit of length of the mechanism.
-    part : str
-    millimetre : float
-        Length of a millimetre in that unit.
-    """
-
-    assembly: CadAssembly
+    assembly: CadAssembly  # in the unit of length of the mechanism
     part: str
-    millimetre: float
+    millimetre: float  # its length in that unit
 
     def to_assembly(self, point: Sequence[float]) -> Array:
         """Return a point in the assembly's frame, given in the body's frame."""

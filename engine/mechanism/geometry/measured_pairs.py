@@ -44,20 +44,10 @@ def _place(search: PartSearch) -> int:
 def drawn_gaps(
     path: Path, sha256: str, pairs: Mapping[str, ShapePair], millimetre: float
 ) -> tuple[dict[str, DrawnGap], str]:
-    """Return the distance of each pair that has one, and the reason if none was measured.
+    """Return the distance of each pair that has one, by joint or contact, and the reason if none was measured.
 
-    OCCT may fail to measure a file that it can read; this is no reason to refuse the mechanism.
-
-    Parameters
-    ----------
-    path : Path
-        The CAD file.
-    sha256 : str
-        Hash of its content.
-    pairs : mapping of str to ShapePair
-        Pairs by the key of their joint or contact.
-    millimetre : float
-        Length of a millimetre in the mechanism's unit of length.
+    OCCT may fail to measure a file that it can read; this is no reason to refuse the mechanism. ``sha256`` is the hash
+    of the CAD file, and ``millimetre`` the length of one in the mechanism's unit.
     """
     if not pairs:
         return {}, ""

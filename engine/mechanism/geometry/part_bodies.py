@@ -21,44 +21,21 @@ class NoDensity(Exception):
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """Mass properties of a part.
-
-    Attributes
-    ----------
-    volume, mass : float
-        Volume and mass in the mechanism's units.
-    centre : array
-        Centre of mass in the assembly's frame, shape (3,).
-    inertia : array
-        Inertia about the centre, in the axes of the assembly, shape (3, 3).
-    source : str
-        Origin of the density.
-    """
+    """Mass properties of a part, in the mechanism's units."""
 
     volume: float
     mass: float
-    centre: Array
-    inertia: Array
-    source: str
+    centre: Array  # (3,) in the assembly's frame
+    inertia: Array  # (3, 3) about the centre, in the axes of the assembly
+    source: str  # of the density
 
 
 def mass_properties(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> MassProperties:
-    """Return the mass properties of a part.
+    """Return the mass properties of a part; ``mass_unit`` is the mechanism's unit of mass [g].
 
-    Parameters
-    ----------
-    part : CadPart
-        The part, in the mechanism's unit of length.
-    body : mapping
-        The body's table. Its ``density``, a number or one per solid, overrides that of the CAD file; without any
-        density, its ``mass`` is divided among the solids in proportion to their volumes.
-    mass_unit : float
-        The mechanism's unit of mass [g].
-
-    Raises
-    ------
-    NoDensity
-        If neither file gives the mass of the part.
+    The ``density`` of the body's table, a number or one per solid, overrides that of the CAD file; without any density,
+    its ``mass`` is divided among the solids in proportion to their volumes. Raise NoDensity if neither file gives the
+    mass.
     """
     volumes = np.array([solid.volume for solid in part.solids])
     if not len(volumes):
@@ -113,15 +90,8 @@ def body_of_part(
 ) -> dict[str, Any]:
     """Return the table of a body completed with the numbers of its part; existing entries are kept.
 
-    Parameters
-    ----------
-    part : CadPart
-    body : mapping
-        The table as written, including ``part`` and ``density``, which are removed from the result.
-    masses : MassProperties, optional
-        None for a fixed body.
-    millimetre : float
-        Length of a millimetre in the mechanism's unit of length.
+    ``part`` and ``density`` are removed. ``masses`` is None for a fixed body, and ``millimetre`` the length of one in
+    the mechanism's unit.
     """
     from scipy.spatial.transform import Rotation
 

@@ -28,26 +28,10 @@ class UnresolvedGeometry(Exception):
 
 
 def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[str, Any]:
-    """Return a mechanism file with the geometry that it names replaced by numbers.
+    """Return a mechanism file with the geometry that it names replaced by numbers, and its certificate in ``geometry``.
 
-    Parameters
-    ----------
-    data : mapping
-        The file as read, with a ``cad`` table.
-    folder : Path
-        Folder that the path of the CAD file is relative to.
-    source : str
-        Name of the mechanism file in messages.
-
-    Returns
-    -------
-    dict
-        The file without ``cad`` and with the certificate under ``geometry``.
-
-    Raises
-    ------
-    UnresolvedGeometry
-        With one fault for each feature that the CAD file lacks or has in several places.
+    The path in its ``cad`` table, which is removed, is relative to ``folder``. Raise UnresolvedGeometry with one fault
+    for each feature that the CAD file lacks or has in several places.
     """
     units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
     try:
@@ -89,17 +73,8 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
 def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[dict[str, Any], DrawnTables]:
     """Return a mechanism file without ``cad`` and with numbers for the features it names, and what was found for them.
 
-    Parameters
-    ----------
-    data : mapping
-        The file as read.
-    assembly : CadAssembly
-        The assembly in mm.
-
-    Raises
-    ------
-    UnresolvedGeometry
-        With one fault for each feature that the assembly lacks or has in several places.
+    The assembly is in mm. Raise UnresolvedGeometry with one fault for each feature that it lacks or has in several
+    places.
     """
     units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
     tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)

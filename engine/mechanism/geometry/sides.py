@@ -35,19 +35,7 @@ def axis_of(face: CadFace) -> Array:
 
 
 def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEdge, other: str) -> dict[str, Any]:
-    """Return the primitive that represents a side of a contact, under its key.
-
-    Parameters
-    ----------
-    search : PartSearch
-        The search in the side's part.
-    kind : str
-        Key of the selector.
-    feature : CadFace or CadEdge
-        The feature selected.
-    other : str
-        The primitive on the other side.
-    """
+    """Return the primitive, under its key, for the feature that a side of a contact selects; ``other`` is opposite."""
     if isinstance(feature, CadEdge):
         arc = {
             "centre": search.to_body(feature.centre),
@@ -71,13 +59,6 @@ def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEd
 def line_side(search: PartSearch, side: Mapping[str, Any], at: Array, axis: Array) -> dict[str, Any]:
     """Return the side of a joint about an axis, completed with point and axis; existing entries are kept.
 
-    Parameters
-    ----------
-    search : PartSearch
-        The search in the side's part.
-    side : mapping
-        The side as written.
-    at, axis : array
-        Point and direction in the assembly's frame, shape (3,) each.
+    ``at`` and ``axis`` are in the assembly's frame.
     """
     return {"point": search.to_body(at), "axis": search.turned_to_body(axis), **side}

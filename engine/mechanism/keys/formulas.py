@@ -17,14 +17,7 @@ from engine.mechanism.parameters.parameter_table import PREFIX, order_of
 def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield key and expression of each number below a place that the file gives as an expression.
 
-    Parameters
-    ----------
-    place : Place
-        A value in the mechanism.
-    data
-        The same value as read from the file.
-    prefix : str
-        Key of the place, followed by a dot.
+    ``data`` is the value at the place as read from the file, and ``prefix`` the key of the place, followed by a dot.
     """
     for token, child in place.below().items():
         read = _read(place, data, token)
@@ -74,15 +67,7 @@ def _with_formulas(place: Place | None, data: Any, formulas: Any) -> Any:
 
 
 def following(formulas: Mapping[str, str], changed: Collection[str]) -> dict[str, set[str]]:
-    """Return the keys whose expressions depend on changed parameters, each with these parameters; parameters first.
-
-    Parameters
-    ----------
-    formulas : mapping
-        Key -> expression.
-    changed : collection of str
-        Names of parameters.
-    """
+    """Return the keys whose expressions depend on changed parameters, each with these parameters; parameters first."""
     origins: dict[str, set[str]] = {name: {name} for name in changed}
     own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
     found: dict[str, set[str]] = {}

@@ -15,51 +15,25 @@ _RELATIONS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 @dataclass(frozen=True)
 class SettableNumber:
-    """A number of a mechanism that ``--set`` and the variables of a campaign can change.
+    """A number of a mechanism that ``--set`` and the variables of a campaign can change."""
 
-    Attributes
-    ----------
-    key : str
-        Dotted path of the number.
-    value : float
-        Value in the file.
-    unit : str
-        Unit; ``"1"`` for a pure number.
-    lower, upper : float or None
-        Limits of this number by itself; None where there is none.
-    limits : str
-        The same limits in words, such as ``"> 0"`` or ``"> 0, <= 0.3"``; empty if there are none.
-    expression : str
-        Expression that gives the value; empty if the file contains a number.
-    description : str
-        Meaning of the number.
-    short : str
-        Name of the joint, if it can be used instead of the key; otherwise empty.
-    varies : bool
-        Whether a variable of a campaign may set it; simulation settings are the same for all runs of a campaign.
-    """
-
-    key: str
-    value: float
-    unit: str
-    lower: float | None
+    key: str  # dotted path
+    value: float  # in the file
+    unit: str  # "1" for a pure number
+    lower: float | None  # limit of this number by itself, as is upper; None: there is none
     upper: float | None
-    limits: str
-    expression: str
+    limits: str  # the same in words, such as "> 0" or "> 0, <= 0.3"; empty: there are none
+    expression: str  # that gives the value; empty if the file contains a number
     description: str
-    short: str
-    varies: bool
+    short: str  # name of the joint, if it can be used instead of the key; otherwise empty
+    varies: bool  # whether a variable of a campaign may set it; settings are the same for all its runs
 
 
 def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
     """Return every number that can be set, in the order of the file format.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    pattern : str
-        Part of the wanted keys, or a pattern for the whole key with ``*``, ``?`` or ``[...]``; case is ignored. By
-        default all keys are returned.
+    The pattern is a part of the wanted keys, or with ``*``, ``?`` or ``[...]`` it is one for the whole key; case is
+    ignored.
     """
     short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]

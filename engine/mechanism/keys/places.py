@@ -19,24 +19,12 @@ SETTINGS = "simulation."  # how a run is computed; not properties of the mechani
 
 
 class Place(NamedTuple):
-    """A value in a mechanism and its position.
-
-    Attributes
-    ----------
-    value
-        The table, dict of tables, list or number at this place.
-    owner : TableModel or None
-        The table that has this value, or the list that contains it, under one of its keys.
-    field : FieldInfo or None
-        The declaration of that key.
-    inside : tuple of str
-        Tokens of the value within the list that contains it.
-    """
+    """A value in a mechanism, which may be a table, a dict of tables, a list or a number, and its position."""
 
     value: Any
-    owner: TableModel | None = None
-    field: FieldInfo | None = None
-    inside: tuple[str, ...] = ()
+    owner: TableModel | None = None  # the table that has this value, or the list with it, under one of its keys
+    field: FieldInfo | None = None  # the declaration of that key
+    inside: tuple[str, ...] = ()  # tokens of the value within the list that contains it
 
     def below(self) -> dict[str, "Place"]:
         """Return the places directly below this one, by the tokens of their keys."""
@@ -70,12 +58,9 @@ class Place(NamedTuple):
         return [str(i) for i in range(len(value))] if tables else list(self._components())
 
     def with_below(self, changes: Mapping[str, Any]) -> Any:
-        """Return the value with some of the values below it replaced, by token; a table is checked.
+        """Return the value with some of the values below it replaced, by token.
 
-        Raises
-        ------
-        ValidationError
-            If the table refuses the change.
+        A table is checked, and raises ValidationError if it refuses the change.
         """
         value = self.value
         if isinstance(value, TableModel):

@@ -29,34 +29,18 @@ from engine.mechanism.parameters.parameter_table import PREFIX
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:
-    """Return the number with a given key.
+    """Return the number with a given key, in the unit of `unit_of`; the components of a direction are as in the file.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    key : str
-        Name of a joint, which refers to its clearance, or a dotted path.
-
-    Returns
-    -------
-    float
-        Value in the unit of the key, see `unit_of`; the components of a direction are those in the file.
-
-    Raises
-    ------
-    MechanismError
-        If no number has this key; the message suggests the key that may be meant.
+    The name of a joint stands for its clearance. Raise MechanismError if no number has this key; the message suggests
+    the key that may be meant.
     """
     return float(_places(mechanism, key)[-1].value)
 
 
 def unit_of(mechanism: Mechanism, key: str) -> str:
-    """Return the unit of the number with a given key; ``"1"`` for a pure number.
+    """Return the unit of the number with a given key; "1" for a pure number.
 
-    Raises
-    ------
-    MechanismError
-        If no number has this key.
+    Raise MechanismError if no number has this key.
     """
     return _unit(mechanism, key, _places(mechanism, key)[-1])
 

@@ -56,10 +56,7 @@ class ExpressionFault(ValueError):
 def parse(text: str) -> Node:
     """Return the tree of an expression.
 
-    Raises
-    ------
-    ExpressionFault
-        If the text is not an expression, is longer than 200 characters, or nests deeper than 30.
+    Raise ExpressionFault if the text is not an expression, is longer than 200 characters, or nests deeper than 30.
     """
     if len(text) > LONGEST:
         raise ExpressionFault(f"an expression of {len(text)} characters; allowed: up to {LONGEST}; use more parameters")
@@ -79,19 +76,9 @@ def names_in(node: Node) -> Iterator[str]:
 
 
 def evaluate(node: Node, values: Mapping[str, float]) -> float:
-    """Return the value of an expression.
+    """Return the value of an expression, from the tree and the numbers of the parameters.
 
-    Parameters
-    ----------
-    node : Node
-        Tree of the expression, from `parse`.
-    values : mapping
-        Parameter name -> number.
-
-    Raises
-    ------
-    ExpressionFault
-        If a name is not a parameter, or an operation has no finite real value.
+    Raise ExpressionFault if a name is not a parameter, or an operation has no finite real value.
     """
     if isinstance(node, float):
         return node

@@ -24,16 +24,7 @@ PREFIX = "parameters."  # of the key of a parameter
 def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[Fault]]:
     """Return the value of each parameter of a file, and the faults in the table.
 
-    Parameters
-    ----------
-    table : mapping
-        Name -> number or expression, as read from the file.
-
-    Returns
-    -------
-    values : dict
-        Parameter name -> number, without the parameters that are wrong or depend on a wrong one.
-    faults : list of Fault
+    Parameters that are wrong or depend on a wrong one have no value.
     """
     faults: dict[str, str] = {}
     for name, entry in table.items():

@@ -19,27 +19,16 @@ def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, sc
     """Return the units in which each parameter is used, if the expressions show them.
 
     A parameter on its own or in a sum has the unit of the whole expression; in a sine it is an angle. In products and
-    quotients of parameters the unit cannot be known.
-
-    Parameters
-    ----------
-    formulas : mapping
-        Key -> expression.
-    units : mapping
-        Key -> unit, for each of these keys that has a unit and is not a parameter.
-    scaled : bool
-        Assume that a number that multiplies or divides a parameter has no unit, which is likely but not certain.
-
-    Returns
-    -------
-    Uses
+    quotients of parameters the unit cannot be known. ``units`` gives the unit of each key that has one and is not a
+    parameter. With ``scaled``, a number that multiplies or divides a parameter is assumed to have no unit, which is
+    likely but not certain.
     """
     found: Uses = {}
     own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
     for key, text in formulas.items():
         if not key.startswith(PREFIX):
             _note(found, key, _units_in(parse(text), units.get(key, ""), scaled))
-    for name in reversed(list(order_of(own))):
+    for name in reversed(list(order_of(own))):  # what uses a parameter comes first, and gives it its unit
         for unit in found.get(name, ()) or ("",):
             _note(found, PREFIX + name, _units_in(parse(own[name]), unit, scaled))
     return found

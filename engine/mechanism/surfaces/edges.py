@@ -14,24 +14,12 @@ SAMPLES = 129  # points per edge in the search for other edges along it
 
 @dataclass(frozen=True)
 class MeetingEdges:
-    """The edges of patches, four per patch, see `bezier.directed_edges`.
+    """The edges of patches, four per patch, see `bezier.directed_edges`."""
 
-    Attributes
-    ----------
-    edges : (n, 4, 4, 3) array
-        Their control points.
-    is_open : (n, 4) array of bool
-        Edges that no other patch shares. An edge collapsed to a point is not open.
-    is_loose : (n, 4) array of bool
-        Edges that run along others without coinciding with them.
-    opposed : list of (int, int)
-        Patches that share an edge and have normals on opposite sides.
-    """
-
-    edges: Array
-    is_open: NDArray[np.bool_]
-    is_loose: NDArray[np.bool_]
-    opposed: list[tuple[int, int]]
+    edges: Array  # (n, 4, 4, 3) control points
+    is_open: NDArray[np.bool_]  # (n, 4) no other patch shares it; an edge collapsed to a point is not open
+    is_loose: NDArray[np.bool_]  # (n, 4) it runs along others without coinciding with them
+    opposed: list[tuple[int, int]]  # patches that share an edge and have normals on opposite sides
 
 
 def meeting_edges(patches: Array) -> MeetingEdges:
@@ -42,6 +30,7 @@ def meeting_edges(patches: Array) -> MeetingEdges:
     flat, size = edges.reshape(-1, 4, 3), extent(patches)
     near = JOINED * size
     long = np.linalg.norm(flat - flat[:, :1], axis=2).max(axis=1) > near
+    # a patch is on the left of its edges, so its neighbour's edge runs the other way if their normals agree
     tree = cKDTree(flat.reshape(-1, 12))
     reach = 2 * near  # covers an edge, whose four points each match within `near`
     turned = tree.query_ball_point(flat[:, ::-1].reshape(-1, 12), reach)

@@ -35,14 +35,8 @@ class FixedArray:
 class ArrayOf:
     """The requirements for an array in a file, as the annotation of a field with the type `FixedArray`.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Lengths of its axes; 0 stands for any length from 1 to ``most``.
-    words : str
-        Description of the array and its notation, for messages.
-    most : int
-        Largest length of an axis whose length is not fixed.
+    A length 0 in ``shape`` stands for any length from 1 to ``most``; ``words`` describes the array and its notation,
+    for messages.
     """
 
     def __init__(self, shape: tuple[int, ...], words: str, most: int) -> None:
@@ -66,10 +60,7 @@ class ArrayOf:
     def read(self, value: Any) -> FixedArray:
         """Return the array of nested lists of numbers.
 
-        Raises
-        ------
-        PydanticCustomError
-            If the lists have other lengths, or contain anything but finite numbers.
+        Raise the error of `refuse` if the lists have other lengths, or contain anything but finite numbers.
         """
         if isinstance(value, FixedArray):
             value = value.numbers.tolist()

@@ -22,12 +22,7 @@ RIGHT_ANGLE = 1e-9  # two normals with a smaller cosine are more than 90 degrees
 def joined_faces(faces: Sequence[Array]) -> tuple[Array, list[float]]:
     """Return the patches of faces, (n, 4, 4, 3) each, in one array, with common control points where borders meet.
 
-    Returns
-    -------
-    patches : array
-        Shape (n, 4, 4, 3).
-    moved : list of float
-        Largest displacement of a control point of each face [length].
+    The second result is the largest displacement of a control point of each face [length].
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components

@@ -31,7 +31,7 @@ def largest_depth(patches: Array) -> float:
 def plate(patches: Array, meeting: MeetingEdges, depth: float) -> Array:
     """Return patches that bound a plate: those of its top, shape (n, 4, 4, 3), then its sides, then its back."""
     down = -depth * _common_normals(patches)
-    back = (patches + down).transpose(0, 2, 1, 3)
+    back = (patches + down).transpose(0, 2, 1, 3)  # u and v exchanged, so that the normals point out of the back
     below = np.stack([down[:, :, 0], down[:, 3, :], down[:, ::-1, 3], down[:, 0, ::-1]], axis=1)
     top, way = meeting.edges[meeting.is_open], below[meeting.is_open]
     sides = top[:, None] + THIRDS[None, :, None, None] * way[:, None]

@@ -52,13 +52,7 @@ def spline_of(
 
 
 def check_spline(spline: BSplineSurface) -> None:
-    """Refuse a B-spline whose degrees, knots, control points and weights are inconsistent.
-
-    Raises
-    ------
-    PydanticCustomError
-        The error, with the key at fault.
-    """
+    """Refuse a B-spline whose degrees, knots, control points and weights are inconsistent, with the key at fault."""
     if not all(1 <= p <= MOST_DEGREE for p in spline.degree):
         raise refuse(f"allowed: 1 to {MOST_DEGREE} each; correct it", key="degree", value=list(spline.degree))
     for axis, (key, p, knots) in enumerate(zip(("knots_u", "knots_v"), spline.degree, spline.knots, strict=True)):

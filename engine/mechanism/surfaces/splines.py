@@ -20,23 +20,12 @@ MOST_PATCHES = 10000
 
 @dataclass(frozen=True)
 class BSplineSurface:
-    """A B-spline surface.
+    """A B-spline surface."""
 
-    Attributes
-    ----------
-    degree : (int, int)
-        Degrees along u and along v.
-    knots : (array, array)
-        Increasing; degree + 1 more than control points.
-    control : (nu, nv, 3) array
-    weights : (nu, nv) array
-        All positive.
-    """
-
-    degree: tuple[int, int]
-    knots: tuple[Array, Array]
-    control: Array
-    weights: Array
+    degree: tuple[int, int]  # along u and along v
+    knots: tuple[Array, Array]  # increasing; degree + 1 more than control points
+    control: Array  # (nu, nv, 3)
+    weights: Array  # (nu, nv), all positive
 
 
 @dataclass(frozen=True)
@@ -49,18 +38,9 @@ class ConvertedSpline:
 
 
 def bicubic_patches(surface: BSplineSurface, tolerance: float) -> ConvertedSpline:
-    """Return a B-spline surface as bicubic patches within a tolerance.
+    """Return a B-spline surface as bicubic patches; incomplete if that requires more than MOST_PATCHES.
 
-    Parameters
-    ----------
-    surface : BSplineSurface
-    tolerance : float
-        Largest allowed distance between points with the same parameters [length].
-
-    Returns
-    -------
-    ConvertedSpline
-        Incomplete if the tolerance requires more than MOST_PATCHES.
+    The tolerance is the largest allowed distance between points with the same parameters [length].
     """
     cuts = [np.unique(_domain(k, p)) for k, p in zip(surface.knots, surface.degree, strict=True)]
     patches, error = _converted(surface, cuts)
