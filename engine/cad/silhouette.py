@@ -24,18 +24,8 @@ def silhouette(mesh: TriangleMesh, direction: Array) -> list[Array]:
     The edges of the triangles are drawn on a grid, the enclosed area is filled, and its border is followed. The corners
     of the outline are vertices of the mesh; in between it deviates by at most 1/500 of the part's size.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Mesh of the part.
-    direction : array
-        Viewing direction, a unit vector, shape (3,).
-
-    Returns
-    -------
-    list of array
-        Corners of each outline in order, without repeating the first, shape (n, 3), in the plane perpendicular to the
-        direction through the middle of the part; in the unit of the mesh. Empty if the mesh is empty.
+    The direction is a unit vector, shape (3,). Each outline has shape (n, 3), does not repeat its first corner, and
+    lies in the plane perpendicular to the direction through the middle of the part; there is none if the mesh is empty.
     """
     if not len(mesh.triangles):
         return []

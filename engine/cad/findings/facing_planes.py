@@ -38,13 +38,6 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[Fa
     """Return the plane faces of different parts that face each other, the smallest gap first.
 
     The gap is at most 1 mm, and the shared area is at least 0.25 mm2.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     """
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []

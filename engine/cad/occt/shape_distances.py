@@ -21,17 +21,8 @@ from engine.cad.occt.step_document import UnreadableStep, open_step
 def measure_distances(path: Path, pairs: Sequence[Sequence[Mapping[str, Any]]]) -> list[float]:
     """Return the distance of each pair of shapes [mm]; 0 if they touch or overlap.
 
-    Parameters
-    ----------
-    path : Path
-        The STEP file.
-    pairs : sequence
-        Pairs of shapes, each with the keys of `engine.cad.drawn_distances.MeasuredShape`.
-
-    Raises
-    ------
-    UnreadableStep
-        If the file is not a STEP file or contains no shapes, or a distance cannot be measured.
+    A shape has the keys of `engine.cad.drawn_distances.MeasuredShape`. Raises UnreadableStep if the file is not a STEP
+    file or contains no shapes, or if a distance cannot be measured.
     """
     document = open_step(path)
     parts = [_PlacedPart(instance) for instance in instances(document.shapes)]
