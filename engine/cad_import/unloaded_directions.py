@@ -19,17 +19,9 @@ _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1
 def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
     """Return the motions that no load acts on, with the largest part fixed, each with the body that has most of it.
 
-    Parameters
-    ----------
-    found : FoundGeometry
-    text : str
-        The mechanism file proposed for it. Its questions are answered with arbitrary numbers for this check, because
-        the free motions do not depend on densities and plays.
-
-    Returns
-    -------
-    list of str
-        For instance ``"crank along z, the axis of J"``; empty also if the parts cannot start as they are drawn.
+    A motion is for instance ``"crank along z, the axis of J"``. The questions of the proposed `text` are answered with
+    arbitrary numbers, because the free motions do not depend on densities and plays. Empty also if the parts cannot
+    start as they are drawn.
     """
     if not 1 < len(found.assembly.parts) <= MOST_BODIES:
         return []

@@ -14,35 +14,19 @@ LINEAR = 0.8  # share of the first half's loss of speed that the second half rep
 
 @dataclass(frozen=True)
 class SpeedCourse:
-    """How a speed develops.
+    """How a speed develops."""
 
-    Attributes
-    ----------
-    kind : str
-        It "swings" to and fro, "turns back" once, "slows" down, is "steady", or gets "faster".
-    rest : float or None
-        Time at which it is expected to come to rest, if this can be told.
-    period : float or None
-        Period, for a swing.
-    loss : float or None
-        For a swing, the share of its amplitude lost per period, if more than one was seen.
-    """
-
+    # swings to and fro, turns back once, slows down, is steady, or gets faster
     kind: Literal["swings", "turns back", "slows", "steady", "faster"]
-    rest: float | None = None
-    period: float | None = None
-    loss: float | None = None
+    rest: float | None = None  # time at which it is expected to come to rest, if this can be told
+    period: float | None = None  # for a swing
+    loss: float | None = None  # for a swing, the share of its amplitude lost per period, if more than one was seen
 
 
 def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCourse:
-    """Return how a speed develops.
+    """Return how a speed develops; `time` and `speed` have shape (n,), n >= 3.
 
-    Parameters
-    ----------
-    time, speed : (n,) arrays
-        n is at least 3.
-    window, drift : float
-        Criterion of rest: the body moves by no more than ``drift`` in the time ``window``.
+    A body is at rest if it moves by no more than `drift` in the time `window`.
     """
     turns = turns_of(speed)
     if turns.size:
