@@ -75,6 +75,7 @@ class Store:
 
             from campaign.plan import dump_spec
 
+            # before the plan, with which the store has this campaign
             self.files.write(f"{plan.campaign_id}/{CAMPAIGN_FILE}", tomli_w.dumps(dump_spec(plan.spec)).encode())
             self.files.create(name, plan.to_json().encode())
         return self.plan(plan.campaign_id)

@@ -33,10 +33,8 @@ class KnownOutage:
     def asking(self) -> Iterator[None]:
         """Guard a block that asks the store.
 
-        Raises
-        ------
-        StoreError
-            At once, if the store is known not to answer and another thread is asking it or has just done so.
+        Raises StoreError at once if the store is known not to answer and another thread is asking it or has just done
+        so.
         """
         begin = time.monotonic()
         with self._lock:

@@ -24,19 +24,10 @@ STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5") 
 
 
 class ObjectStore:
-    """Files under a URL. Paths and errors are those of the file system.
+    """Files under an fsspec URL, given with its secrets. Paths and errors are those of the file system.
 
-    Parameters
-    ----------
-    url : str
-        An fsspec URL, with its secrets.
-    answer_s : float
-        How long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
-
-    Raises
-    ------
-    ValueError, ImportError
-        If the file system of the URL is not installed.
+    `answer_s` is how long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
+    Raises ValueError or ImportError if the file system of the URL is not installed.
     """
 
     faults = Exception  # every file system has its own errors

@@ -22,15 +22,9 @@ _PARAMETER = re.compile(r"([?&;#])([^=&?#;]+)=((?:(?!::)[^&#;])*)")
 
 @dataclass(frozen=True, repr=False)
 class PrivateUrl:
-    """A folder's path or a URL, also a chained one, whose secrets are not shown.
+    """A folder's path or a URL, also a chained one, whose secrets are not shown."""
 
-    Attributes
-    ----------
-    full : str
-        The path or URL with its secrets.
-    """
-
-    full: str
+    full: str  # with its secrets
 
     @cached_property
     def shown(self) -> str:
@@ -104,6 +98,7 @@ def _login(rest: str) -> str:
     authority = re.split(r"[/?#]", rest, maxsplit=1)[0]
     if "@" in authority:
         return authority.rpartition("@")[0]
+    # digits alone after the colon are a port, and the "@" is part of the path
     if "@" in rest and re.fullmatch(r"[^:\[\]]*:(?!\d*$).*", authority):
         return rest.rpartition("@")[0]
     return ""
