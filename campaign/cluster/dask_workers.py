@@ -36,14 +36,9 @@ def connect_workers(cluster: Cluster) -> Iterator[Workers]:
 
 
 class DaskWorkers:
-    """The workers that a dask client reaches; see `campaign.cluster.workers.Workers`.
+    """The workers that a dask client reaches, which is not closed here; see `campaign.cluster.workers.Workers`.
 
-    Parameters
-    ----------
-    client : Client
-        A client connected to the scheduler; it is not closed here.
-    started_here : bool
-        Whether the workers are processes of this machine; if all of these are gone, no one else starts new ones.
+    If workers that were ``started_here``, as processes of this machine, are all gone, no one else starts new ones.
     """
 
     def __init__(self, client: Client, *, started_here: bool = False) -> None:
