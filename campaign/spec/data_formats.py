@@ -23,22 +23,9 @@ BATCH = 65_536  # rows decoded at a time
 
 
 class CsvColumns:
-    """The columns of a CSV file.
+    """The columns in the content of a CSV file; `names` has the names of all.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-
-    Attributes
-    ----------
-    names : list of str
-        Names of all columns.
-
-    Raises
-    ------
-    SpecError
-        If there are too many rows or columns.
+    Raises SpecError if there are too many rows or columns.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -64,27 +51,12 @@ class CsvColumns:
 
 
 class ParquetColumns:
-    """The columns of a Parquet file.
+    """The columns in the content of a Parquet file; `names` has the names of all.
 
     A page of a few bytes may decode to gigabytes. The sizes that the footer states are checked before anything is
-    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`.
-
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-
-    Attributes
-    ----------
-    names : list of str
-        Names of all columns.
-
-    Raises
-    ------
-    SpecError
-        If there are too many rows or columns.
-    pyarrow.ArrowException, OSError, ValueError
-        If the file is not Parquet, or is damaged.
+    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`. Raises SpecError if
+    there are too many rows or columns; pyarrow.ArrowException, OSError or ValueError if the file is not Parquet, or is
+    damaged.
     """
 
     def __init__(self, content: bytes) -> None:

@@ -160,14 +160,9 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
 
 
 def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield a fault for each contradiction between a campaign and its mechanism.
+    """Yield a fault for each contradiction between a campaign, as read, and its mechanism.
 
-    Parameters
-    ----------
-    raw : mapping
-        The campaign as read. It may have other faults; only tables that are valid by themselves are checked.
-    mechanism : Mechanism
-        The mechanism of the campaign.
+    The campaign may have other faults; only tables that are valid by themselves are checked.
     """
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)
