@@ -164,6 +164,7 @@ class DaskWorkers:
     def _finish(self, future: Future[Any], task: "distributed.Future[Any]") -> None:
         """Give a future the result or the error of a dask task."""
         if task.status == "cancelled":
+            # not by this class, whose `cancel` forgets its calls: dask cancels them when the connection is lost
             raise SchedulerLost("connection closed")
         try:
             future.set_result(task.result(timeout=ANSWERS_WITHIN))

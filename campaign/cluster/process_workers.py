@@ -49,6 +49,7 @@ class _Process:
         if self.running:
             self.process.kill()
         self.calls.close()
+        # an idle process ends when its pipe is closed; one that does not is killed
         self.process.join(ENDS_WITHIN)
         self.process.kill()
         self.process.join()

@@ -79,6 +79,7 @@ def _ready_workers(
 ) -> Iterator[Workers]:
     """Connect to the workers; on this machine, one worker compiles the engine first and the others load the result."""
     if cluster.starts_here:
+        # before workers are started; those elsewhere check their own build with each batch
         check_build(plan.campaign_id, plan.row_build)
     with connect(cluster) as workers:
         if cluster.starts_here and simulated is simulate:

@@ -97,7 +97,7 @@ class Coordinator:
         check_lease(self.store, self.plan.campaign_id, self._token)
         self.store.record(self.plan, self.queue.parts.values())
         for name in (self.plan.campaign_id, *map(folder, (self.plan, *self.repeats))):
-            self.store.files.sweep(name)
+            self.store.files.sweep(name)  # temporary files of killed workers
 
     def compute(self, workers: Workers) -> None:
         """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
@@ -109,6 +109,8 @@ class Coordinator:
         next_check = time.monotonic()
         try:
             while True:
+                # enough batches beyond the checkpoint to keep all workers busy; more would be lost if the campaign ends
+                # there
                 self.checkpoints.limit(self.queue, window.size)
                 window.fill(self.queue)
                 if not window:
@@ -217,6 +219,7 @@ class Coordinator:
             if result.part is not None:
                 self.queue.complete(result.part)
             self.progress.add(result)
+        # the slowest one: no call shall take longer than `CALL_SECONDS`
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
         check_failures(self.store, self.plan, self.progress)
 
@@ -225,6 +228,7 @@ class Coordinator:
         if not self.checkpoints.reached_end(self.queue):
             return False
         self.queue = self._queue_missing(self.queue.parts)
+        # the rows after the end, which were computed ahead, no longer count
         self.progress.recount(self.store, self.store.survey(self.plan))
         return True
 

@@ -77,6 +77,7 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
         yield seen.heartbeat or replace(_before_first(store, campaign_id), state=seen.state, message=seen.message)
         if seen.is_over:
             return
+        # twice as often as heartbeats are written, so that none is missed
         time.sleep(HEARTBEAT_INTERVAL / 2)
 
 

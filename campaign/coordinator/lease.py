@@ -130,6 +130,7 @@ def lease_holder(store: Store, campaign_id: str) -> str | None:
 
 def check_lease(store: Store, campaign_id: str, token: str) -> None:
     """Raise `LeaseLost` if another process has taken the lease, for example after an outage of the store."""
+    # without a lease nobody else coordinates the campaign
     if lease_holder(store, campaign_id) not in (token, None):
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 

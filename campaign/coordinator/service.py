@@ -60,6 +60,7 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: b
     """Coordinate one campaign and write its report; a failure is logged and does not end the service."""
     try:
         plan = store.plan(campaign_id)
+        # first, so that the report has the new rows
         if again := rerun_requested(store, plan, cluster):
             logger.info("campaign %s: %d rows computed again: %s", campaign_id, again.samples, again.after)
         outcome = coordinate(store, plan, cluster, is_served=True, report_due=with_report)

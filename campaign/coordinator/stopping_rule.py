@@ -102,6 +102,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
         return Verdict(samples, name, None, None, None, sure=False, reason=reason)
     x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)
+    # with one more sample: it tells whether the last judged one ends its lot
     whole = None if lots is None else _whole(lots_of(plan, np.arange(samples + 1)))
     estimate, reason = _interval(rule, x, plan.spec.responses.get(rule.response, Response()), lots)
     if estimate is None:

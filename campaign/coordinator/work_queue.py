@@ -39,6 +39,7 @@ class WorkQueue:
 
     def requeue(self, requests: Sequence[BatchRequest]) -> None:
         """Put batches back at the front of the queue."""
+        # in front: behind a batch above the limit they would wait for a checkpoint that waits for them
         self._waiting.extendleft(reversed(requests))
 
     def complete(self, part: Part) -> None:

@@ -38,6 +38,7 @@ class CsvColumns:
         except csv.Error as error:
             raise SpecError(f"not csv: its first line cannot be read ({error}); correct the file") from error
         check_size(len(self.names), MOST_COLUMNS, "columns")
+        # lines end with \n, \r\n or \r; one more than rows, for the header
         check_size(max(content.count(b"\n"), content.count(b"\r")), MOST_ROWS + 1, "lines")
         self._content = content
 
@@ -92,6 +93,7 @@ class ParquetColumns:
 def bounded_memory() -> Iterator[None]:
     """Make allocations in the block fail with MemoryError beyond the memory that decoding a data file may take."""
     try:
+        # data and stack [pages], see proc(5): what RLIMIT_DATA limits
         in_use = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     except OSError:  # an operating system without /proc
         yield

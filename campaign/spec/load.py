@@ -143,6 +143,7 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
         name = raw.get("mechanism")
         mechanism = files.mechanism(name) if isinstance(name, str) and name else None
         key, preset = "preset", raw.get("preset")
+        # read before the bench, on which a mechanism has no presets; set after it, as it may bring the keys
         values = mechanism.preset(preset) if mechanism and isinstance(preset, str) else {}
         key, bench = "bench", raw.get("bench")
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism

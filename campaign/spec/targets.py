@@ -24,6 +24,7 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
 
     The campaign may have other faults; only variables that are valid by themselves are checked.
     """
+    # more variables are refused in any case: checking them too would only take time
     variables = dict(islice(_sound_variables(raw.get("variables")), MOST_VARIABLES))
     targets = {name: variable.target or name for name, variable in variables.items()}
     setters: dict[str, str] = {}  # full key -> name of the first variable that sets it

@@ -36,6 +36,7 @@ class Compacted:
 
 def compact(files: Files, plan: PlanHeader) -> Compacted:
     """Merge the parts of a campaign; see `Store.compact`."""
+    # all rows, also those after the end of a campaign that the stopping rule ended
     before = survey(files, plan, sum(plan.batches[-1]), verify=False)
     parts, written, removed = dict(before.parts), [], 0
     for run in runs(plan, before.parts):
@@ -61,6 +62,7 @@ def runs(plan: PlanHeader, parts: dict[int, Part]) -> Iterator[list[Part]]:
 
     def run_and_block(numbered: tuple[int, Part]) -> tuple[int, int]:
         position, part = numbered
+        # the difference stays the same along successive batches, and grows at a gap
         return part.batch - position, plan.batches[part.batch][0] // ROWS
 
     for _, group in groupby(enumerate(parts[batch] for batch in sorted(parts)), key=run_and_block):

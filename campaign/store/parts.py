@@ -165,6 +165,7 @@ def _plain(table: "pa.Table") -> "pa.Table":
             for chunk in table[position].chunks:
                 lengths = pc.binary_length(chunk.dictionary).cast(pa.int64()).take(chunk.indices)
                 size += pc.sum(lengths).as_py() or 0
+            # each value of a dictionary is decoded as often as the rows refer to it, which the pages do not tell
             if size > MOST:
                 raise ValueError(f"it decodes to more than {MOST >> 20} MB")
             plain = pa.field(field.name, field.type.value_type, field.nullable, field.metadata)

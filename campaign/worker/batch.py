@@ -36,6 +36,7 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
         repeats = _repeats(address, request)
         return BatchResult(None, {}, computed=False, seconds=perf_counter() - start, repeats=repeats)
     try:
+        # there if an earlier attempt wrote it, but its answer was lost with the worker or the scheduler
         table, computed = store.read_own_part(plan, request.batch), False
     except (FileNotFoundError, BadPart):
         first, count = plan.batches[request.batch]

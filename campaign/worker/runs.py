@@ -67,6 +67,7 @@ def rows_in_process(
             begin(sample)
             row = compute_row(plan, run, sample, values, attempt, cancel)
             if cancel.flag[0]:
+                # not a row: the flag has cut the run short
                 raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
             if isinstance(row, DoubtfulRow):
                 raise DoubtfulRun(row)

@@ -40,6 +40,7 @@ def silhouette(mesh: TriangleMesh, direction: Array) -> list[Array]:
     height = float((mesh.vertices @ direction).min() + (mesh.vertices @ direction).max()) / 2
     outlines = []
     for piece in order.tolist():
+        # `_drawn` leaves an empty frame of two pixels
         corners = low + (_straightened(_border(pieces == piece)) - 2.0) * pixel
         far, nearest = vertices.query(corners)
         snapped = np.where((far < _NEAR * pixel)[:, None], flat[nearest], corners)
@@ -53,6 +54,7 @@ def _drawn(points: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
     sides = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     sides = np.unique(np.sort(sides, axis=1), axis=0)
     starts, ends = points[sides[:, 0]], points[sides[:, 1]]
+    # at least two points for each pixel of length: a hole in a line would keep its area from being filled
     counts = 2 * np.ceil(np.linalg.norm(ends - starts, axis=1)).astype(np.int64) + 2
     owner = np.repeat(np.arange(len(sides)), counts)
     part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts[owner] - 1)

@@ -195,6 +195,7 @@ def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
     pin = joint.pin
     ends = {"start": pin.seats[0].start, "end": pin.seats[-1].end} | {s: f.station for s, f in faces.items()}
     flanges: dict[str, Any] = {"radius": round(min(flange.radius for flange in joint.flanges), 9)}
+    # the file counts along its own axis, which may run the other way
     flanges["ends"] = sorted(round(stations.of(station), 9) for station in ends.values())
     if len(faces) == 1:
         [side] = faces

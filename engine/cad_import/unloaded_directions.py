@@ -48,6 +48,7 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
     for joint in found.joints:
         table = tables["joints"][joint.name]
         if "radial_clearance" not in table or joint.pin.overlap > 0:
+            # large enough for the pose as drawn: pin and hole that overlap cannot start
             table["radial_clearance"] = joint.pin.offset + _SOME_PLAY
         if "flanges" in table:
             table.setdefault("axial_clearance", _SOME_PLAY)

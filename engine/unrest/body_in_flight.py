@@ -59,6 +59,7 @@ def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
             np.stack([contacts.a, contacts.b], axis=1)[loaded],
         ]
     ):
+        # all of one group take the number of the other: at the end, equal numbers are linked
         member[member == member[a]] = member[b]
     for number in np.unique(member):
         if number != member[ground]:

@@ -61,6 +61,7 @@ def go_on(
     arrays, course = _copy(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
     beyond = end + most * control.longest
     course.reals[time_loop.PHASE_END] = beyond
+    # a trial with a shorter step must not begin with the step of the run
     course.reals[time_loop.STEP] = min(course.reals[time_loop.STEP], control.longest)
     course.reals[time_loop.LONGEST] = min(course.reals[time_loop.LONGEST], control.longest)
     course.counts[time_loop.ACCEPTED] = 0

@@ -67,9 +67,10 @@ def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: flo
     if tops.size < 2:
         return SpeedCourse("swings", None, 2 * half)
     left = float((tops[-1] / tops[0]) ** (1.0 / (tops.size - 1)))
-    loss = 1.0 - left**2
+    loss = 1.0 - left**2  # a period is two halves
     if loss <= STEADY:
         return SpeedCourse("swings", None, 2 * half, max(loss, 0.0))
+    # a swing shorter than the window moves by 2 half / pi times its top speed, and never further
     slow = max(drift / window, drift * np.pi / (2 * half))
     halves = max(np.log(slow / tops[-1]) / np.log(left), 0.0)
     return SpeedCourse("swings", float(zeros[-1] + halves * half), 2 * half, loss)

@@ -34,6 +34,7 @@ def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -
     """
     bodies = assembly.model.bodies
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
+    # divided by the largest number, whose square may overflow for a runaway body
     squares = ((twist[..., :3] / np.abs(twist).max()) ** 2).sum(axis=2).mean(axis=0)
     squares += ((twist[..., 3:] / np.abs(twist).max() * arms[:, None]) ** 2).sum(axis=2).mean(axis=0)
     watched = np.where(_restless(assembly, control), squares, 0.0)
@@ -56,6 +57,7 @@ def _principal(motion: Array) -> tuple[float, Array, Array]:
     direction = directions[:, -1]
     speed = motion @ direction
     sign = -1.0 if speed.sum() < 0.0 else 1.0
+    # rounded, so that of two equal shares `find_mover` takes the first, that in world axes
     return round(float(sizes[-1] / sizes.sum()), 9), sign * direction, sign * speed
 
 

@@ -55,6 +55,7 @@ class KnownOutage:
 
     def _answered(self, fault: str) -> None:
         """Record how a request ended."""
+        # the usual case needs no lock
         if not (fault or self._fault):
             return
         with self._lock:

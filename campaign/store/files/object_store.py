@@ -65,6 +65,7 @@ class ObjectStore:
     def read(self, path: str, at_most: int) -> bytes:
         """Return a file's content; UnfitFile if it has more than ``at_most`` bytes."""
         size = self.size(path)
+        # asked before the content, so that nothing larger is transferred
         if size > at_most:
             raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", path)
         try:
@@ -126,6 +127,7 @@ class ObjectStore:
             self._put(path, content, mode="create")
         except FileExistsError:
             return False
+        # of a file system or a server that does not know the condition
         except (NotImplementedError, ValueError, OSError) as error:
             if isinstance(error, OSError) and error.errno != errno.ENOSYS:
                 raise
@@ -182,6 +184,7 @@ class ObjectStore:
             raise
         except Exception:
             folder = path.rpartition("/")[0]
+            # an object store has no folders, and a folder that was made is not the reason
             if self._fs.is_async or folder in self._made:
                 raise
             self._ask("makedirs", folder, exist_ok=True)

@@ -27,6 +27,7 @@ class OpenedFileSystem:
         self._for_all_threads: tuple[Any, str] | None = None
         protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
         for protocol in protocols:
+            # opened only later, but what is not installed is reported now
             fsspec.get_filesystem_class(protocol)
         self.shared = "memory" not in protocols
 

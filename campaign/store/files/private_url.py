@@ -87,6 +87,7 @@ class PrivateUrl:
                 forms[f"{before}{form}{after}"] = f"{before}{HIDDEN}{after}"
                 if len(form) >= SHORTEST:
                     forms[form] = HIDDEN
+        # the longest first: a short form within a longer one would leave the rest of that in the text
         return sorted(forms.items(), key=lambda item: -len(item[0]))
 
 

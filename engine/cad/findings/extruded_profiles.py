@@ -170,6 +170,7 @@ def _ring(pieces: list[ProfilePiece], face: int) -> list[ProfilePiece] | None:
     ring = [first]
     while np.linalg.norm(ring[-1].end - first.start) > _CLOSE or len(ring) == 1:
         ahead = [p for p in pieces if np.linalg.norm(p.start - ring[-1].end) <= _CLOSE and p not in ring]
+        # a gap, or a fork at which nothing says where the profile goes on
         if len(ahead) != 1:
             return None
         ring.append(ahead[0])

@@ -64,6 +64,7 @@ def _near(planes: list[CadFace], triangles: dict[int, Array]) -> Integers:
         return np.zeros((0, 2), np.int64)
     normals, points = np.array([f.axis for f in planes]), np.array([f.point for f in planes])
     parts = np.unique([f.part for f in planes], return_inverse=True)[1]
+    # `<` of the parts: each pair once, and none within a part
     opposite = np.argwhere((normals @ normals.T < -np.cos(_PARALLEL)) & (parts[:, None] < parts))
     gaps = np.einsum("nk,nk->n", points[opposite[:, 1]] - points[opposite[:, 0]], normals[opposite[:, 0]])
     opposite = opposite[(gaps <= REACH) & (gaps >= -DEEPEST_OVERLAP)]

@@ -33,6 +33,7 @@ class _PlacedPart:
     """A part as placed in the assembly; its faces and edges by their indices in the product."""
 
     def __init__(self, instance: Instance) -> None:
+        # without its location: the placement below already has that of all assemblies around it
         self._product = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
         placement, self._move = instance.placement, gp_Trsf()
         rows = [[*row, shift] for row, shift in zip(placement.matrix, placement.translation, strict=True)]

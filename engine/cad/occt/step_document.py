@@ -58,7 +58,7 @@ def open_step(path: Path) -> StepDocument:
     """Read a STEP file; raise UnreadableStep if it is not one or contains no shapes."""
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
-    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)
+    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)  # m: OCCT then converts all lengths to mm
     reader = STEPCAFControl_Reader()
     reader.SetGDTMode(True)
     reader.SetMatMode(True)
