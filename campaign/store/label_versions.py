@@ -42,7 +42,7 @@ def change_labels(
     the current labels. Raises SpecError if there is no such campaign, or it would have too many tags; StoreError if the
     labels cannot be read or written.
     """
-    # or labels would bring back the folder of a campaign that was deleted
+    # otherwise labels would bring back the folder of a campaign that was deleted
     if not store.files.exists(f"{campaign_id}/{PLAN}"):
         raise SpecError(f"store {store.url}: no campaign {campaign_id}; see: {store.command('list')}")
     at_least = 0

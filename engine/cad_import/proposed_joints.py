@@ -27,7 +27,7 @@ class Diameter:
     """A diameter with limits that the CAD file attaches to the hole or the pin of a joint."""
 
     parameter: str  # its name in the mechanism file
-    nominal: float  # [mm], as the limits
+    nominal: float  # [mm], like both limits
     lower: float
     upper: float
 

@@ -24,7 +24,7 @@ class ProposedLine:
     line: str
     value: str  # as written, without the comment after it; for a header, the header itself
     marked: bool  # whether it has a mark, so that it is inactive
-    questions: tuple[str, ...]  # in the lines above it
+    questions: tuple[str, ...]  # those in the lines above it
 
     @property
     def unmarked(self) -> str:

@@ -17,7 +17,7 @@ OFTEN = 4  # changes from one place to the other within a continuation that keep
 def held_in_turn(assembly: Assembly, onward: Continuation) -> list[str]:
     """Return the names of the contacts that press alternately in two different directions.
 
-    The continuation must have every step of it; nothing is written into the assembly, which is as the run left it.
+    `onward` must contain every step. `assembly` is as the run left it, and is not written to.
     """
     normals, names = _normals(assembly, onward), []
     for c, name in enumerate(assembly.contact_names):

@@ -127,7 +127,7 @@ class ObjectStore:
             self._put(path, content, mode="create")
         except FileExistsError:
             return False
-        # of a file system or a server that does not know the condition
+        # this file system, or this server, cannot write a file on condition that there is none
         except (NotImplementedError, ValueError, OSError) as error:
             if isinstance(error, OSError) and error.errno != errno.ENOSYS:
                 raise

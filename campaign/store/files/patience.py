@@ -13,9 +13,9 @@ logger = logging.getLogger(__name__)
 class Patience:
     """How long an operation is tried again after a fault that may pass."""
 
-    seconds: float  # from the first fault to the last attempt; 0 for one attempt only
-    first: float = 0.5  # [s] pause between attempts; each one is twice as long as the one before
-    longest: float = 10.0  # [s] pause
+    seconds: float  # [s] from the first fault to the last attempt; 0 for one attempt only
+    first: float = 0.5  # [s] the first pause between attempts; each is twice as long as the one before
+    longest: float = 10.0  # [s] the longest pause
     answer: float = 60.0  # [s] that an attempt waits for a server, besides the time that the bytes of a file take
 
     def pauses(self) -> Iterator[float]:
