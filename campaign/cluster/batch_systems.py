@@ -37,12 +37,8 @@ _NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload",
 def batch_jobs(cluster: Cluster) -> Iterator[Client]:
     """Start a scheduler in this process and workers as jobs; yield a client to them, and cancel the jobs at the end.
 
-    Raises
-    ------
-    SpecError
-        If the package is missing, or its configuration lacks a required setting.
-    UnreachableError
-        If the batch system refuses the jobs, or its commands are not on this machine.
+    Raises SpecError if the package is missing, or its configuration lacks a required setting; UnreachableError if the
+    batch system refuses the jobs, or its commands are not on this machine.
     """
     with job_certificates(cluster) as certificates, scratch_folder() as scratch:
         with dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}), interrupts_held():
@@ -158,12 +154,8 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     It is deleted at the end if it was created here, unless ``kubernetes.shutdown-on-close`` is false. The address is
     valid only inside Kubernetes, so the coordinator must run there too.
 
-    Raises
-    ------
-    SpecError
-        If the package or certificates are missing, or the configuration names no manifest.
-    UnreachableError
-        If Kubernetes does not answer, or refuses the request.
+    Raises SpecError if the package or certificates are missing, or the configuration names no manifest;
+    UnreachableError if Kubernetes does not answer, or refuses the request.
     """
     _package("dask_kubernetes", "kubernetes", "kubernetes")
     kr8s, httpx = (_package(name, "kubernetes", "kubernetes") for name in ("kr8s", "httpx"))
@@ -203,7 +195,7 @@ def _manifest() -> Any:
     yaml = importlib.import_module("yaml")
     try:
         manifest = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
-        manifest["spec"]["worker"]["replicas"] += 0
+        manifest["spec"]["worker"]["replicas"] += 0  # an error unless it is a number
     except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
         raise SpecError(f"{key} {given}: not the manifest of one DaskCluster ({error})") from error
     return manifest

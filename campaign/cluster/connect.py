@@ -35,10 +35,7 @@ PODS_WITHIN = 300.0  # s; images may have to be fetched first
 def check_cluster(cluster: Cluster) -> None:
     """Refuse options that contradict each other or allow unencrypted traffic, before any work is done.
 
-    Raises
-    ------
-    SpecError
-        If the options are refused; the message names the option and says what to write instead.
+    Raises SpecError, which names the option and says what to write instead.
     """
     if cluster.kind not in KINDS:
         raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
@@ -63,13 +60,9 @@ def connect(cluster: Cluster) -> Iterator[Client]:
     Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
     is lost, the block can be left as usual, and another call connects again.
 
-    Raises
-    ------
-    SpecError
-        If the options contradict each other, a TLS file is missing, unreadable or invalid, or traffic beyond this
-        machine would be unencrypted.
-    UnreachableError
-        If no scheduler answers in time, or either side rejects the other's certificate.
+    Raises SpecError if the options contradict each other, a TLS file is missing, unreadable or invalid, or traffic
+    beyond this machine would be unencrypted; UnreachableError if no scheduler answers in time, or either side rejects
+    the other's certificate.
     """
     check_cluster(cluster)
     if cluster.scheduler is not None:
@@ -108,10 +101,7 @@ def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
 def client_at(address: str, with_security: Security | None, within: float | None = None) -> Iterator[Client]:
     """Yield a client to the scheduler at an address, waiting for it at most ``within`` seconds.
 
-    Raises
-    ------
-    UnreachableError
-        If it does not answer in time, or either side rejects the other's certificate.
+    Raises UnreachableError if it does not answer in time, or either side rejects the other's certificate.
     """
     within = within or REACHED_WITHIN
     with dask.config.set(SETTINGS), silence_logging_cmgr(logging.CRITICAL):

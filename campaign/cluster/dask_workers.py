@@ -36,14 +36,9 @@ def connect_workers(cluster: Cluster) -> Iterator[Workers]:
 
 
 class DaskWorkers:
-    """The workers that a dask client reaches; see `campaign.cluster.workers.Workers`.
+    """The workers that a dask client reaches, which is not closed here; see `campaign.cluster.workers.Workers`.
 
-    Parameters
-    ----------
-    client : Client
-        A client connected to the scheduler; it is not closed here.
-    started_here : bool
-        Whether the workers are processes of this machine; if all of these are gone, no one else starts new ones.
+    If workers that were ``started_here``, as processes of this machine, are all gone, no one else starts new ones.
     """
 
     def __init__(self, client: Client, *, started_here: bool = False) -> None:
@@ -169,6 +164,7 @@ class DaskWorkers:
     def _finish(self, future: Future[Any], task: "distributed.Future[Any]") -> None:
         """Give a future the result or the error of a dask task."""
         if task.status == "cancelled":
+            # not by this class, whose `cancel` forgets its calls: dask cancels them when the connection is lost
             raise SchedulerLost("connection closed")
         try:
             future.set_result(task.result(timeout=ANSWERS_WITHIN))

@@ -13,10 +13,7 @@ from campaign.cluster.workers import Workers
 class EarlyWorkers:
     """A context that starts workers early, in a thread, for the first `connect`, and ends them at its exit.
 
-    Parameters
-    ----------
-    cluster : Cluster
-        Where to compute. Only processes of this machine start early; other workers are connected when needed.
+    Only processes of this machine start early; other workers are connected when needed.
     """
 
     def __init__(self, cluster: Cluster) -> None:

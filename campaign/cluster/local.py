@@ -31,7 +31,7 @@ STARTS_WITHIN = 120.0  # s for a worker to start, on a machine that starts many 
 # Keys are dotted, because setting a whole table would replace it. Independent tasks need neither stealing nor
 # rebalancing, and results are counts, which never need spilling to disk.
 SETTINGS = {
-    "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.allowed-failures": 0,  # the coordinator repeats a batch that ends its worker, isolated
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
     "distributed.scheduler.worker-ttl": None,  # would take a machine that slept for a hanging worker; see `silence`
@@ -76,17 +76,8 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
     Each worker and this process may use an equal share of the machine's memory. A worker that takes more is restarted,
     and its batch counts as one that killed its worker.
 
-    Parameters
-    ----------
-    workers : int
-        Number of processes.
-    security : Security or None
-        Certificates; None for new ones that exist only during the run.
-
-    Raises
-    ------
-    UnreachableError
-        If the workers fail to start several times in a row.
+    ``security`` None makes new certificates that exist only during the run. Raises UnreachableError if the workers fail
+    to start several times in a row.
     """
     security = security or passing_security()
     settings = {**SETTINGS, **CLOSED, **LOADED_AHEAD}

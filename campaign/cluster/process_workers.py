@@ -22,13 +22,7 @@ Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
 
 @contextmanager
 def process_workers(count: int) -> Iterator["ProcessWorkers"]:
-    """Yield workers that are processes of this machine; they end with the block.
-
-    Parameters
-    ----------
-    count : int
-        Number of processes; each is started when it is first needed.
-    """
+    """Yield up to ``count`` processes of this machine, each started when first needed; they end with the block."""
     workers = ProcessWorkers(count)
     try:
         yield workers
@@ -55,6 +49,7 @@ class _Process:
         if self.running:
             self.process.kill()
         self.calls.close()
+        # an idle process ends when its pipe is closed; one that does not is killed
         self.process.join(ENDS_WITHIN)
         self.process.kill()
         self.process.join()
@@ -62,14 +57,9 @@ class _Process:
 
 
 class ProcessWorkers:
-    """Processes of this machine; see `campaign.cluster.workers.Workers`.
+    """Up to ``count`` processes of this machine; see `campaign.cluster.workers.Workers`.
 
     A process that dies is replaced by another.
-
-    Parameters
-    ----------
-    count : int
-        Number of processes.
     """
 
     name = "this machine"

@@ -22,10 +22,7 @@ PREFIX = "clearcap-scratch-"
 def scratch_folder() -> Iterator[Path]:
     """Make a folder of mode 0700 and yield it; remove it at the end, and folders of killed runs at the start.
 
-    Raises
-    ------
-    UnreachableError
-        If the folder cannot be made.
+    Raises UnreachableError if the folder cannot be made.
     """
     parent = Path(tempfile.gettempdir())
     _remove_abandoned(parent)

@@ -11,10 +11,7 @@ class Silence:
     A check adds at most twice the interval between checks: if a laptop sleeps or all processes of a campaign are
     stopped, there are no checks, and no worker is to blame.
 
-    Parameters
-    ----------
-    longest : float
-        Time without a heartbeat after which a worker is silent [s].
+    A worker is silent after ``longest`` seconds without a heartbeat.
     """
 
     def __init__(self, longest: float) -> None:
@@ -26,12 +23,8 @@ class Silence:
     def look(self, heartbeats: Mapping[str, float], now: float) -> list[str]:
         """Record the last heartbeat of each worker and return the silent workers, whose counts then start anew.
 
-        Parameters
-        ----------
-        heartbeats : mapping of str to float
-            Time of each worker's last heartbeat by the receiver's clock; it is only checked for changes.
-        now : float
-            This process's monotonic clock [s].
+        The times of heartbeats are by the receiver's clock and only checked for changes; ``now`` is this process's
+        monotonic clock [s].
         """
         passed = 0.0 if self._looked_at is None else min(now - self._looked_at, 2.0 * LOOK_INTERVAL)
         self._looked_at = now

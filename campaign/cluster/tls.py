@@ -39,10 +39,7 @@ class Tls:
 def security(tls: Tls | None) -> Security | None:
     """Return checked certificates for dask: the given ones, or those of dask's configuration; None without either.
 
-    Raises
-    ------
-    SpecError
-        If a file is missing, unreadable or invalid, or if other users can read the private key.
+    Raises SpecError if a file is missing, unreadable or invalid, or if other users can read the private key.
     """
     tls = tls or configured()
     if tls is None:

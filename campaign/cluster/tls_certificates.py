@@ -32,26 +32,11 @@ class _Authority:
 
 
 def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dict[str, Path]:
-    """Write the certificates of a new authority for scheduler, workers and clients.
+    """Write the certificates of a new authority for scheduler, workers and clients; return the paths by file name.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the files; made with mode 0700 if it does not exist.
-    days : int
-        Validity of the certificates [days], 1 to 825.
-    hosts : sequence of str
-        Names or addresses of the scheduler, for tools that check them; dask does not.
-
-    Returns
-    -------
-    dict
-        Path by file name: ``ca.pem``, and for each role a certificate ``.pem`` and a private key ``.key`` of mode 0600.
-
-    Raises
-    ------
-    SpecError
-        If the days are out of range, one of the files exists, or the folder cannot be written. No file is replaced.
+    There are ``ca.pem``, and for each role a certificate ``.pem`` and a private key ``.key`` of mode 0600, valid for 1
+    to 825 days. ``hosts`` names the scheduler for tools that check names; dask does not. Raises SpecError if the days
+    are out of range, one of the files exists, or the folder cannot be written; no file is replaced.
     """
     if not 1 <= days <= LONGEST:
         raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")

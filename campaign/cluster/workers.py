@@ -32,58 +32,21 @@ class Workers(Protocol):
         """Name of the place of the workers in messages."""
 
     def count(self) -> int:
-        """Return the number of workers.
-
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is lost.
-        """
+        """Return the number of workers; raise SchedulerLost if the connection to them is lost."""
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Have a worker call a function.
+        """Have a worker call a module-level function, found there by its name, with small values that can be pickled.
 
-        Parameters
-        ----------
-        key : str
-            Name of the call on a scheduler's own pages.
-        function : callable
-            A module-level function; workers find it by its name.
-        *arguments
-            Small values that can be pickled.
-
-        Returns
-        -------
-        Future
-            Unfinished; `next_finished` returns it when it is finished.
-
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is gone.
-        NoWorkerLeft
-            If every worker is refused.
+        ``key`` is the name of the call on a scheduler's own pages. `next_finished` returns the future when it is
+        finished. Raises SchedulerLost if the connection to the workers is gone, NoWorkerLeft if every worker is
+        refused.
         """
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
-        """Wait for a call to finish and return it.
+        """Wait for a call to finish and return it; None if none finished within ``timeout`` [s], or none is in flight.
 
-        Parameters
-        ----------
-        timeout : float or None
-            How long to wait [s]; None to wait without limit.
-
-        Returns
-        -------
-        Future or None
-            None if no call finished in time, or none is in flight.
-
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is gone.
-        NoWorkerLeft
-            If calls are waiting and every worker is refused.
+        ``timeout`` None waits without limit. Raises SchedulerLost if the connection to the workers is gone,
+        NoWorkerLeft if calls are waiting and every worker is refused.
         """
 
     def refuse(self, call: Future[Any]) -> str:

@@ -7,13 +7,7 @@ PAUSES = (0.5, 15.0)  # s; the first and the longest pause; each is twice as lon
 
 
 class Backoff:
-    """Count successive failures and wait after each.
-
-    Attributes
-    ----------
-    failures : int
-        Number of failures since the last success.
-    """
+    """Count successive failures and wait after each."""
 
     def __init__(self) -> None:
         self.failures = 0
@@ -25,6 +19,7 @@ class Backoff:
     def wait(self) -> None:
         """Wait for the pause that the number of failures determines."""
         first, longest = PAUSES
+        # 20 doublings are far beyond the longest pause; an unlimited power would overflow in the end
         time.sleep(min(first * 2.0 ** min(self.failures - 1, 20), longest))
 
     def reset(self) -> None:

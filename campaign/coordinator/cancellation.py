@@ -7,28 +7,14 @@ from campaign.store.layout import CANCEL
 
 
 def cancel_campaign(store: Store, campaign_id: str) -> str:
-    """End a campaign: unfinished runs are abandoned, finished rows stay.
+    """End a campaign, unless it is ``completed``, and return its previous state.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    campaign_id : str
-        Its full id.
-
-    Returns
-    -------
-    str
-        The previous state; if it is ``completed``, nothing is done.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be written.
+    Unfinished runs are abandoned, finished rows stay. Raises StoreError if the store cannot be written.
     """
     before = str(state_of(store, campaign_id)["state"])
     if before != "completed":
         store.files.write(f"{campaign_id}/{CANCEL}", b"")
+        # otherwise its coordinator finds the marker and writes the state
         if not is_coordinated(store, campaign_id):
             write_state(store, campaign_id, "cancelled")
     return before

@@ -22,10 +22,7 @@ def compile_first(workers: Workers) -> None:
     If the engine is already compiled, nothing is done: every worker loads it with its first batch, all at the same
     time.
 
-    Raises
-    ------
-    UnreachableError
-        If several workers in a row die while they compile or load the engine.
+    Raises UnreachableError if several workers in a row die while they compile or load the engine.
     """
     for attempt in range(1, ATTEMPTS + 1):
         try:

@@ -27,30 +27,14 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a completed campaign.
-
-    Attributes
-    ----------
-    plan : Plan
-        The campaign.
-    survey : Survey
-        The parts and rows that the store holds.
-    samples : int
-        Number of samples: the planned number, or fewer if the stopping rule ended the campaign.
-    computed : int
-        Number of rows that this call computed; the store already had the others.
-    wall_s : float
-        How long the call took [s].
-    verdict : Verdict or None
-        Last verdict of the stopping rule in this call; None if it was not evaluated.
-    """
+    """The result of a completed campaign."""
 
     plan: Plan
-    survey: Survey
-    samples: int
-    computed: int
-    wall_s: float
-    verdict: Verdict | None = None
+    survey: Survey  # of the store at the end
+    samples: int  # as planned, or fewer if the stopping rule ended the campaign
+    computed: int  # rows that this call computed; the store already had the others
+    wall_s: float  # of the call [s]
+    verdict: Verdict | None = None  # the last one of the stopping rule in this call; None if it was not evaluated
 
 
 def coordinate(
@@ -64,48 +48,11 @@ def coordinate(
     report_due: bool = False,
     connect: Callable[[Cluster], AbstractContextManager[Workers]] | None = None,
 ) -> Outcome:
-    """Compute the missing rows of a campaign.
+    """Compute the missing rows of a campaign; at the end there is a row for every sample.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the plan and takes the rows.
-    plan : Plan
-        The campaign.
-    cluster : Cluster
-        Where to compute.
-    show : callable
-        Called every two seconds with a heartbeat.
-    simulate : callable
-        `engine.simulate`, or a function with the same parameters to use instead.
-    is_served : bool
-        Whether a service computes the campaign; in that case Ctrl-C ends the service and leaves the campaign open for
-        the next one.
-    report_due : bool
-        Whether to leave the campaign open at its end, because a service still has to write the report and might be
-        killed before.
-    connect : callable, optional
-        Function that connects to the cluster, in place of `campaign.cluster.dask_workers.connect_workers`.
-
-    Returns
-    -------
-    Outcome
-        The completed campaign, with a row for every sample.
-
-    Raises
-    ------
-    LeaseHeld, LeaseLost
-        If another process coordinates the campaign.
-    Cancelled
-        If the campaign is cancelled.
-    WrongBuild
-        If rows are missing and the campaign is planned for another build of clearcap.
-    TooManyFailed
-        If more runs fail than the campaign's policy allows.
-    StoreError, UnreachableError
-        If the store or the cluster keeps failing; stored rows stay.
-    KeyboardInterrupt
-        On Ctrl-C; coordinating the campaign again continues from there.
+    A service that computes it (``is_served``) leaves it open for the next one if Ctrl-C ends it, and at its end too if
+    it still has to write the report (``report_due``). Raises LeaseHeld or LeaseLost, Cancelled, WrongBuild if rows are
+    missing, TooManyFailed, StoreError or UnreachableError; stored rows stay, and another call continues from there.
     """
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
@@ -132,6 +79,7 @@ def _ready_workers(
 ) -> Iterator[Workers]:
     """Connect to the workers; on this machine, one worker compiles the engine first and the others load the result."""
     if cluster.starts_here:
+        # before workers are started; those elsewhere check their own build with each batch
         check_build(plan.campaign_id, plan.row_build)
     with connect(cluster) as workers:
         if cluster.starts_here and simulated is simulate:

@@ -55,27 +55,7 @@ Connect = Callable[[], AbstractContextManager[Workers]]
 class Coordinator:
     """Compute the missing batches of a campaign on workers, and publish its progress.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the plan and takes the rows.
-    plan : Plan
-        The campaign.
-    token : str
-        Token of the lease that this process holds.
-    show : callable
-        Called with each heartbeat.
-    simulate : callable
-        `engine.simulate`, or a function with the same parameters to use instead.
-
-    Attributes
-    ----------
-    queue : WorkQueue
-        The batches to compute, with the repeats of their samples, and the parts of completed batches.
-    progress : Progress
-        Counts and moments of the rows.
-    checkpoints : Checkpoints
-        The checkpoints of the stopping rule, and its last verdict.
+    ``token`` is that of the lease that this process holds; ``show`` is called with each heartbeat.
     """
 
     def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
@@ -83,8 +63,10 @@ class Coordinator:
         self.repeats = repeat_plans(store, plan)
         self.address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
         self.show = show
+        # every file is read: only an intact part makes a batch done, and damage may keep the size of a file
         survey = self._survey(verify=True)
         self.progress = Progress(store, plan, survey)
+        # after the progress, whose numbers of repeats this sets
         self.queue = self._queue_missing(survey.parts)
         self.checkpoints = Checkpoints(store, plan)
         self._token = token
@@ -96,17 +78,11 @@ class Coordinator:
     def run(self, connect: Connect) -> None:
         """Compute until the store has all batches; parts damaged in the meantime are computed again.
 
-        Parameters
-        ----------
-        connect : callable
-            Returns a context manager that yields workers; called again if the scheduler is lost.
-
-        Raises
-        ------
-        LeaseLost, Cancelled, TooManyFailed, StoreError, UnreachableError, CampaignError
-            If the campaign ends early; see `campaign.coordinator.coordinate.coordinate`.
+        ``connect`` is called again if the scheduler is lost. Raises what `campaign.coordinator.coordinate.coordinate`
+        raises if the campaign ends early.
         """
         self._stop_at_checkpoint()
+        # each round ends with reading all files again; on a disk that keeps damaging them, no round would be the last
         for _ in range(TRIES):
             if not self.queue:
                 break
@@ -121,22 +97,20 @@ class Coordinator:
         check_lease(self.store, self.plan.campaign_id, self._token)
         self.store.record(self.plan, self.queue.parts.values())
         for name in (self.plan.campaign_id, *map(folder, (self.plan, *self.repeats))):
-            self.store.files.sweep(name)
+            self.store.files.sweep(name)  # temporary files of killed workers
 
     def compute(self, workers: Workers) -> None:
         """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
 
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is lost.
-        LeaseLost, Cancelled, TooManyFailed, StoreError, CampaignError
-            If the campaign ends early.
+        Raises SchedulerLost if the connection to the workers is lost; LeaseLost, Cancelled, TooManyFailed, StoreError
+        or CampaignError if the campaign ends early.
         """
         window = Window(workers, self.address)
         next_check = time.monotonic()
         try:
             while True:
+                # enough batches beyond the checkpoint to keep all workers busy; more would be lost if the campaign ends
+                # there
                 self.checkpoints.limit(self.queue, window.size)
                 window.fill(self.queue)
                 if not window:
@@ -151,7 +125,7 @@ class Coordinator:
                 if self._stop_at_checkpoint():
                     return
         finally:
-            workers.cancel()
+            workers.cancel()  # however it ended, nobody waits for the calls in flight any more
 
     def publish_heartbeat(self, state: str, store: Store | None = None) -> None:
         """Show the progress of the campaign and write it into the store."""
@@ -206,6 +180,7 @@ class Coordinator:
             raise Cancelled(
                 f"campaign {campaign_id} is cancelled; continue it with: {store.command('resume', campaign_id)}"
             )
+        # before the heartbeat, which would replace that of a process that has taken over
         check_lease(store, campaign_id, self._token)
         self.publish_heartbeat("running", store)
         if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
@@ -244,6 +219,7 @@ class Coordinator:
             if result.part is not None:
                 self.queue.complete(result.part)
             self.progress.add(result)
+        # the slowest one: no call shall take longer than `CALL_SECONDS`
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
         check_failures(self.store, self.plan, self.progress)
 
@@ -252,6 +228,7 @@ class Coordinator:
         if not self.checkpoints.reached_end(self.queue):
             return False
         self.queue = self._queue_missing(self.queue.parts)
+        # the rows after the end, which were computed ahead, no longer count
         self.progress.recount(self.store, self.store.survey(self.plan))
         return True
 
@@ -265,6 +242,7 @@ class Coordinator:
                 moments_of = moments(rows, self.plan.mechanism.responses)
                 self.progress.add(BatchResult(survey.parts[batch], moments_of, computed=False))
         else:
+            # rows were lost, and moments can only be added to
             self.progress.recount(self.store, survey)
         self.queue = self._queue_missing(survey.parts)
         self._stop_at_checkpoint()

@@ -15,20 +15,7 @@ def delete_campaign(store: Store, campaign_id: str) -> None:
     """Delete the folder of a campaign with all its content, or finish an interrupted deletion.
 
     If a process on another machine holds the lease, this takes up to ten seconds, plus the time to remove the files.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    campaign_id : str
-        Its full id.
-
-    Raises
-    ------
-    LeaseHeld
-        If another process is computing or deleting it.
-    StoreError
-        If it cannot be deleted.
+    Raises LeaseHeld if another process is computing or deleting it, StoreError if it cannot be deleted.
     """
     with hold_lease(store, campaign_id) as token:
         _remove_all(store, campaign_id, token)

@@ -23,19 +23,7 @@ WARN_AFTER = 60.0  # s without a worker
 class Window:
     """The calls in flight, in a limited number so that a lost worker or a cancelled campaign costs little.
 
-    Parameters
-    ----------
-    workers : Workers
-        The workers that compute the batches.
-    address : CampaignAddress
-        The campaign.
-
-    Attributes
-    ----------
-    worker_count : int
-        Number of workers when last counted.
-    batch_seconds : float or None
-        How long one of the last batches took [s]; None before the first.
+    `batch_seconds` is how long one of the last batches took [s], None before the first.
     """
 
     def __init__(self, workers: Workers, address: CampaignAddress) -> None:
@@ -57,12 +45,7 @@ class Window:
     def fill(self, queue: WorkQueue) -> None:
         """Submit batches until the window is full or the queue hands out no more.
 
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is lost.
-        CampaignError
-            If every worker runs another build of clearcap.
+        Raises SchedulerLost if the connection to the workers is lost, CampaignError if every worker runs another build.
         """
         while len(self) < self.size and (requests := self._next_requests(queue)):
             key = f"batch-{requests[0].batch:06d}"
@@ -86,13 +69,7 @@ class Window:
         return self._workers.refuse(future)
 
     def count_workers(self) -> int:
-        """Count the workers; if there are none, warn every minute.
-
-        Raises
-        ------
-        SchedulerLost
-            If the connection to the workers is lost.
-        """
+        """Count the workers; if there are none, warn every minute. Raise SchedulerLost if the connection is lost."""
         self.worker_count = self._workers.count()
         now = time.monotonic()
         self._idle_since = None if self.worker_count else (self._idle_since or now)

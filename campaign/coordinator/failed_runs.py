@@ -16,24 +16,10 @@ class TooManyFailed(CampaignError):
 
 
 def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
-    """Raise if too many runs of a campaign have failed.
+    """Raise TooManyFailed, with the message of one failed run and what to do, if too many runs have failed.
 
     Without ``failures.max_failed`` that is the case if all of the first runs of a coordinator fail and no run at all is
     ok. So a campaign that is resumed nevertheless computes as many runs again.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the rows.
-    plan : Plan
-        The campaign.
-    progress : Progress
-        Counts of the rows.
-
-    Raises
-    ------
-    TooManyFailed
-        With the message of one failed run, and what to do.
     """
     policy, end = plan.spec.failures, progress.samples
     most = policy.most_failed(plan.spec.samples)
@@ -50,14 +36,9 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
 
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
-    """Return the message that too few stored runs of a campaign are ok; empty if enough are, or if there are no runs.
+    """Return the message that too few stored runs are ok; empty if enough are, or if there are no runs.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign, whose ``failures.min_ok`` is the least share of ok runs.
-    statuses : mapping of str to int
-        Number of stored runs by status.
+    ``failures.min_ok`` of the campaign is the least share of ok runs; ``statuses`` has the number of runs by status.
     """
     from reporting.ok_share import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does not need
 

@@ -16,34 +16,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Observation:
-    """One observation of a campaign; equal to an earlier one if it shows a follower nothing new.
+    """One observation of a campaign; equal to an earlier one if it shows a follower nothing new."""
 
-    Attributes
-    ----------
-    campaign : str
-        Id of the campaign.
-    state, message : str
-        State and message as in `state_of`; the state is ``gone`` if there is no plan, state or heartbeat.
-    since : float or None
-        When the state began [s since 1970].
-    is_open : bool
-        Whether a coordinator that serves the store would continue the campaign.
-    heartbeat : Heartbeat or None
-        The last heartbeat, with the state and the message above; None if there is none written by clearcap.
-    odd : str or None
-        Content of the files that clearcap never writes.
-    sign : SignOfLife or None
-        The coordinator's sign of life while the state is ``running``.
-    """
-
-    campaign: str
-    state: str
+    campaign: str  # its id
+    state: str  # as in `state_of`; ``gone`` if there is no plan, state or heartbeat
     message: str
-    since: float | None
-    is_open: bool
-    heartbeat: Heartbeat | None
-    odd: str | None
-    sign: SignOfLife | None = field(compare=False)
+    since: float | None  # when the state began [s since 1970]
+    is_open: bool  # whether a coordinator that serves the store would continue the campaign
+    heartbeat: Heartbeat | None  # the last one, with the state and the message above; None if clearcap wrote none
+    odd: str | None  # content of the files that clearcap never writes
+    sign: SignOfLife | None = field(compare=False)  # of the coordinator, while the state is ``running``
 
     @property
     def is_over(self) -> bool:
@@ -56,21 +38,9 @@ def observe(
 ) -> Observation:
     """Observe a campaign once, from at most four small files and without waiting, so that one poller can observe many.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign; use `Store.hasty` to avoid waiting for an unreachable store.
-    campaign_id : str
-        Its full id.
-    earlier : Observation, optional
-        The previous observation; judging a coordinator on another machine takes two.
-    now : float, optional
-        Time of a monotonic clock [s]; by default that of this process.
-
-    Raises
-    ------
-    StoreError
-        If a file cannot be read.
+    Use `Store.hasty` to avoid waiting for an unreachable store. Judging a coordinator on another machine takes the
+    ``earlier`` observation too. ``now`` is the time of a monotonic clock [s], None for that of this process. Raises
+    StoreError if a file cannot be read.
     """
     state, document = state_of(store, campaign_id), store.read_json(campaign_id, HEARTBEAT)
     written, sign = Heartbeat.from_json(document or {}), None
@@ -107,6 +77,7 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
         yield seen.heartbeat or replace(_before_first(store, campaign_id), state=seen.state, message=seen.message)
         if seen.is_over:
             return
+        # twice as often as heartbeats are written, so that none is missed
         time.sleep(HEARTBEAT_INTERVAL / 2)
 
 

@@ -19,63 +19,29 @@ RATE_WINDOW = 60.0  # s over which the rate of runs is averaged
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """The progress of a campaign.
+    """The progress of a campaign."""
 
-    Attributes
-    ----------
-    campaign : str
-        Id of the campaign.
-    state : str
-        ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``.
-    samples, done, ok, failed, left : int
-        Number of rows that are planned (or fewer, once the stopping rule ended the campaign), stored, stored with
-        status ``ok``, stored with another status, and still to be computed.
-    statuses : dict of str to int
-        Stored rows by status.
-    rate : float
-        Runs per second over the last minute.
-    eta_s : float or None
-        Remaining time at that rate [s]; None while the rate is unknown.
-    workers : int
-        Number of workers.
-    idle_s : float
-        Time since the last batch was completed, or since the start [s].
-    responses : dict
-        ``n``, ``mean``, ``std`` and ``cpk`` of the stored rows, by response.
-    token : str
-        Token of the coordinator's lease.
-    pid : int
-        Process id of the coordinator.
-    beat : int
-        Number of this heartbeat, from 1.
-    time : float
-        When it was written [s since 1970].
-    message : str
-        Details of the state; may be empty.
-    repeats, repeated : int
-        Number of samples to be repeated with half the step, and of those already repeated; not counted as rows.
-    """
-
-    campaign: str
-    state: str
-    samples: int
-    done: int
-    ok: int
-    failed: int
-    left: int
-    statuses: dict[str, int]
-    rate: float
-    eta_s: float | None
+    campaign: str  # its id
+    state: str  # ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``
+    samples: int  # rows that are planned, or fewer once the stopping rule ended the campaign
+    done: int  # stored rows
+    ok: int  # stored rows of this status
+    failed: int  # stored rows of any other status
+    left: int  # rows still to be computed
+    statuses: dict[str, int]  # stored rows by status
+    rate: float  # runs per second over the last minute
+    eta_s: float | None  # remaining time at that rate; None while the rate is unknown
     workers: int
-    idle_s: float = 0.0
+    idle_s: float = 0.0  # since the last batch was completed, or since the start
+    # ``n``, ``mean``, ``std``, ``cpk`` of the stored rows
     responses: dict[str, dict[str, float | None]] = field(default_factory=dict)
-    token: str = ""
-    pid: int = 0
-    beat: int = 0
-    time: float = 0.0
-    message: str = ""
-    repeats: int = 0
-    repeated: int = 0
+    token: str = ""  # of the coordinator's lease
+    pid: int = 0  # of the coordinator
+    beat: int = 0  # number of this heartbeat, from 1
+    time: float = 0.0  # when it was written [s since 1970]
+    message: str = ""  # details of the state; may be empty
+    repeats: int = 0  # samples to be repeated with half the step; not counted as rows
+    repeated: int = 0  # of these, those already repeated
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -122,29 +88,8 @@ def _is_number(value: object) -> bool:
 class Progress:
     """Counts and moments of the stored rows of a campaign, and the rate at which rows are computed.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the rows.
-    plan : Plan
-        The campaign.
-    survey : Survey
-        The parts and rows that the store holds at the start.
-
-    Attributes
-    ----------
-    statuses : Counter of str
-        Stored rows by status.
-    moments : dict of str to Moments
-        Moments of each response.
-    samples : int
-        Number of samples of the campaign; it decreases if the stopping rule ends the campaign.
-    computed : int
-        Number of rows computed since the start.
-    workers : int
-        Number of workers when last counted.
-    repeats, repeated : int
-        Number of samples to be repeated, and of those already repeated.
+    `computed` is the number of rows computed since the start; `samples` decreases if the stopping rule ends the
+    campaign.
     """
 
     def __init__(self, store: Store, plan: Plan, survey: Survey) -> None:
@@ -205,6 +150,7 @@ class Progress:
             left=left,
             statuses=dict(sorted(self.statuses.items())),
             rate=rate,
+            # none while only repeats are left: they take their time too, but are not counted in the rate
             eta_s=left / rate if rate and (left or self.repeated >= self.repeats) else None,
             workers=self.workers,
             idle_s=time.monotonic() - self._times[-1][0],

@@ -38,10 +38,7 @@ class LeaseLost(CampaignError):
 def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
     """Hold the lease of a campaign in the block; yield the token that identifies it.
 
-    Raises
-    ------
-    LeaseHeld
-        If a process that is alive holds it.
+    Raises LeaseHeld if a process that is alive holds it.
     """
     token = secrets.token_hex(8)
     try:  # an interrupt may come as soon as the lease is written, before it is known to be
@@ -64,12 +61,7 @@ def _give_back(store: Store, campaign_id: str, token: str) -> None:
 def beating(store: Store, folder: str) -> Iterator[None]:
     """Write a heartbeat every two seconds during the block, for a process that holds a lease and computes nothing.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the lease.
-    folder : str
-        Id of a campaign, or `campaign.store.layout.SERVICE`.
+    ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`.
     """
     over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.patience)
 
@@ -110,6 +102,7 @@ def take_lease(
             f"{_holding(store, campaign_id)} by process {other.get('pid')} on {other.get('name')};"
             f" {_remedy(store, campaign_id)}"
         )
+    # of several processes that replace a stale lease the last one has it, so each must look again after the others
     store.write_json(campaign_id, LEASE, mine)
     pause(RACE_WAIT)
     if lease_holder(store, campaign_id) != mine["token"]:
@@ -137,30 +130,19 @@ def lease_holder(store: Store, campaign_id: str) -> str | None:
 
 def check_lease(store: Store, campaign_id: str, token: str) -> None:
     """Raise `LeaseLost` if another process has taken the lease, for example after an outage of the store."""
+    # without a lease nobody else coordinates the campaign
     if lease_holder(store, campaign_id) not in (token, None):
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
 @dataclass(frozen=True)
 class SignOfLife:
-    """The observed signs of life of the process that holds a lease; pass it to the next check.
+    """The observed signs of life of the process that holds a lease; pass it to the next check."""
 
-    Attributes
-    ----------
-    token : str or None
-        Token of the lease; None if there is no lease.
-    heartbeat : dict or None
-        The last heartbeat, if it is needed to judge whether the process is alive.
-    seen_at : float
-        When the lease or this heartbeat was first seen, by this process's clock [s].
-    is_alive : bool or None
-        Whether the process is alive; None until there has been a new heartbeat or a long enough silence.
-    """
-
-    token: str | None
-    heartbeat: dict[str, Any] | None
-    seen_at: float
-    is_alive: bool | None
+    token: str | None  # of the lease; None if there is no lease
+    heartbeat: dict[str, Any] | None  # the last one, if it is needed to judge whether the process is alive
+    seen_at: float  # when the lease or this heartbeat was first seen, by this process's clock [s]
+    is_alive: bool | None  # None until there has been a new heartbeat or a long enough silence
 
 
 def judge_life(
@@ -168,22 +150,9 @@ def judge_life(
 ) -> SignOfLife:
     """Judge from this check and the previous one, without waiting, whether the process that holds a lease is alive.
 
-    Parameters
-    ----------
-    lease : dict or None
-        Content of the lease; None if there is none.
-    heartbeat : dict or None
-        Content of the heartbeat in the same folder.
-    earlier : SignOfLife or None
-        Result of the previous check; None at the first.
-    now : float
-        When both files were read, by a monotonic clock [s].
-
-    Returns
-    -------
-    SignOfLife
-        For a process on this machine the answer is known at once. A process elsewhere is alive if its heartbeat has
-        changed, and dead if it has been the same for `STALE_AFTER` seconds.
+    For a process on this machine the answer is known at once. A process elsewhere is alive if its heartbeat has
+    changed, and dead if it has been the same for `STALE_AFTER` seconds. ``earlier`` is the previous result, None at the
+    first check; ``now`` is when both files were read, by a monotonic clock [s].
     """
     if lease is None:
         return SignOfLife(None, None, now, False)
@@ -200,16 +169,8 @@ def judge_life(
 def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, now: float | None = None) -> SignOfLife:
     """Check the lease and the heartbeat in a folder once; see `judge_life`. This reads two files and does not wait.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds them; use `Store.hasty` to avoid waiting for an unreachable store.
-    folder : str
-        Id of a campaign, or `campaign.store.layout.SERVICE`.
-    earlier : SignOfLife, optional
-        Result of the previous check.
-    now : float, optional
-        Time of a monotonic clock [s]; by default that of this process.
+    ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`; ``now`` None means the monotonic clock of
+    this process. Use `Store.hasty` to avoid waiting for an unreachable store.
     """
     lease, heartbeat = store.read_json(folder, LEASE), store.read_json(folder, HEARTBEAT)
     return judge_life(lease, heartbeat, earlier, time.monotonic() if now is None else now)
@@ -260,7 +221,7 @@ def _started(pid: Any) -> str | None:
     """Return when a process started, in clock ticks since boot; None if it has ended or is a zombie."""
     try:
         fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
-        return None if fields[0] in "ZX" else fields[19]
+        return None if fields[0] in "ZX" else fields[19]  # fields 3 and 22 of proc(5): state, starttime
     except FileNotFoundError:
         return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
     except (OSError, ValueError, TypeError, IndexError, OverflowError):

@@ -27,30 +27,9 @@ def plan_campaign(
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; if the store already has its plan, return that one.
 
-    For a new campaign, each caution is logged as a warning (see `campaign.spec.campaign_cautions`), and so is each open
-    question of its file, which is a line that begins with ``#?``.
-
-    Parameters
-    ----------
-    campaign : Campaign, or a source that `load_campaign` accepts
-        What to compute.
-    url : str
-        Folder or URL of the store.
-    samples, seed : int, optional
-        Number of samples and seed, instead of those of the campaign.
-    batch_size : int, optional
-        Number of samples in a batch; see `campaign.coordinator.submit.submit`.
-    labels : LabelChange, optional
-        Owner and tags; see `campaign.coordinator.submit.submit`.
-    when_new : callable
-        Called as soon as the campaign is known to be valid and new, before any run.
-
-    Raises
-    ------
-    SpecError
-        If the campaign has faults, or the workers cannot reach the store.
-    StoreError
-        If the store cannot be written.
+    For a new campaign, ``when_new`` is called before any run, and each caution (`campaign.spec.campaign_cautions`) and
+    each open question of its file (a line that begins with ``#?``) is logged as a warning. Raises SpecError if the
+    campaign has faults, or the workers cannot reach the store; StoreError if the store cannot be written.
     """
     opened = open_store(url)
     if not opened.files.shared:
@@ -58,6 +37,7 @@ def plan_campaign(
             f"store {opened.url}: the workers cannot reach the memory of this process; name a folder or a URL"
         )
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
+    # before the trial runs of `submit`, which may take minutes
     opened.files.check_writable()
     if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
         when_new()

@@ -31,22 +31,12 @@ Counts = dict[str, int]
 
 @dataclass(frozen=True)
 class RerunResult:
-    """Rows that were computed again.
+    """Rows that were computed again."""
 
-    Attributes
-    ----------
-    samples : int
-        Number of rows.
-    before, after : dict of str to int
-        Number of rows by status, before and after.
-    repeats : dict of str to int
-        Number of repeats computed again, by status afterwards.
-    """
-
-    samples: int
-    before: Counts
-    after: Counts
-    repeats: Counts
+    samples: int  # number of rows
+    before: Counts  # number of rows by status
+    after: Counts  # the same afterwards
+    repeats: Counts  # number of repeats computed again, by status afterwards
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -76,38 +66,9 @@ def rerun(
 ) -> RerunResult:
     """Compute rows again in isolated subprocesses, and replace the parts of their batches.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the rows.
-    plan : Plan
-        The campaign.
-    samples : iterable of int
-        Numbers of the samples; each must have a row.
-    cluster : Cluster
-        Where to compute.
-    simulate : callable
-        `engine.simulate`, or a function with the same parameters to use instead.
-    repeated : iterable of int
-        Samples whose repeats are computed again, if the store has them.
-    begun : callable
-        Called once the campaign's lease is held and the workers are connected.
-
-    Returns
-    -------
-    RerunResult
-        Numbers of rows by status, before and after.
-
-    Raises
-    ------
-    SpecError
-        If a sample has no row yet.
-    WrongBuild
-        If the campaign is planned for another build of clearcap.
-    LeaseHeld
-        If a process coordinates the campaign.
-    WorkerDied, SchedulerLost, StoreError
-        If a worker, the cluster or the store fails; parts that have been replaced stay.
+    So are the repeats of the samples ``repeated`` that the store has. ``begun`` is called once the lease is held and
+    the workers are connected. Raises SpecError if a sample has no row yet, WrongBuild, LeaseHeld; WorkerDied,
+    SchedulerLost or StoreError if something fails: parts that have been replaced stay.
     """
     batches = _by_batch(store, plan, samples)
     address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
@@ -142,11 +103,8 @@ def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simula
     The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
     ok by then stay as they are.
 
-    Raises
-    ------
-    CampaignError
-        As in `rerun`. If another attempt may succeed, the request stays; otherwise it is removed, and the state says
-        why.
+    Raises what `rerun` raises: if another attempt may succeed, the request stays; otherwise it is removed, and the
+    state says why.
     """
     asked = rerun_request(store, plan.campaign_id)
     if asked is None:
@@ -172,17 +130,7 @@ def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simula
 
 
 def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) -> tuple[Counts, Counts]:
-    """Compute some rows of a batch again; return their numbers by status, before and after.
-
-    Parameters
-    ----------
-    address : CampaignAddress
-        The campaign.
-    batch : int
-        Batch number.
-    samples : tuple of int
-        Samples of the batch, in order.
-    """
+    """Compute some rows of a batch again, given in order; return their numbers by status, before and after."""
     store, plan = open_campaign(address)
     rows, counts = _replaced(store, plan, batch, samples, address)
     store.write_part(plan, batch, rows_to_table(plan, rows))

@@ -59,6 +59,7 @@ def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
     """Return everything in a plan's document that a row depends on, besides the number of its sample."""
     document = content.get("spec", {})
     spec = {key: value for key, value in document.items() if key not in IRRELEVANT}
+    # of this table only further attempts change a row; the other keys say when to stop and what a verdict needs
     spec["failures"] = document.get("failures", {}).get("retry", [])
     order = list(document.get("variables", {}))  # of columns, and of the dimensions of a sampler
     return [spec, order, *(content.get(key) for key in ("row_build", "mechanism_digest"))]

@@ -18,28 +18,10 @@ logger = logging.getLogger(__name__)
 
 
 def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bool = True) -> list[str]:
-    """Coordinate the queued campaigns of a store, and those whose coordinator died.
+    """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaigns.
-    cluster : Cluster
-        Where to compute.
-    once : bool
-        Whether to return when no campaign is queued, instead of waiting for more without end.
-    with_report : bool
-        Whether to write the report of each campaign at its end.
-
-    Returns
-    -------
-    list of str
-        Ids of the completed campaigns.
-
-    Raises
-    ------
-    LeaseHeld
-        If another process serves the store.
+    ``once`` returns when no campaign is queued, instead of waiting for more without end. Raises LeaseHeld if another
+    process serves the store.
     """
     completed: list[str] = []
     unreadable: dict[str, str] = {}
@@ -78,6 +60,7 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: b
     """Coordinate one campaign and write its report; a failure is logged and does not end the service."""
     try:
         plan = store.plan(campaign_id)
+        # first, so that the report has the new rows
         if again := rerun_requested(store, plan, cluster):
             logger.info("campaign %s: %d rows computed again: %s", campaign_id, again.samples, again.after)
         outcome = coordinate(store, plan, cluster, is_served=True, report_due=with_report)

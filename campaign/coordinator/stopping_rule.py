@@ -26,34 +26,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict of a stopping rule on the first samples.
+    """The verdict of a stopping rule on the first samples."""
 
-    Attributes
-    ----------
-    samples : int
-        Number of judged samples.
-    statistic : str
-        The statistic and its response, such as ``mean of FC-1``.
-    value : float or None
-        Value of the statistic; None if the rows do not define it.
-    low, high : float or None
-        Its confidence interval.
-    sure : bool
-        Whether the campaign may stop: the interval is narrow enough, and there are enough whole lots.
-    lots : int or None
-        Number of whole production lots among the samples; None without lots.
-    reason : str
-        Why there is no interval; may be empty.
-    """
-
-    samples: int
-    statistic: str
-    value: float | None
-    low: float | None
+    samples: int  # number of judged samples
+    statistic: str  # with its response, such as ``mean of FC-1``
+    value: float | None  # None if the rows do not define it
+    low: float | None  # end of its confidence interval; None if there is none
     high: float | None
-    sure: bool
-    lots: int | None = None
-    reason: str = ""
+    sure: bool  # whether the campaign may stop: a narrow enough interval, and enough whole lots
+    lots: int | None = None  # whole production lots among the samples; None without lots
+    reason: str = ""  # why there is no interval; may be empty
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -72,17 +54,7 @@ class Verdict:
 class Checkpoints:
     """The numbers of samples at which a campaign's stopping rule is evaluated, and its last verdict.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the rows.
-    plan : Plan
-        The campaign; without a stopping rule, or once it has stopped, there are no checkpoints.
-
-    Attributes
-    ----------
-    verdict : Verdict or None
-        Verdict at the last checkpoint; None before the first.
+    Without a rule, or once it has stopped the campaign, there are none. `verdict` is None before the first.
     """
 
     def __init__(self, store: Store, plan: Plan) -> None:
@@ -130,6 +102,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
         return Verdict(samples, name, None, None, None, sure=False, reason=reason)
     x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)
+    # with one more sample: it tells whether the last judged one ends its lot
     whole = None if lots is None else _whole(lots_of(plan, np.arange(samples + 1)))
     estimate, reason = _interval(rule, x, plan.spec.responses.get(rule.response, Response()), lots)
     if estimate is None:

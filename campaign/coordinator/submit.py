@@ -41,37 +41,17 @@ def submit(
 ) -> Plan:
     """Write the plan of a campaign into a store, or return the plan that the store already has.
 
-    Parameters
-    ----------
-    store : Store
-        The store to write the plan to.
-    campaign : Campaign
-        The campaign.
-    batch_size : int, optional
-        Number of samples in a batch of a new plan; by default, so many that a batch takes about ten seconds. An
-        existing plan keeps its batches.
-    simulate : callable
-        `engine.simulate`, or a function with the same parameters to use instead.
-    labels : LabelChange, optional
-        Owner and tags. By default a new campaign's owner is the user of this process. Identical campaigns of two people
-        are one campaign: its first owner stays, and a message says so; tags are added.
-    tries_runs : bool
-        Whether to estimate the time of a run from a few runs in a separate process, which may take minutes. If False,
-        nothing is simulated: the time is taken from runs of this mechanism in the store; without any, batches are
-        small.
-    by : str, optional
-        Who submits it; by default the user of this process.
-
-    Returns
-    -------
-    Plan
-        The plan in the store.
+    ``batch_size`` None makes a batch take about ten seconds, by the time of a few runs in a separate process (minutes),
+    or, without ``tries_runs``, of stored runs of this mechanism; without any, batches are small. ``by`` None is the
+    user of this process. The submitter owns a new campaign unless ``labels`` names an owner; one that the store has
+    keeps its owner, with a message, and gets the tags.
     """
     new, user = make_plan(campaign, batch_size), user_name() if by is None else by
     is_new = new.campaign_id not in store.campaigns()
     if not is_new:
         plan = store.plan(new.campaign_id)
     else:
+        # or its files, of an earlier campaign with this id, would be among those of the new one
         finish_deletion(store, new.campaign_id)
         seconds = None
         if batch_size is None and not batch_size_is_fixed(campaign.spec.samples):
@@ -80,6 +60,7 @@ def submit(
         store.create_json(plan.campaign_id, SUBMISSION, {"user": user, "time": time.time()})
     _label(store, plan, labels or LabelChange(), user, is_new=is_new)
     if is_new:
+        # before the campaign is queued: from then on a service may compute the same rows
         if reused := reuse_rows(store, plan):
             logger.info(
                 "%d rows are reused from a campaign that differs only in its number of samples or its limits", reused
@@ -110,22 +91,11 @@ def user_name() -> str:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The coordinator that computes a campaign.
+    """The coordinator that computes a campaign."""
 
-    Attributes
-    ----------
-    kind : str
-        ``service`` (a coordinator that serves the store), ``coordinator`` (one for this campaign alone), or ``none``
-        (the campaign waits for a service).
-    pid : int or None
-        Process id of a coordinator that was started for it.
-    log : str or None
-        Path of that coordinator's log.
-    """
-
-    kind: str
-    pid: int | None = None
-    log: str | None = None
+    kind: str  # ``service`` (it serves the store), ``coordinator`` (of this campaign alone), or ``none`` (it waits)
+    pid: int | None = None  # of a coordinator that was started for it
+    log: str | None = None  # path of that coordinator's log
 
     def text(self, store: Store) -> str:
         """Return the assignment in words."""
@@ -143,20 +113,11 @@ class Assignment:
 
 
 def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Assignment:
-    """Assign a coordinator to a campaign, and start one if needed.
+    """Assign a coordinator to a campaign, and start one if needed, with these options of ``clearcap coordinate``.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the plan.
-    plan : Plan
-        The campaign.
-    options : list of str
-        Options of ``clearcap coordinate`` if it is started here, which say where to compute.
-    queue_only : bool
-        Whether to leave the campaign to a coordinator that serves the store, now or later.
+    ``queue_only`` leaves the campaign to a coordinator that serves the store, now or later.
     """
-    store.remove(plan.campaign_id, CANCEL)
+    store.remove(plan.campaign_id, CANCEL)  # of an earlier cancellation
     if is_coordinated(store, plan.campaign_id):
         return Assignment("coordinator")
     if state_of(store, plan.campaign_id)["state"] != "completed" or store.survey(plan).missing:
@@ -175,22 +136,7 @@ def has_service(store: Store) -> bool:
 
 
 def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int, str]:
-    """Start ``clearcap coordinate`` in a process that outlives this one.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the plan.
-    plan : Plan
-        The campaign.
-    options : list of str
-        Options of the command, which say where to compute.
-
-    Returns
-    -------
-    (int, str)
-        Id of the process, and path of its log.
-    """
+    """Start ``clearcap coordinate`` in a process that outlives this one; return its id and the path of its log."""
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
     words = [sys.executable, "-P", "-m", "campaign", "coordinate", plan.campaign_id, *options]

@@ -12,23 +12,8 @@ from campaign.worker.messages import BatchRequest
 class WorkQueue:
     """Batches to compute, and up to which sample the campaign is complete.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    parts : mapping of int to Part
-        The parts that the store has, by batch number.
-    end : int
-        Number of samples to compute; later batches are left out.
-    unrepeated : set of int
-        Batches with a missing repeat.
-
-    Attributes
-    ----------
-    parts : dict of int to Part
-        The parts of the completed batches.
-    limit : int
-        Only batches below this number are handed out.
+    Batches beyond the first ``end`` samples are left out; ``unrepeated`` are those with a missing repeat. `parts` has
+    the parts of completed batches by number; only batches below `limit` are handed out.
     """
 
     def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
@@ -54,6 +39,7 @@ class WorkQueue:
 
     def requeue(self, requests: Sequence[BatchRequest]) -> None:
         """Put batches back at the front of the queue."""
+        # in front: behind a batch above the limit they would wait for a checkpoint that waits for them
         self._waiting.extendleft(reversed(requests))
 
     def complete(self, part: Part) -> None:

@@ -20,40 +20,20 @@ _PAGE_VALUES = 1  # field of such a head
 
 @dataclass(frozen=True)
 class ColumnChunk:
-    """A column of one row group, as the footer describes it.
+    """A column of one row group, as the footer describes it."""
 
-    Attributes
-    ----------
-    path : str
-        Name of the column, preceded by the names of its parents if it is nested.
-    rows, values : int
-        Number of rows of the group, and number of values of the column in it.
-    uncompressed : int
-        Size of its pages once decompressed [bytes].
-    begin, end : int
-        Where its pages lie in the file.
-    """
-
-    path: str
-    rows: int
-    values: int
-    uncompressed: int
-    begin: int
+    path: str  # name of the column, preceded by the names of its parents if it is nested
+    rows: int  # of the group
+    values: int  # of the column in the group
+    uncompressed: int  # size of its pages once decompressed [bytes]
+    begin: int  # offset of its pages in the file
     end: int
 
 
 def column_chunks(content: bytes) -> Iterator[ColumnChunk]:
     """Yield the column chunks of a Parquet file, group by group.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-
-    Raises
-    ------
-    ValueError
-        If its footer is malformed or too long.
+    Raises ValueError if its footer is malformed or too long.
     """
     length = int.from_bytes(content[-_TAIL : -_TAIL // 2], "little")
     if length > min(LARGEST_FOOTER, len(content) - _TAIL):
@@ -81,6 +61,7 @@ def _chunk(column: Any, rows: Any) -> ColumnChunk:
     if not all(isinstance(size, int) and size >= 0 for size in sizes) or not isinstance(path, list):
         raise ValueError("its footer lacks the size or the place of a column")
     names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else "" for name in path]
+    # the page of its dictionary, if there is one, comes before those of its values; an offset of 0 stands for none
     begin = min(at for at in (dictionary, sizes[-1]) if isinstance(at, int) and at > 0) if sizes[-1] else 0
     return ColumnChunk(".".join(names), rows, sizes[1], sizes[2], begin, begin + sizes[3])
 
@@ -88,10 +69,7 @@ def _chunk(column: Any, rows: Any) -> ColumnChunk:
 def pages(content: bytes, chunk: ColumnChunk) -> Iterator[tuple[int, int]]:
     """Yield the decoded size [bytes] and the number of values that each page header of a column chunk states.
 
-    Raises
-    ------
-    ValueError
-        If a page has a malformed header.
+    Raises ValueError if a page has a malformed header.
     """
     at = chunk.begin
     while at < chunk.end:

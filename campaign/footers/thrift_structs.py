@@ -11,26 +11,10 @@ _LONG = 15  # in the head of a list: the length follows
 
 
 def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any], int]:
-    """Return the fields of a struct by number, and the offset of its end.
+    """Return the fields by number of a struct that begins at an offset, and the offset of its end.
 
-    Parameters
-    ----------
-    content : bytes
-        Bytes that hold the struct.
-    at : int
-        Offset at which it begins.
-    depth : int
-        Number of structs and lists that enclose it.
-
-    Returns
-    -------
-    (dict, int)
-        Integers as int, texts as bytes, structs as dict, lists as list; other values as None.
-
-    Raises
-    ------
-    ValueError
-        If the struct is malformed.
+    Integers are int, texts bytes, structs dict, lists list; other values are None. ``depth`` is the number of structs
+    and lists that enclose it. Raises ValueError if it is malformed.
     """
     if depth > DEEPEST:
         raise ValueError("a header is nested too deeply")
@@ -53,6 +37,8 @@ def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any]
 
 def _value(content: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
     """Return a value of a kind, and the offset of its end."""
+    # kinds of the compact protocol: 1 and 2 true and false, 3 a byte, 4 to 6 integers, 7 a double, 8 bytes, 9 a list,
+    # 12 a struct
     if kind in (1, 2, 3):  # one byte; in a list a Boolean takes one byte, too
         return None, at + 1
     if kind in (4, 5, 6):

@@ -18,11 +18,6 @@ def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
 
     Measured values that a variable draws again in any order must come from a stable process. A fixed step that the
     campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter steps are tried too.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        A campaign checked by `campaign.spec.load.load_campaign`.
     """
     mechanism, settings = _typical(campaign), campaign.spec.simulation
     yield from cautions(mechanism)

@@ -21,21 +21,9 @@ FORMATS = (".csv", ".parquet")
 
 
 def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[SpecFault]]:
-    """Replace the names of data files in a campaign by the columns of the files.
+    """Return a campaign with the columns of its data files in place of their names, and the faults of the files.
 
-    Parameters
-    ----------
-    raw : mapping
-        The campaign as read. It may have faults.
-    files : NamedFiles
-        The files that it names.
-
-    Returns
-    -------
-    dict
-        The campaign; a table whose file cannot be read is unchanged.
-    list of SpecFault
-        The faults of the files.
+    The campaign is as read, and may have other faults; a table whose file cannot be read is unchanged.
     """
     whole, faults = dict(raw), list[SpecFault]()
     variables, table = raw.get("variables"), raw.get("table")
@@ -64,20 +52,8 @@ def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str
 def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, list[float]]:
     """Return columns of numbers from a CSV or Parquet file, by name.
 
-    Parameters
-    ----------
-    files : NamedFiles
-        The files that the campaign names.
-    file : str
-        Name of the file to read.
-    names : list of str
-        The columns to read.
-
-    Raises
-    ------
-    SpecError
-        If the file cannot be read, lacks a column, has too many rows, or holds anything but finite numbers. The message
-        does not name the key.
+    Raises SpecError, which does not name the key, if the file cannot be read, lacks a column, has too many rows, or
+    holds anything but finite numbers.
     """
     import pyarrow as pa
 

@@ -23,22 +23,9 @@ BATCH = 65_536  # rows decoded at a time
 
 
 class CsvColumns:
-    """The columns of a CSV file.
+    """The columns in the content of a CSV file; `names` has the names of all.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-
-    Attributes
-    ----------
-    names : list of str
-        Names of all columns.
-
-    Raises
-    ------
-    SpecError
-        If there are too many rows or columns.
+    Raises SpecError if there are too many rows or columns.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -51,6 +38,7 @@ class CsvColumns:
         except csv.Error as error:
             raise SpecError(f"not csv: its first line cannot be read ({error}); correct the file") from error
         check_size(len(self.names), MOST_COLUMNS, "columns")
+        # lines end with \n, \r\n or \r; one more than rows, for the header
         check_size(max(content.count(b"\n"), content.count(b"\r")), MOST_ROWS + 1, "lines")
         self._content = content
 
@@ -64,27 +52,12 @@ class CsvColumns:
 
 
 class ParquetColumns:
-    """The columns of a Parquet file.
+    """The columns in the content of a Parquet file; `names` has the names of all.
 
     A page of a few bytes may decode to gigabytes. The sizes that the footer states are checked before anything is
-    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`.
-
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-
-    Attributes
-    ----------
-    names : list of str
-        Names of all columns.
-
-    Raises
-    ------
-    SpecError
-        If there are too many rows or columns.
-    pyarrow.ArrowException, OSError, ValueError
-        If the file is not Parquet, or is damaged.
+    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`. Raises SpecError if
+    there are too many rows or columns; pyarrow.ArrowException, OSError or ValueError if the file is not Parquet, or is
+    damaged.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -120,6 +93,7 @@ class ParquetColumns:
 def bounded_memory() -> Iterator[None]:
     """Make allocations in the block fail with MemoryError beyond the memory that decoding a data file may take."""
     try:
+        # data and stack [pages], see proc(5): what RLIMIT_DATA limits
         in_use = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
     except OSError:  # an operating system without /proc
         yield

@@ -34,15 +34,7 @@ class SpecFault(Fault):
 
 
 def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[SpecFault]:
-    """Return the faults that pydantic found, each once, at most `MOST_FAULTS` of them.
-
-    Parameters
-    ----------
-    error : ValidationError
-        The error that pydantic raised.
-    root : type of BaseModel
-        The model that was validated.
-    """
+    """Return the faults that pydantic found in a ``root``, each once, at most `MOST_FAULTS` of them."""
     found = (_fault(details, root) for details in error.errors(include_url=False)[: MOST_FAULTS + 1])
     return list({str(fault): fault for fault in found}.values())[:MOST_FAULTS]
 
@@ -76,6 +68,7 @@ def _with_its_key(text: str, root: type[BaseModel]) -> SpecFault:
         except ValueError:
             value = None
         keyed = fault(begins[1].split("."), value, begins[3])
+        # only if the message stays the same: a value may be written in another way than it is shown
         if str(keyed) == str(fault((), None, text)):
             return keyed
     return fault((), None, text)

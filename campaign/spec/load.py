@@ -143,6 +143,7 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
         name = raw.get("mechanism")
         mechanism = files.mechanism(name) if isinstance(name, str) and name else None
         key, preset = "preset", raw.get("preset")
+        # read before the bench, on which a mechanism has no presets; set after it, as it may bring the keys
         values = mechanism.preset(preset) if mechanism and isinstance(preset, str) else {}
         key, bench = "bench", raw.get("bench")
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
@@ -160,14 +161,9 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
 
 
 def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield a fault for each contradiction between a campaign and its mechanism.
+    """Yield a fault for each contradiction between a campaign, as read, and its mechanism.
 
-    Parameters
-    ----------
-    raw : mapping
-        The campaign as read. It may have other faults; only tables that are valid by themselves are checked.
-    mechanism : Mechanism
-        The mechanism of the campaign.
+    The campaign may have other faults; only tables that are valid by themselves are checked.
     """
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)

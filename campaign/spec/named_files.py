@@ -33,13 +33,7 @@ class NamedFiles(Protocol):
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """Files by path, relative to a folder: all files that the user of this process may read.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder that relative paths start from.
-    """
+    """Files by path, relative to a folder: all files that the user of this process may read."""
 
     folder: Path
 
@@ -74,15 +68,8 @@ class FolderFiles:
 class GivenFiles:
     """Files given with the text of a campaign, which cannot name any others.
 
-    Parameters
-    ----------
-    contents : mapping of str to bytes
-        Content of each file by its name in the campaign, such as ``latch.toml`` or ``data/gaps.csv``.
-
-    Raises
-    ------
-    SpecError
-        If there are too many files, if they are too large, or if a name leads out of the campaign's folder.
+    They go by their names in the campaign, such as ``latch.toml`` or ``data/gaps.csv``. Raises SpecError if there are
+    too many files, if they are too large, or if a name leads out of the campaign's folder.
     """
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:

@@ -10,12 +10,9 @@ from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
 
 def campaign_questions(campaign: object) -> Iterator[str]:
-    """Yield the open questions of a campaign, each with its file and line.
+    """Yield the open questions of a campaign file, given by its path, each with its file and line.
 
-    Parameters
-    ----------
-    campaign : object
-        The path of a campaign file; anything else, such as a loaded campaign, has no open questions.
+    Anything else than a path, such as a loaded campaign, has no open questions.
     """
     if not isinstance(campaign, str | Path):
         return

@@ -17,17 +17,7 @@ _HEAD = """\
 
 
 def proposed_campaign(diameters: Iterable[Diameter], mechanism: str, name: str) -> str:
-    """Return the text of a campaign file.
-
-    Parameters
-    ----------
-    diameters : iterable of Diameter
-        Parameters of the mechanism file, with their limits.
-    mechanism : str
-        Path of the mechanism file, relative to the campaign file.
-    name : str
-        Name of the campaign.
-    """
+    """Return the text of a campaign file that varies diameters of a mechanism file, whose path is relative to it."""
     variables = {
         diameter.parameter: {
             "target": f"parameters.{diameter.parameter}",

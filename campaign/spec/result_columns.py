@@ -34,13 +34,7 @@ OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.
 
 
 def certificate_units(system: UnitSystem) -> dict[str, str]:
-    """Return the units of the numbers of a run's certificate that have one, by name; see `engine.Certificate`.
-
-    Parameters
-    ----------
-    system : str
-        The mechanism's unit system.
-    """
+    """Return the units of the numbers of a run's certificate that have one, by name; see `engine.Certificate`."""
     return {name: Quantity(quantity).unit(system) for name, quantity in _QUANTITIES.items()}
 
 
@@ -49,16 +43,8 @@ def results_schema(
 ) -> pa.Schema:
     """Return the schema of a campaign's table.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism, which defines the responses and all units.
-    targets : mapping of str to str
-        Key of the mechanism that each variable sets, by variable name.
-    campaign_id : str
-        Id of the campaign for the metadata, which show the campaign that a part belongs to.
-    of_sampler : tuple of str
-        Columns that the sampler adds.
+    ``targets`` has the key of the mechanism that each variable sets, ``of_sampler`` the columns that the sampler adds.
+    The id is for the metadata, which show the campaign that a part belongs to.
     """
     units = certificate_units(mechanism.units)
     fields = [

@@ -20,15 +20,11 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
 def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the faults of variables and their targets, one at a time.
+    """Yield the faults of the variables of a campaign, as read, and of their targets, one at a time.
 
-    Parameters
-    ----------
-    raw : mapping
-        The campaign as read. It may have other faults; only variables that are valid by themselves are checked.
-    mechanism : Mechanism
-        The mechanism of the campaign.
+    The campaign may have other faults; only variables that are valid by themselves are checked.
     """
+    # more variables are refused in any case: checking them too would only take time
     variables = dict(islice(_sound_variables(raw.get("variables")), MOST_VARIABLES))
     targets = {name: variable.target or name for name, variable in variables.items()}
     setters: dict[str, str] = {}  # full key -> name of the first variable that sets it

@@ -19,18 +19,11 @@ _IRRELEVANT = (HEARTBEAT, LOG)
 
 
 def change_token(store: Store, campaign_id: str) -> str | None:
-    """Return the token of one campaign; None if there is no such campaign.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    campaign_id : str
-        Its full id.
-    """
+    """Return the token of one campaign, given by its full id; None if there is no such campaign."""
     stamps = store.files.stamps(campaign_id)
     if PLAN not in stamps:
         return None
+    # a file written into a comparison changes the stamp of that comparison's own folder only
     if store.files.local and COMPARISONS in stamps:
         folder = f"{campaign_id}/{COMPARISONS}"
         stamps |= {f"{COMPARISONS}/{other}": stamp for other, stamp in store.files.stamps(folder).items()}

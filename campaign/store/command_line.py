@@ -12,17 +12,7 @@ if TYPE_CHECKING:
 
 
 def command_line(files: "Files", verb: str, *words: str) -> str:
-    """Return a complete command, including the store.
-
-    Parameters
-    ----------
-    files : Files
-        Files of the store.
-    verb : str
-        Verb of ``clearcap``.
-    *words : str
-        Its arguments and further options.
-    """
+    """Return a complete ``clearcap`` command on a store: verb, arguments and further options, and the store."""
     return shlex.join(["clearcap", verb, *words, *store_option(files)])
 
 

@@ -25,31 +25,18 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Compacted:
-    """Result of merging the parts of a campaign.
+    """Result of merging the parts of a campaign."""
 
-    Attributes
-    ----------
-    written : list of str
-        Merged files, relative to the folder of the parts.
-    removed : int
-        Number of files that they replace.
-    files : int
-        Number of sound files of rows after merging.
-    bad : dict of int to str
-        Batches in bad files, and what is wrong; these files stay as they are.
-    parts : dict of int to Part
-        Where the rows of each batch are now.
-    """
-
-    written: list[str]
-    removed: int
-    files: int
-    bad: dict[int, str]
-    parts: dict[int, Part]
+    written: list[str]  # merged files, relative to the folder of the parts
+    removed: int  # number of files that they replace
+    files: int  # number of sound files of rows after merging
+    bad: dict[int, str]  # what is wrong, by batch, with bad files, which stay as they are
+    parts: dict[int, Part]  # where the rows of each batch are now
 
 
 def compact(files: Files, plan: PlanHeader) -> Compacted:
     """Merge the parts of a campaign; see `Store.compact`."""
+    # all rows, also those after the end of a campaign that the stopping rule ended
     before = survey(files, plan, sum(plan.batches[-1]), verify=False)
     parts, written, removed = dict(before.parts), [], 0
     for run in runs(plan, before.parts):
@@ -64,6 +51,7 @@ def compact(files: Files, plan: PlanHeader) -> Compacted:
                 continue
             written.append(target)
             parts.update((part.batch, part) for part in merged)
+        # even if nothing was merged: an earlier call may have been killed before it removed what it had replaced
         if parts[run[0].batch].file == target:
             removed += _remove_replaced(files, plan, target)
     return Compacted(written, removed, len({part.file for part in parts.values()}), before.bad, parts)
@@ -74,6 +62,7 @@ def runs(plan: PlanHeader, parts: dict[int, Part]) -> Iterator[list[Part]]:
 
     def run_and_block(numbered: tuple[int, Part]) -> tuple[int, int]:
         position, part = numbered
+        # the difference stays the same along successive batches, and grows at a gap
         return part.batch - position, plan.batches[part.batch][0] // ROWS
 
     for _, group in groupby(enumerate(parts[batch] for batch in sorted(parts)), key=run_and_block):
@@ -105,6 +94,7 @@ def _remove_replaced(files: Files, plan: PlanHeader, target: str) -> int:
         if name == target or span is None or not first <= span[0] <= span[1] <= last:
             continue
         try:
+            # a bad file is left for the campaign, which quarantines it
             check_file(files, plan, name)
         except (FileNotFoundError, BadPart):
             continue

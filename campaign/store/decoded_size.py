@@ -12,19 +12,8 @@ MOST = 2**30  # bytes: thirty times what the largest merged file takes
 def check_decoded_size(content: bytes, stated: int, rows: int) -> None:
     """Check that a Parquet file has the expected number of rows in every column and does not decode to more than 1 GiB.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-    stated : int
-        Number of rows that its footer states.
-    rows : int
-        Number of rows that it must have.
-
-    Raises
-    ------
-    ValueError
-        If it does not, or if its footer or a page header is malformed; the message says what is wrong.
+    `stated` is the number of rows in its footer. Raises ValueError, which says what is wrong, if it does not or if its
+    footer or a page header is malformed.
     """
     if stated != rows:
         raise ValueError(f"its footer says {stated} rows in place of {rows}")

@@ -28,10 +28,7 @@ class StaleLabels(CampaignError):
 def read_labels(store: Store, campaign_id: str) -> Labels:
     """Return the labels of a campaign; empty ones of version 0 if it has none.
 
-    Raises
-    ------
-    StoreError
-        If they cannot be read, or were not written by clearcap.
+    Raises StoreError if they cannot be read, or were not written by clearcap.
     """
     return _newest(store, campaign_id, 0)
 
@@ -39,31 +36,13 @@ def read_labels(store: Store, campaign_id: str) -> Labels:
 def change_labels(
     store: Store, campaign_id: str, change: LabelChange, *, by: str = "", version: int | None = None
 ) -> Labels:
-    """Change the labels of a campaign and return the new ones.
+    """Change the labels of a campaign, given by its full id, and return the new ones; `by` is who changes them.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    campaign_id : str
-        Its full id.
-    change : LabelChange
-        The change.
-    by : str
-        Who makes the change.
-    version : int, optional
-        Version of the labels that the change was made for; the change is refused if they have another version by now.
-        Without it, the change applies to the current labels, whatever their version.
-
-    Raises
-    ------
-    StaleLabels
-        If the labels are of another version.
-    SpecError
-        If there is no such campaign, or it would have too many tags.
-    StoreError
-        If the labels cannot be read or written.
+    The change is refused with StaleLabels if the labels have another version by now than `version`; None applies it to
+    the current labels. Raises SpecError if there is no such campaign, or it would have too many tags; StoreError if the
+    labels cannot be read or written.
     """
+    # otherwise labels would bring back the folder of a campaign that was deleted
     if not store.files.exists(f"{campaign_id}/{PLAN}"):
         raise SpecError(f"store {store.url}: no campaign {campaign_id}; see: {store.command('list')}")
     at_least = 0

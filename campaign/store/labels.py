@@ -21,33 +21,15 @@ _HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # categories of characters that are in
 
 @dataclass(frozen=True)
 class Labels:
-    """The labels that people give a campaign.
+    """The labels that people give a campaign."""
 
-    Attributes
-    ----------
-    owner : str
-        The person responsible for it; empty if there is none.
-    tags : tuple of str
-        Tags in alphabetical order.
-    note : str
-        A text of any number of lines.
-    archived : bool
-        Whether lists leave the campaign out by default.
-    version : int
-        Number of the last change; 0 if there was none.
-    changed_by : str
-        Author of the last change.
-    changed_at : float
-        Time of the last change [s since 1970].
-    """
-
-    owner: str = ""
-    tags: tuple[str, ...] = ()
-    note: str = ""
-    archived: bool = False
-    version: int = 0
-    changed_by: str = ""
-    changed_at: float = 0.0
+    owner: str = ""  # the person responsible for it; empty if there is none
+    tags: tuple[str, ...] = ()  # in alphabetical order
+    note: str = ""  # any number of lines
+    archived: bool = False  # whether lists leave the campaign out by default
+    version: int = 0  # number of the last change; 0 if there was none
+    changed_by: str = ""  # author of the last change
+    changed_at: float = 0.0  # [s since 1970]
 
     def to_json(self) -> dict[str, Any]:
         """Return owner, tags, note, archived and version as plain data."""
@@ -60,13 +42,7 @@ class Labels:
 
     @classmethod
     def from_document(cls, document: dict[str, Any], version: int) -> "Labels":
-        """Return the labels in a document.
-
-        Raises
-        ------
-        ValueError
-            If the document does not have the form that the method `document` returns.
-        """
+        """Return the labels in a document; ValueError if it does not have the form that `document` returns."""
         try:
             tags, at = document["tags"], float(document["time"])
             labels = cls(
@@ -93,25 +69,13 @@ class Labels:
 class LabelChange:
     """A change of labels; anything that is None or not named stays as it is.
 
-    Attributes
-    ----------
-    owner, note : str, optional
-        New owner and note; empty to remove them.
-    add, remove : tuple of str
-        Tags to add and to remove.
-    archived : bool, optional
-        Whether lists leave the campaign out by default.
-
-    Raises
-    ------
-    SpecError
-        If a text is too long or contains characters that are not allowed.
+    Raises SpecError if a text is too long or contains characters that are not allowed.
     """
 
-    owner: str | None = None
+    owner: str | None = None  # empty to remove it
     add: tuple[str, ...] = ()
     remove: tuple[str, ...] = ()
-    note: str | None = None
+    note: str | None = None  # empty to remove it
     archived: bool | None = None
 
     def __post_init__(self) -> None:

@@ -28,18 +28,7 @@ def dump(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
 def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
     """Return the parts that a manifest names, by file.
 
-    Parameters
-    ----------
-    plan : PlanHeader
-        The campaign.
-    content : bytes
-        Content of the manifest.
-
-
-    Raises
-    ------
-    ValueError
-        If it is not a manifest of this plan, or was changed after it was written.
+    Raises ValueError if the content is not a manifest of this plan, or was changed after it was written.
     """
     document = json.loads(content)
     try:

@@ -21,26 +21,13 @@ class StaleMechanism(CampaignError):
 
 @dataclass(frozen=True)
 class SavedMechanism:
-    """One version of a saved mechanism.
-
-    Attributes
-    ----------
-    name : str
-    version : int
-        Version number, from 1.
-    text : str
-        Content of its TOML file.
-    by : str
-        Who saved it.
-    at : float
-        When it was saved [s since 1970].
-    """
+    """One version of a saved mechanism."""
 
     name: str
-    version: int
-    text: str
-    by: str
-    at: float
+    version: int  # from 1
+    text: str  # content of its TOML file
+    by: str  # who saved it
+    at: float  # [s since 1970]
 
 
 def saved_mechanisms(store: Store) -> dict[str, int]:
@@ -55,10 +42,7 @@ def saved_mechanisms(store: Store) -> dict[str, int]:
 def read_mechanism(store: Store, name: str, version: int | None = None) -> SavedMechanism | None:
     """Return a version of a mechanism, by default the newest; None if it does not exist.
 
-    Raises
-    ------
-    StoreError
-        If it cannot be read, or was not written by clearcap.
+    Raises StoreError if it cannot be read, or was not written by clearcap.
     """
     if not _NAME.fullmatch(name):
         return None
@@ -70,26 +54,10 @@ def read_mechanism(store: Store, name: str, version: int | None = None) -> Saved
 
 
 def save_mechanism(store: Store, name: str, text: str, by: str, version: int | None = None) -> SavedMechanism:
-    """Save a mechanism as a new version; earlier ones stay.
+    """Save a mechanism's file, which is not checked here, as a new version; earlier ones stay.
 
-    Parameters
-    ----------
-    store : Store
-    name : str
-        Letters, digits, ``_`` and ``-``, at most 64.
-    text : str
-        Content of its file; it is not checked here.
-    by : str
-        Who saves it.
-    version : int, optional
-        The newest version that its author has seen, 0 for none; saving is refused if there is a later one.
-
-    Raises
-    ------
-    SpecError
-        If the name is not allowed, or the text too long.
-    StaleMechanism
-        If there is a later version.
+    `version` is the newest one that its author has seen, 0 for none; saving is refused with StaleMechanism if there is
+    a later one. None saves it in any case. Raises SpecError if the name is not allowed, or the text too long.
     """
     if not _NAME.fullmatch(name):
         raise SpecError(f"name {name!r:.100}: not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first")

@@ -35,29 +35,14 @@ class BadPart(Exception):
 
 @dataclass(frozen=True)
 class Part:
-    """The rows of one batch in the store.
-
-    Attributes
-    ----------
-    batch : int
-        Batch number.
-    rows : int
-        Number of rows.
-    statuses : dict of str to int
-        Number of rows by status.
-    size : int
-        Size of the file that holds them [bytes].
-    sha256 : str
-        Digest in the seal of that file.
-    merged : tuple of (int, int) or None
-        First and last batch of the merged file that holds them; None if the batch has a file of its own.
-    """
+    """The rows of one batch in the store."""
 
     batch: int
     rows: int
-    statuses: dict[str, int]
-    size: int
-    sha256: str
+    statuses: dict[str, int]  # number of rows by status
+    size: int  # of the file that holds them [bytes]
+    sha256: str  # in the seal of that file
+    # first and last batch of the merged file that holds them; None if the batch has a file of its own
     merged: tuple[int, int] | None = None
 
     @property
@@ -94,21 +79,9 @@ def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
 
 
 def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
-    """Return the content of the file of batches ``first`` to ``last``.
+    """Return the content of the file of batches ``first`` to ``last`` from their rows, in the plan's columns.
 
-    Parameters
-    ----------
-    plan : PlanHeader
-        The campaign.
-    table : pyarrow.Table
-        The rows of these batches, in the plan's columns.
-    first, last : int
-        Batch numbers.
-
-    Raises
-    ------
-    ValueError
-        If these are not the rows of these batches.
+    Raises ValueError if these are not the rows of these batches.
     """
     import pyarrow.parquet as pq
 
@@ -128,6 +101,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
         writer.write_table(rows, row_group_size=ROW_GROUP)
         writer.add_key_value_metadata({SEAL: (_HEAD + _UNSEALED).decode() + '",' + json.dumps(seal)[1:]})
     content = buffer.getbuffer()
+    # the last one is the seal, which is in the footer: a text of the rows may hold these bytes too
     digest_at = bytes(content).rindex(_HEAD) + len(_HEAD)
     content[digest_at : digest_at + len(_UNSEALED)] = hashlib.sha256(content).hexdigest().encode()
     return bytes(content)
@@ -136,21 +110,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
 def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
     """Return the parts of batches ``first`` to ``last`` in the content of their file.
 
-    Parameters
-    ----------
-    plan : PlanHeader
-        The campaign.
-    content : bytes
-        Content of the file.
-    first, last : int
-        Batch numbers.
-    merged : bool
-        Whether it is a merged file.
-
-    Raises
-    ------
-    BadPart
-        If the file is truncated, damaged, or of another campaign.
+    Raises BadPart if the file is truncated, damaged, or of another campaign.
     """
     digest, seal = _seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
@@ -169,23 +129,10 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
 
 
 def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows in the content of a checked file.
+    """Return the rows in the content of a checked file: the columns in the given order, or all.
 
-    Parameters
-    ----------
-    plan : PlanHeader
-        The campaign.
-    content : bytes
-        Content of the file.
-    rows : int
-        Number of rows that it must have.
-    columns : sequence of str, optional
-        Columns to read, in this order; by default all.
-
-    Raises
-    ------
-    BadPart
-        If this version cannot read the rows, or if they would take more memory than a file of rows may.
+    ``rows`` is the number that it must have. Raises BadPart if this version cannot read them, or if they would take
+    more memory than a file of rows may.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -218,6 +165,7 @@ def _plain(table: "pa.Table") -> "pa.Table":
             for chunk in table[position].chunks:
                 lengths = pc.binary_length(chunk.dictionary).cast(pa.int64()).take(chunk.indices)
                 size += pc.sum(lengths).as_py() or 0
+            # each value of a dictionary is decoded as often as the rows refer to it, which the pages do not tell
             if size > MOST:
                 raise ValueError(f"it decodes to more than {MOST >> 20} MB")
             plain = pa.field(field.name, field.type.value_type, field.nullable, field.metadata)

@@ -20,34 +20,19 @@ MOST_SETS = 20
 
 @dataclass(frozen=True)
 class RepeatSurvey:
-    """The state of a campaign's repeats in a store.
+    """The state of a campaign's repeats in a store."""
 
-    Attributes
-    ----------
-    missing : frozenset of int
-        Batches of the campaign with a missing repeat; none beyond the end of its table.
-    bad : list of str
-        What is wrong with bad files.
-    statuses : dict of str to int
-        Number of repeats by status.
-    planned, done : int
-        Number of planned repeats, and of those that the store holds.
-    """
-
-    missing: frozenset[int]
-    bad: list[str]
-    statuses: dict[str, int]
+    missing: frozenset[int]  # batches of the campaign with a missing repeat; none beyond the end of its table
+    bad: list[str]  # what is wrong with bad files
+    statuses: dict[str, int]  # number of repeats by status
     planned: int
-    done: int
+    done: int  # of the planned ones, those that the store holds
 
 
 def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
     """Return the share of samples that a campaign's plan repeats, and the larger shares requested later.
 
-    Raises
-    ------
-    StoreError
-        If ``repeats.json`` holds anything but rising shares.
+    Raises StoreError if ``repeats.json`` holds anything but rising shares.
     """
     document = store.read_json(plan.campaign_id, REPEATS) or {"shares": []}
     added = document.get("shares")
@@ -78,16 +63,8 @@ def survey_repeats(
 ) -> RepeatSurvey:
     """Return the state of some sets of repeats in a store.
 
-    Parameters
-    ----------
-    store : Store
-        The store.
-    sets : sequence of RepeatPlan
-        The sets.
-    verify : bool
-        Read every file; see `Store.survey`.
-    mend : bool
-        Quarantine bad files, so that their rows are computed again, and write the manifests.
+    ``verify`` reads every file, see `Store.survey`. ``mend`` quarantines bad files, so that their rows are computed
+    again, and writes the manifests.
     """
     missing, bad, statuses = set[int](), list[str](), list[dict[str, int]]()
     for repeats in sets:
@@ -104,17 +81,7 @@ def survey_repeats(
 
 
 def read_repeats(store: Store, plan: PlanHeader, columns: Sequence[str] | None = None) -> "pa.Table | None":
-    """Return the repeats of a campaign that the store holds, set by set; None if no repeats are planned.
-
-    Parameters
-    ----------
-    store : Store
-        The store.
-    plan : PlanHeader
-        The campaign.
-    columns : sequence of str, optional
-        Columns to read; by default all.
-    """
+    """Return the repeats of a campaign that the store holds, set by set; None if no repeats are planned."""
     import pyarrow as pa
 
     sets = repeat_plans(store, plan)

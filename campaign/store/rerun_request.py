@@ -12,18 +12,10 @@ from campaign.store.store import Store
 
 @dataclass(frozen=True)
 class RerunRequest:
-    """Which failed rows to compute again.
+    """Which failed rows to compute again."""
 
-    Attributes
-    ----------
-    statuses : tuple of str
-        Statuses of the rows; empty for all failed rows.
-    by : str
-        Who requested it.
-    """
-
-    statuses: tuple[str, ...] = ()
-    by: str = ""
+    statuses: tuple[str, ...] = ()  # of the rows; empty for all failed rows
+    by: str = ""  # who requested it
 
 
 def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: str) -> None:
@@ -35,10 +27,7 @@ def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: s
 def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
     """Return the open request to compute rows again; None if there is none.
 
-    Raises
-    ------
-    StoreError
-        If the document cannot be read, or was not written by clearcap.
+    Raises StoreError if the document cannot be read, or was not written by clearcap.
     """
     document = store.read_json(campaign_id, RERUN)
     if document is None:

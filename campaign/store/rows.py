@@ -39,6 +39,7 @@ def read_batch(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
     reasons = []
     own_part = file_name(batch, batch)
     try:
+        # tried without a listing, which on a shared folder may lag behind its files
         return read_file(files, plan, own_part)
     except FileNotFoundError:
         pass

@@ -75,8 +75,10 @@ class Store:
 
             from campaign.plan import dump_spec
 
+            # before the plan: as soon as that is there, the store has the campaign
             self.files.write(f"{plan.campaign_id}/{CAMPAIGN_FILE}", tomli_w.dumps(dump_spec(plan.spec)).encode())
             self.files.create(name, plan.to_json().encode())
+        # read back: another process may have been first, with other batches
         return self.plan(plan.campaign_id)
 
     def plan(self, campaign_id: str) -> "Plan":

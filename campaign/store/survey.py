@@ -23,43 +23,21 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Survey:
-    """The parts and rows of a plan that a store holds.
+    """The parts and rows of a plan that a store holds."""
 
-    Attributes
-    ----------
-    parts : dict of int to Part
-        Sound parts, by batch.
-    missing : list of int
-        Batches whose rows the table still lacks; none beyond its end.
-    bad : dict of int to str
-        What is wrong with bad files, by batch. Such a batch is missing unless another file holds it too.
-    statuses : dict of str to int
-        Number of rows of the table by status.
-    rows : int
-        Number of rows of the table.
-    """
-
-    parts: dict[int, Part]
-    missing: list[int]
-    bad: dict[int, str]
-    statuses: dict[str, int]
-    rows: int
+    parts: dict[int, Part]  # sound ones, by batch
+    missing: list[int]  # batches whose rows the table still lacks; none beyond its end
+    bad: dict[int, str]  # what is wrong with bad files, by batch; it is missing unless another file holds it too
+    statuses: dict[str, int]  # number of rows of the table by status
+    rows: int  # of the table
 
 
 @dataclass
 class PartIndex:
-    """The sound parts of a plan and its bad files, collected during a survey.
+    """The sound parts of a plan and its bad files, collected during a survey."""
 
-    Attributes
-    ----------
-    parts : dict of int to Part
-        The part to read each batch from.
-    bad : dict of int to str
-        What is wrong with the bad files, by batch.
-    """
-
-    parts: dict[int, Part] = field(default_factory=dict)
-    bad: dict[int, str] = field(default_factory=dict)
+    parts: dict[int, Part] = field(default_factory=dict)  # to read each batch from
+    bad: dict[int, str] = field(default_factory=dict)  # what is wrong with the bad files, by batch
 
     def add(self, parts: Iterable[Part]) -> None:
         """Add the parts of a file; of two parts of a batch, the one that `rank` puts first is kept."""
@@ -71,23 +49,12 @@ class PartIndex:
 
 def rank(part: Part) -> tuple[int, int]:
     """Return a sort key for the files that hold a batch: its own file first, then longer merged files first."""
+    # a rerun writes a part beside the merged file, so the part is the newer one
     return (0, 0) if part.merged is None else (1, part.merged[0] - part.merged[1])
 
 
 def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
-    """Return which parts and rows of a plan a store holds; see `Store.survey`.
-
-    Parameters
-    ----------
-    files : Files
-        Files of the store.
-    plan : PlanHeader
-        The campaign.
-    end : int
-        Number of rows of the table; later rows do not count.
-    verify : bool
-        Whether to read every file.
-    """
+    """Return which parts and rows of a plan a store holds; rows from ``end`` on do not count. See `Store.survey`."""
     index = _index_parts(files, plan, verify=verify)
     parts = dict(sorted(index.parts.items()))
     needed = [batch for batch, (first, _) in enumerate(plan.batches) if first < end]
@@ -103,7 +70,7 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
         return manifest.load(plan, files.read(name))
     except FileNotFoundError:
         return {}
-    except (ValueError, StoreError, RecursionError) as error:
+    except (ValueError, StoreError, RecursionError) as error:  # RecursionError: JSON nested too deeply
         logger.warning("%s is not valid, so all parts are read instead: %s", name, error)
         return {}
 
@@ -111,12 +78,8 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
 def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
     """Return the parts in a file of rows.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the file does not exist, or its name is not that of a file of rows of this plan.
-    BadPart
-        If it is truncated, damaged, too large, or of another campaign.
+    Raises FileNotFoundError if it does not exist, or its name is not that of a file of rows of this plan; BadPart if it
+    is truncated, damaged, too large, or of another campaign.
     """
     return _read_checked(files, plan, name)[1]
 
@@ -182,6 +145,7 @@ def _sizes_of_unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> 
 
 def _unchanged(plan: PlanHeader, name: str, recorded: list[Part] | None, size: int) -> bool:
     """Return whether a file still has the size that the manifest recorded."""
+    # the listing has the size, but the hash takes reading the file: only ``verify`` finds damage that keeps the size
     return batches_of(name, plan) is not None and recorded is not None and recorded[0].size == size
 
 
@@ -208,6 +172,7 @@ def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIn
     files_of_rows = [name for name in names if batches_of(name, plan)]
     with ThreadPoolExecutor(READERS) as pool:
         for name, tried in zip(files_of_rows, pool.map(try_one, files_of_rows), strict=True):
+            # a pool cannot be left before its threads end, so they try once and the waiting is done here
             result = check_one(files, name) if tried is None else tried
             if isinstance(result, str):
                 first, last = batches_of(name, plan) or (0, -1)
@@ -221,6 +186,7 @@ def _count_statuses(files: Files, plan: PlanHeader, part: Part, end: int) -> dic
     first, count = plan.batches[part.batch]
     if first + count <= end:
         return part.statuses
+    # the table ends within this batch, where the stopping rule ended the campaign, and a seal counts whole batches
     table = read_file(files, plan, part.file, ["status"])
     begin = plan.batches[part.merged[0] if part.merged else part.batch][0]
     statuses = table["status"].slice(first - begin, end - first).to_pylist()

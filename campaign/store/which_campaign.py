@@ -17,10 +17,7 @@ _CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 def check_is_store(files: Files) -> None:
     """Check that the folder of a store exists; behind a URL no folder is needed.
 
-    Raises
-    ------
-    SpecError
-        If it does not exist, or is a file or the folder of one campaign.
+    Raises SpecError if it does not exist, or is a file or the folder of one campaign.
     """
     if not files.local:
         return
@@ -48,21 +45,10 @@ def folders_of_campaigns(names: Iterable[str]) -> list[str]:
 
 
 def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
-    """Return the id of the campaign that a user means.
+    """Return the id of the campaign that a user means, out of those of the store.
 
-    Parameters
-    ----------
-    files : Files
-        Files of the store.
-    ids : sequence of str
-        The campaigns of the store.
-    wanted : str, optional
-        An id, or its first letters if no other id begins with them; None means the only campaign of the store.
-
-    Raises
-    ------
-    SpecError
-        If no campaign matches, or several do.
+    ``wanted`` is an id, or its first letters if no other id begins with them; None means the only campaign. Raises
+    SpecError if no campaign matches, or several do.
     """
     check_is_store(files)
     if not ids:

@@ -26,28 +26,9 @@ def run_batches(address: CampaignAddress, requests: Sequence[BatchRequest]) -> l
 def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
     """Compute a batch and the repeats of its samples, and write their parts, unless the store has them already.
 
-    Parameters
-    ----------
-    address : CampaignAddress
-        The campaign.
-    request : BatchRequest
-        The batch.
-
-    Returns
-    -------
-    BatchResult
-        The written part, and counts of its rows and repeats.
-
-    Raises
-    ------
-    WrongBuild
-        If this process runs another build of clearcap than the one the campaign is planned for.
-    Cancelled
-        If the campaign is cancelled meanwhile.
-    StoreError
-        If the store fails.
-    ChildFailed
-        If the process that computes the runs in isolation fails repeatedly.
+    Raises WrongBuild if this process runs another build than the campaign is planned for, Cancelled if the campaign is
+    cancelled meanwhile, StoreError if the store fails, ChildFailed if the process that computes the runs in isolation
+    fails repeatedly.
     """
     store, plan = open_campaign(address)
     start = perf_counter()
@@ -55,6 +36,7 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
         repeats = _repeats(address, request)
         return BatchResult(None, {}, computed=False, seconds=perf_counter() - start, repeats=repeats)
     try:
+        # there if an earlier attempt wrote it, but its answer was lost with the worker or the scheduler
         table, computed = store.read_own_part(plan, request.batch), False
     except (FileNotFoundError, BadPart):
         first, count = plan.batches[request.batch]

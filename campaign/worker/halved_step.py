@@ -27,10 +27,7 @@ class HalvedStep:
 
     The time limit of the run is doubled, because it takes twice as many steps.
 
-    Attributes
-    ----------
-    simulate : callable
-        The function that simulates, with the parameters of `engine.simulate`.
+    `simulate` has the parameters of `engine.simulate`.
     """
 
     simulate: Simulate
@@ -54,14 +51,8 @@ class HalvedStep:
 def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: float | None) -> dict[str, float]:
     """Return, by key, half of each setting that determines the step lengths of a run.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism; its settings apply unless ``values`` contains them.
-    values : mapping of str to float
-        Numbers that the run changes, by key.
-    step : float or None
-        The fixed step of the run, in place of the mechanism's steps; None for the mechanism's steps.
+    Settings are those of ``values``, numbers that the run changes, else the mechanism's. ``step`` is the fixed step of
+    the run, None for the mechanism's steps.
     """
     if step is not None:
         return {STEP: 0.5 * step}
@@ -70,15 +61,7 @@ def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: flo
 
 
 def what_differs(plan: Plan, inputs: Mapping[str, float]) -> str:
-    """Return, in words, the settings in which a sample's repeat differs from its run.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    inputs : mapping of str to float
-        Inputs of the sample by variable name.
-    """
+    """Return, in words, the settings in which a sample's repeat differs from its run; inputs by variable name."""
     values = {plan.targets[name]: value for name, value in inputs.items() if name in plan.targets}
     halved = halved_settings(plan.mechanism, values, plan.spec.simulation.step)
     return ", ".join(f"{key} = {value!r} {unit_of(plan.mechanism, key)}" for key, value in halved.items())

@@ -64,7 +64,7 @@ def keep_pandas_out() -> None:
 
 
 def _load() -> None:
-    """Import the modules that batches need, and load compiled kernels; one worker compiles them, and logs this."""
+    """Import the modules that batches need, and load kernels unless one is missing: one worker will compile for all."""
     for module in BATCHES_NEED:
         import_module(module)
     from engine import missing_kernels, warm_up

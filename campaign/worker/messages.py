@@ -29,10 +29,7 @@ class ChildFailed(CampaignError):
 class DoubtfulRun(CampaignError):
     """A run raised an error that the machine may have caused; repeating it in a process of its own will show.
 
-    Parameters
-    ----------
-    row : dict
-        The row of the run, valid if the run caused the error itself.
+    ``row`` is the row of the run, valid if the run caused the error itself.
     """
 
     def __init__(self, row: dict[str, Any]) -> None:
@@ -48,33 +45,15 @@ class Cancelled(CampaignError):
 
 @dataclass(frozen=True)
 class CampaignAddress:
-    """Where a worker finds a campaign, and how it computes it; less than a kilobyte.
+    """Where a worker finds a campaign, and how it computes it; less than a kilobyte."""
 
-    Attributes
-    ----------
-    store : str
-        URL of the store that holds the plan and the rows, with its secrets, so it must not be shown.
-    campaign_id : str
-        Id of the campaign.
-    row_build : str
-        Build that the campaign is planned for; see `campaign.row_build`.
-    simulate : callable
-        `engine.simulate`, or a module-level function with the same parameters to use instead.
-    patience : Patience
-        How long a worker tries failing operations on the store again.
-    repeats : tuple of float
-        Shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`.
-    halved : bool
-        Whether runs have half the step, as repeats do.
-    """
-
-    store: str = field(repr=False)
+    store: str = field(repr=False)  # URL of the store, with its secrets, so it must not be shown
     campaign_id: str
-    row_build: str
-    simulate: Simulate = simulate
-    patience: Patience = PATIENT
-    repeats: tuple[float, ...] = ()
-    halved: bool = False
+    row_build: str  # that the campaign is planned for; see `campaign.row_build`
+    simulate: Simulate = simulate  # `engine.simulate`, or a module-level function with the same parameters
+    patience: Patience = PATIENT  # for failing operations on the store
+    repeats: tuple[float, ...] = ()  # shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`
+    halved: bool = False  # whether runs have half the step, as repeats do
 
     @classmethod
     def of(
@@ -85,13 +64,7 @@ class CampaignAddress:
 
 
 def check_build(campaign_id: str, planned: str) -> None:
-    """Check that a campaign is planned for the build of this process.
-
-    Raises
-    ------
-    WrongBuild
-        If it is planned for another build; the message says what differs.
-    """
+    """Raise WrongBuild, which says what differs, unless a campaign is planned for the build of this process."""
     if different := differences(planned):
         raise WrongBuild(
             f"campaign {campaign_id} is planned for another build of clearcap ({different}); its rows must"
@@ -101,46 +74,20 @@ def check_build(campaign_id: str, planned: str) -> None:
 
 @dataclass(frozen=True)
 class BatchRequest:
-    """A batch to compute.
-
-    Attributes
-    ----------
-    batch : int
-        Batch number.
-    attempt : int
-        Attempt number, from 1.
-    isolated : bool
-        Whether its runs are computed in an isolated subprocess, because an earlier attempt killed its worker.
-    has_rows : bool
-        Whether the store already has its rows, so that only repeats of its samples are missing.
-    """
+    """A batch to compute."""
 
     batch: int
-    attempt: int = 1
-    isolated: bool = False
-    has_rows: bool = False
+    attempt: int = 1  # from 1
+    isolated: bool = False  # compute the runs in a subprocess, because an earlier attempt killed its worker
+    has_rows: bool = False  # the store has the rows, so that only repeats of the samples are missing
 
 
 @dataclass(frozen=True)
 class BatchResult:
-    """A batch whose rows, and the repeats of its samples, are in the store.
+    """A batch whose rows, and the repeats of its samples, are in the store."""
 
-    Attributes
-    ----------
-    part : Part or None
-        The written part; None if the request was for repeats only.
-    moments : dict of str to Moments
-        Moments of each response over the rows of the batch.
-    computed : bool
-        Whether the rows were computed now; otherwise the store had them already.
-    seconds : float
-        How long the batch took [s].
-    repeats : int
-        Number of repeats of its samples.
-    """
-
-    part: Part | None
-    moments: dict[str, Moments] = field(default_factory=dict)
-    computed: bool = True
-    seconds: float = 0.0
-    repeats: int = 0
+    part: Part | None  # None if the request was for repeats only
+    moments: dict[str, Moments] = field(default_factory=dict)  # of each response over the rows of the batch
+    computed: bool = True  # whether the rows were computed now; otherwise the store had them already
+    seconds: float = 0.0  # that the batch took
+    repeats: int = 0  # number of repeats of its samples

@@ -14,20 +14,11 @@ class Moments:
 
     The sum of two objects describes both sets together. The formula of Chan, Golub and LeVeque (1983) loses no digits
     if the mean is large.
-
-    Attributes
-    ----------
-    n : int
-        Number of values.
-    mean : float
-        Mean; 0 if there are no values.
-    squares : float
-        Sum of squared deviations from the mean.
     """
 
     n: int = 0
-    mean: float = 0.0
-    squares: float = 0.0
+    mean: float = 0.0  # 0 if there are no values
+    squares: float = 0.0  # sum of squared deviations from the mean
 
     def __add__(self, other: "Moments") -> "Moments":
         n = self.n + other.n

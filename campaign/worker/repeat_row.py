@@ -20,45 +20,20 @@ from engine.loop import Cancel
 
 @dataclass(frozen=True)
 class RepeatedSample:
-    """A sample computed again.
+    """A sample computed again."""
 
-    Attributes
-    ----------
-    row : dict
-        The row computed now.
-    stored : dict or None
-        The row in the store; None if it has no row of this sample.
-    same : bool or None
-        Whether both agree in everything that the sample determines; None if the store has no row.
-    """
-
-    row: dict[str, Any]
-    stored: dict[str, Any] | None
-    same: bool | None
+    row: dict[str, Any]  # computed now
+    stored: dict[str, Any] | None  # None if the store has no row of this sample
+    same: bool | None  # in everything that the sample determines; None if the store has no row
 
 
 def repeated_sample(
     store: Store, plan: Plan, sample: int, motion: Path | None = None, *, halved: bool = False
 ) -> RepeatedSample:
-    """Compute a sample as a worker would, and compare it with the store.
+    """Compute a sample as a worker would, or its repeat with half the step, and compare it with the store.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign.
-    sample : int
-        Number of the sample.
-    motion : Path, optional
-        HDF5 file to write its motion to.
-    halved : bool
-        Whether to compute its repeat with half the step instead.
-
-    Raises
-    ------
-    MechanismError, TrajectoryError
-        As in `engine.simulate`.
+    ``motion`` is an HDF5 file to write its motion to. Raises MechanismError and TrajectoryError as `engine.simulate`
+    does.
     """
     load_engine()
     run = partial(simulate, trajectory=motion) if motion else simulate
@@ -72,10 +47,7 @@ def repeated_sample(
 def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
     """Return the stored row of a sample, from a campaign or a set of its repeats; None if there is none.
 
-    Raises
-    ------
-    StoreError
-        If the store cannot be read.
+    Raises StoreError if the store cannot be read.
     """
     at = table.rows_before(sample)
     if table.numbers_of(at, at + 1) != [sample]:

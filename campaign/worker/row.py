@@ -37,25 +37,8 @@ def compute_row(
 ) -> Row:
     """Simulate one sample, again with each setting of the retry policy until a run succeeds, and return its row.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    simulate : callable
-        `engine.simulate`, or a function with the same parameters to use instead.
-    sample : int
-        Number of the sample.
-    values : mapping of str to float
-        Inputs of the sample by variable name.
-    attempt : int
-        Attempt number of the first run, from 1.
-    cancel : Cancel
-        Flag that ends the run when another thread sets it.
-
-    Returns
-    -------
-    Row
-        The row of the last run; it counts the attempts and says how the earlier ones ended.
+    ``values`` are its inputs by variable name, ``attempt`` is the number of the first run, from 1. The row is that of
+    the last run; it counts the attempts and says how the earlier ones ended.
     """
     earlier: list[str] = []
     for settings in (plan.spec.simulation, *plan.spec.failures.retry):
@@ -79,22 +62,8 @@ def crashed_row(
 ) -> Row:
     """Return the row of a run without a certificate, because it raised an error or ended its process.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    sample : int
-        Number of the sample.
-    values : mapping of str to float
-        Inputs of the sample by variable name.
-    message : str
-        What went wrong.
-    status : str
-        ``crashed`` or ``timeout``.
-    wall_s : float or None
-        How long the run took [s], if known.
-    attempts : int
-        Number of attempts so far.
+    ``values`` are its inputs by variable name, ``status`` is ``crashed`` or ``timeout``, ``wall_s`` how long the run
+    took [s], if known.
     """
     empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *ENERGY_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}

@@ -19,10 +19,7 @@ from engine import simulate
 def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     """Return the store and the plan of a campaign after compiling the engine, for a process that computes rows.
 
-    Raises
-    ------
-    WrongBuild, StoreError
-        See `read_campaign`.
+    Raises what `read_campaign` raises.
     """
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
@@ -34,12 +31,8 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
 def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     """Return the store and the plan of a campaign, read once per process; the engine need not be compiled.
 
-    Raises
-    ------
-    WrongBuild
-        If this process runs another build of clearcap than the one the campaign is planned for.
-    StoreError
-        If the store or the plan cannot be read.
+    Raises WrongBuild if this process runs another build than the campaign is planned for, StoreError if the store or
+    the plan cannot be read.
     """
     check_build(address.campaign_id, address.row_build)
     store = open_store(address.store, address.patience)
@@ -58,32 +51,11 @@ def rows_in_process(
     attempt: int = 1,
     begin: Callable[[int], None] = lambda _: None,
 ) -> Iterator[Row]:
-    """Yield the row of each sample, computed in this process.
+    """Yield the row of each sample, in order, computed in this process.
 
-    Parameters
-    ----------
-    address : CampaignAddress
-        The campaign.
-    samples : sequence of int
-        Numbers of the samples.
-    attempt : int
-        Attempt number of the batch, from 1.
-    begin : callable
-        Called with the number of each sample before its run begins.
-
-    Yields
-    ------
-    Row
-        One for each sample, in the order of ``samples``.
-
-    Raises
-    ------
-    Cancelled
-        If the campaign is cancelled meanwhile.
-    DoubtfulRun
-        If a run raises an error that the machine may have caused.
-    WrongBuild, StoreError
-        If the campaign cannot be opened; see `open_campaign`.
+    ``attempt`` is that of the batch, from 1; ``begin`` is called with each sample before its run begins. Raises
+    Cancelled if the campaign is cancelled meanwhile, DoubtfulRun if a run raises an error that the machine may have
+    caused, and what `open_campaign` raises.
     """
     from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
 
@@ -95,6 +67,7 @@ def rows_in_process(
             begin(sample)
             row = compute_row(plan, run, sample, values, attempt, cancel)
             if cancel.flag[0]:
+                # not a row: the flag has cut the run short
                 raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
             if isinstance(row, DoubtfulRow):
                 raise DoubtfulRun(row)

@@ -21,19 +21,8 @@ class ChildWatch:
     Only time while this process is awake counts: a check adds at most twice the interval between checks, so that the
     child is not blamed if a laptop sleeps or all processes of a campaign are stopped.
 
-    Parameters
-    ----------
-    child : subprocess.Popen
-        A process that leads a session of its own; processes that it started are killed with it.
-    allowed : float
-        How long it may be silent at first [s].
-    clock : callable
-        A monotonic clock [s].
-
-    Attributes
-    ----------
-    hung : bool
-        Whether the child was killed because it was silent for too long.
+    The child leads a session of its own, and the processes that it started are killed with it. It may be silent for
+    ``allowed`` seconds at first. `hung` says whether it was killed for its silence.
     """
 
     def __init__(

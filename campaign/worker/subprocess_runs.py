@@ -39,25 +39,13 @@ PAUSES = (0.5, 8.0)  # s; the first and the longest pause between two processes;
 
 @dataclass(frozen=True)
 class _Ending:
-    """How a child ended.
+    """How a child ended."""
 
-    Attributes
-    ----------
-    rows : int
-        Number of rows that it sent.
-    kind, content
-        Its last message; see `campaign.worker.isolated_child`. The kind is empty if it sent none.
-    exit_status : int
-        Exit status as in `subprocess.Popen.wait`.
-    hung : bool
-        Whether it was killed because it hung.
-    """
-
-    rows: int
-    kind: str
+    rows: int  # number of rows that it sent
+    kind: str  # of its last message, see `campaign.worker.isolated_child`; empty if it sent none
     content: Any
-    exit_status: int
-    hung: bool = False
+    exit_status: int  # as in `subprocess.Popen.wait`
+    hung: bool = False  # whether it was killed because it hung
 
     @property
     def in_run(self) -> bool:
@@ -79,34 +67,16 @@ class _Ending:
 
 
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
-    """Yield the row of each sample, computed in a child process; replace a child that ends too early.
+    """Yield the row of each sample, in order, computed in a child process; replace a child that ends too early.
 
-    Parameters
-    ----------
-    address : CampaignAddress
-        The campaign.
-    samples : sequence of int
-        Numbers of the samples.
-    attempt : int
-        Attempt number of the batch, from 1.
-
-    Yields
-    ------
-    Row
-        One for each sample, in the order of ``samples``, including runs that ended their process.
-
-    Raises
-    ------
-    Cancelled
-        If the campaign is cancelled meanwhile.
-    WrongBuild, StoreError
-        If the campaign cannot be read; see `campaign.worker.runs.read_campaign`.
-    ChildFailed
-        If `STARTS` children in a row fail for reasons of their own.
+    Runs that ended their process have rows too. ``attempt`` is that of the batch, from 1. Raises Cancelled if the
+    campaign is cancelled meanwhile, ChildFailed if `STARTS` children in a row fail for reasons of their own, and what
+    `campaign.worker.runs.read_campaign` raises.
     """
     _, plan = read_campaign(address)
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
     while samples:
+        # only the first run of a child can be guilty, so after a death the next run gets a child of its own
         requested = samples[:1] if deaths else samples
         ending = yield from _rows_of_child(address, requested, attempt + deaths, longest_sample(plan))
         samples = samples[ending.rows :]

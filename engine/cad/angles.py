@@ -10,17 +10,10 @@ _TOUCHING = 1e-7  # rad between two intervals that count as one
 
 
 def covered(starts: Array, ends: Array) -> tuple[float, float]:
-    """Return how much of the circle is covered by intervals of angles, and the middle of the covered part.
+    """Return the total angle [rad] covered by intervals, and the middle of the covered part.
 
-    Parameters
-    ----------
-    starts, ends : array
-        Ends of each interval [rad], shape (n,), n >= 1; each end is at or above its start, by less than a turn.
-
-    Returns
-    -------
-    tuple of float
-        Total angle covered [rad], 2 pi for the full circle; the angle midway between the two sides of the largest gap.
+    `starts` and `ends` [rad] have shape (n,), n >= 1; an end is at or above its start, by less than a turn. The total
+    is 2 pi for the full circle; the middle lies midway between the two sides of the largest gap.
     """
     order = np.argsort(starts % tau)
     begin, length = (starts % tau)[order], (ends - starts)[order]
@@ -39,6 +32,7 @@ def covered(starts: Array, ends: Array) -> tuple[float, float]:
 def perpendicular(axis: Array) -> Array:
     """Return two unit vectors that form a right-handed frame with an axis, shape (2, 3)."""
     first = np.zeros(3)
+    # the coordinate axis that is furthest from parallel to the axis, so that the difference below cannot vanish
     first[np.argmin(np.abs(axis))] = 1.0
     first -= axis * (first @ axis)
     first /= np.linalg.norm(first)

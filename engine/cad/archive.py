@@ -26,20 +26,7 @@ def packed(value: Any) -> bytes:
 
 
 def unpacked(kind: type[_T], content: bytes) -> _T:
-    """Return the dataclass that `packed` wrote.
-
-    Parameters
-    ----------
-    kind : type
-        The class of the dataclass.
-    content : bytes
-        Content of the file.
-
-    Raises
-    ------
-    ValueError
-        If the content is damaged or belongs to another class.
-    """
+    """Return the dataclass that `packed` wrote; raise ValueError if the content is damaged or of another class."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}

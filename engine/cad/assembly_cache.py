@@ -19,15 +19,7 @@ MOST_BYTES = 2**30
 
 
 def cached(sha256: str, recognition: float) -> CadAssembly | None:
-    """Return what the same reader read earlier from a file with this content; None if it is not in the cache.
-
-    Parameters
-    ----------
-    sha256 : str
-        Hash of the file's content.
-    recognition : float
-        The recognition gap [mm] used for reading.
-    """
+    """Return what the same reader read from a file with this content and recognition gap [mm]; None if not cached."""
     answer = cached_answer(sha256, repr(recognition))
     with suppress(ValueError):  # the cached file is damaged
         return unpacked(CadAssembly, answer) if answer is not None else None
@@ -39,21 +31,13 @@ def cached_answer(sha256: str, question: str) -> bytes | None:
     with suppress(FolderError, OSError, RuntimeError):  # RuntimeError: this user has no home folder
         file = _folder() / _name(sha256, question)
         answer = file.read_bytes()
-        os.utime(file)
+        os.utime(file)  # the time of last use, by which `_make_room` chooses
         return answer
     return None
 
 
 def keep(sha256: str, recognition: float, content: bytes) -> None:
-    """Add what was read from a file to the cache; do nothing if there is no usable folder.
-
-    Parameters
-    ----------
-    sha256, recognition
-        As for `cached`.
-    content : bytes
-        Content from `engine.cad.archive.packed`.
-    """
+    """Add what was read from a file, as `engine.cad.archive.packed`; do nothing if there is no usable folder."""
     keep_answer(sha256, repr(recognition), content)
 
 
@@ -61,6 +45,7 @@ def keep_answer(sha256: str, question: str, answer: bytes) -> None:
     """Add the reader's answer to a question about a file to the cache."""
     with suppress(FolderError, OSError, RuntimeError):
         folder = _folder()
+        # renamed when complete: another process never reads half an answer
         with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
             file.write(answer)
         os.replace(file.name, folder / _name(sha256, question))

@@ -13,22 +13,12 @@ from engine.cad.step_reader import step_content
 
 @dataclass(frozen=True)
 class MeasuredShape:
-    """One end of a distance: faces or edges of a part as placed in the assembly, or a point.
+    """One end of a distance: faces or edges of a part as placed in the assembly, or a point."""
 
-    Attributes
-    ----------
-    part : int
-        Index of the part in the assembly; -1 for a point.
-    faces, edges : tuple of int
-        Their indices in the part's product.
-    point : tuple of float
-        Coordinates in the assembly's frame [mm]; empty if it is not a point.
-    """
-
-    part: int = -1
-    faces: tuple[int, ...] = ()
+    part: int = -1  # index in the assembly; -1 for a point
+    faces: tuple[int, ...] = ()  # indices in the part's product, as those of `edges`
     edges: tuple[int, ...] = ()
-    point: tuple[float, ...] = ()
+    point: tuple[float, ...] = ()  # in the assembly's frame [mm]; empty if it is not a point
 
 
 ShapePair = tuple[MeasuredShape, MeasuredShape]
@@ -39,21 +29,7 @@ def drawn_distances(
 ) -> list[float]:
     """Return the distance of each pair [mm] as drawn in the file; 0 if they touch or overlap.
 
-    Parameters
-    ----------
-    path : str or Path
-        The STEP file.
-    sha256 : str
-        Hash of its content, from `engine.cad.read_step`.
-    pairs : sequence of ShapePair
-        Pairs of shapes, numbered as by `engine.cad.read_step`.
-    limits : ReadingLimits
-        Limits of time and memory for measuring.
-
-    Raises
-    ------
-    CadError
-        As for `engine.cad.read_step`.
+    Shapes are numbered as by `engine.cad.read_step`, which also gives the hash; raises CadError as that does.
     """
     question = [[asdict(shape) for shape in pair] for pair in pairs]
     text = json.dumps(question)

@@ -70,6 +70,7 @@ def _are_one(a: FacePiece, b: FacePiece) -> bool:
         return False
     allowed = _SAME + a.recognition_gap + b.recognition_gap
     size = max(np.ptp(a.vertices, axis=0).max(), np.ptp(b.vertices, axis=0).max())
+    # as a distance, like the other differences: by how much the axes part over the length of the pieces
     tilt = float(np.linalg.norm(np.cross(a.axis, b.axis))) * size
     if a.kind == "plane":
         level = tilt <= allowed and a.axis @ b.axis > 0 and abs((b.point - a.point) @ a.axis) <= allowed

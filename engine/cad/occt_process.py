@@ -43,23 +43,10 @@ USUAL_LIMITS = ReadingLimits()
 
 
 def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
-    """Return the answer of `engine.cad.occt` to a question about a STEP file.
+    """Return the answer of `engine.cad.occt` to a question, see its `__main__`, about the content of a STEP file.
 
-    Parameters
-    ----------
-    path : str or Path
-        Name of the file in messages.
-    content : bytes
-        Content of the file.
-    question : mapping
-        Plain data, see `engine.cad.occt.__main__`.
-    limits : ReadingLimits
-        Limits of time and memory for the answer.
-
-    Raises
-    ------
-    CadError
-        If OCCT is not installed, refuses the file, crashes, or takes too much time or memory.
+    The path is only named in messages. Raises CadError if OCCT is not installed, refuses the file, crashes, or takes
+    too much time or memory.
     """
     if find_spec("OCP") is None:
         raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")

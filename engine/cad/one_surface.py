@@ -10,21 +10,8 @@ from engine.arrays import Array
 def groups_of_one(features: Array, near: float, are_one: Callable[[int, int], bool]) -> list[list[int]]:
     """Return groups of pieces that are linked, directly or through others, by pairs that belong together.
 
-    Parameters
-    ----------
-    features : array
-        Numbers for each piece, shape (n, k); they differ by less than `near` between two pieces that belong together.
-    near : float
-        Tolerance of the features.
-    are_one : callable
-        Returns whether two pieces, given by index, belong together; called only if all their features are near.
-
-    Returns
-    -------
-    list of list of int
-        Indices in ascending order; the groups are ordered by their first index.
-    list of list of int
-        Places in their order, the groups in that of their first one.
+    `features`, shape (n, k), differ by less than `near` between two pieces that belong together; `are_one` is called
+    with two indices only then. Indices ascend in each group; the groups are ordered by their first index.
     """
     group_of = np.arange(len(features))
     for place in range(len(features)):

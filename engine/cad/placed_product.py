@@ -18,19 +18,7 @@ class ProductGeometry:
 
 
 def placed_product(product: ProductGeometry, part: str, placement: Placement, first_face: int) -> ProductGeometry:
-    """Return a product as placed in the assembly.
-
-    Parameters
-    ----------
-    product : ProductGeometry
-        The product in its own frame.
-    part : str
-        Name of the part.
-    placement : Placement
-        Pose of the product's frame in the assembly.
-    first_face : int
-        Number of its first face in the assembly.
-    """
+    """Return a product as a part placed in the assembly; `first_face` is the number of its first face there."""
     return ProductGeometry(
         solids=tuple(_solid(solid, placement) for solid in product.solids),
         faces=tuple(replace(_face(f, placement), part=part, number=f.number + first_face) for f in product.faces),

@@ -24,18 +24,8 @@ def silhouette(mesh: TriangleMesh, direction: Array) -> list[Array]:
     The edges of the triangles are drawn on a grid, the enclosed area is filled, and its border is followed. The corners
     of the outline are vertices of the mesh; in between it deviates by at most 1/500 of the part's size.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-        Mesh of the part.
-    direction : array
-        Viewing direction, a unit vector, shape (3,).
-
-    Returns
-    -------
-    list of array
-        Corners of each outline in order, without repeating the first, shape (n, 3), in the plane perpendicular to the
-        direction through the middle of the part; in the unit of the mesh. Empty if the mesh is empty.
+    The direction is a unit vector, shape (3,). Each outline has shape (n, 3), does not repeat its first corner, and
+    lies in the plane perpendicular to the direction through the middle of the part; there is none if the mesh is empty.
     """
     if not len(mesh.triangles):
         return []
@@ -50,6 +40,7 @@ def silhouette(mesh: TriangleMesh, direction: Array) -> list[Array]:
     height = float((mesh.vertices @ direction).min() + (mesh.vertices @ direction).max()) / 2
     outlines = []
     for piece in order.tolist():
+        # `_drawn` leaves an empty frame of two pixels
         corners = low + (_straightened(_border(pieces == piece)) - 2.0) * pixel
         far, nearest = vertices.query(corners)
         snapped = np.where((far < _NEAR * pixel)[:, None], flat[nearest], corners)
@@ -63,6 +54,7 @@ def _drawn(points: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
     sides = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     sides = np.unique(np.sort(sides, axis=1), axis=0)
     starts, ends = points[sides[:, 0]], points[sides[:, 1]]
+    # at least two points for each pixel of length: a hole in a line would keep its area from being filled
     counts = 2 * np.ceil(np.linalg.norm(ends - starts, axis=1)).astype(np.int64) + 2
     owner = np.repeat(np.arange(len(sides)), counts)
     part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts[owner] - 1)

@@ -18,28 +18,11 @@ _BEGINNING, _END = b"ISO-10303-21;", b"END-ISO-10303-21;"
 
 
 def read_step(path: str | Path, recognition: float = RECOGNITION, limits: ReadingLimits = USUAL_LIMITS) -> CadAssembly:
-    """Read a STEP file.
+    """Read a STEP file (AP203, AP214 or AP242, not compressed); all lengths are in mm.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file: AP203, AP214 or AP242, not compressed.
-    recognition : float
-        Largest distance [mm] between a spline and the plane, cylinder, cone, sphere or circle that replaces it;
-        0 replaces none.
-    limits : ReadingLimits
-        Limits of time and memory for reading.
-
-    Returns
-    -------
-    CadAssembly
-        All lengths in mm.
-
-    Raises
-    ------
-    CadError
-        If the file cannot be read, is not a STEP file, contains no shapes, takes too much time or memory or crashes
-        OCCT, or if OCCT is not installed. The message names the file, what is wrong and what to do.
+    A spline is replaced by a plane, cylinder, cone, sphere or circle that is no more than `recognition` [mm] away; 0
+    replaces none. Raises CadError, which names the file, what is wrong and what to do, if it cannot be read, is not a
+    STEP file, contains no shapes, exceeds the limits or crashes OCCT, or if OCCT is not installed.
     """
     content = step_content(path, limits)
     sha256 = hashlib.sha256(content).hexdigest()

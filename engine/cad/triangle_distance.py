@@ -6,33 +6,17 @@ from engine.arrays import Array
 
 
 def distance_to_triangles(point: Array, corners: Array) -> float:
-    """Return the distance from a point to the nearest triangle; infinite if there are no triangles.
+    """Return the distance from a point to the nearest triangle, corners (n, 3, 3); infinite if there are none.
 
-    Parameters
-    ----------
-    point : array
-        Shape (3,).
-    corners : array
-        Three corners of each triangle, shape (n, 3, 3); none of them degenerate to a point.
+    None of the triangles is degenerate to a point.
     """
     return float(np.linalg.norm(nearest_on_triangles(point, corners)[0] - point)) if len(corners) else np.inf
 
 
 def nearest_on_triangles(point: Array, corners: Array) -> tuple[Array, int]:
-    """Return the nearest point on a set of triangles, and the row of its triangle.
+    """Return the nearest point on triangles, corners (n, 3, 3), n >= 1, and the row of its triangle.
 
-    Parameters
-    ----------
-    point : array
-        Shape (3,).
-    corners : array
-        Shape (n, 3, 3), n >= 1; none of the triangles degenerate to a point.
-
-    Returns
-    -------
-    nearest : array
-        Shape (3,).
-    row : int
+    None of the triangles is degenerate to a point.
     """
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     sides = (first, second), (second, third), (third, first)

@@ -8,10 +8,7 @@ _UNNAMED = "part"
 def unique_names(products: list[str]) -> list[str]:
     """Return a unique name for each part: the name of its product, with a number if several parts share it.
 
-    Parameters
-    ----------
-    products : list of str
-        Name of each part's product; empty for an unnamed one, whose part is called ``part``.
+    A part whose product has no name is called ``part``.
     """
     called = [product or _UNNAMED for product in products]
     several = {name for name, count in Counter(called).items() if count > 1}

@@ -12,19 +12,9 @@ _T = TypeVar("_T")
 
 
 def in_unit(geometry: _T, millimetres: float) -> _T:
-    """Return data read from a CAD file, or derived from it, in another unit of length.
+    """Return data in mm from a CAD file, or derived from it, in another unit of length, given in mm, > 0.
 
-    Parameters
-    ----------
-    geometry : dataclass
-        An assembly, or anything of `engine.cad.cad_model`, in mm.
-    millimetres : float
-        The unit of length [mm], for instance 1000 for metres, > 0.
-
-    Returns
-    -------
-    dataclass
-        The same data with all lengths, areas, volumes, inertias and densities in this unit. Masses stay in g.
+    Areas, volumes, inertias and densities change too; masses stay in g.
     """
     scaled: _T = _scaled(geometry, 0, 1.0 / millimetres)
     return scaled

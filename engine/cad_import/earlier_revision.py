@@ -14,35 +14,19 @@ from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
 @dataclass(frozen=True, eq=False)
 class EarlierRevision:
-    """A mechanism file, and the assembly named in its ``[cad]`` table.
+    """A mechanism file, and the assembly named in its ``[cad]`` table."""
 
-    Attributes
-    ----------
-    text : str
-        Content of the mechanism file.
-    name : str
-        Name of the mechanism.
-    file : str
-        Path of the CAD file, as given in the mechanism file.
-    assembly : CadAssembly
-        The assembly in mm.
-    """
-
-    text: str
-    name: str
-    file: str
-    assembly: CadAssembly
+    text: str  # content of the mechanism file
+    name: str  # of the mechanism
+    file: str  # path of the CAD file, as given in the mechanism file
+    assembly: CadAssembly  # in mm
 
 
 def earlier_revision(path: Path) -> EarlierRevision:
     """Read a mechanism file and the earlier content of its CAD file, even if another file has replaced it since.
 
-    Raises
-    ------
-    MechanismError
-        If the mechanism file cannot be read, or names no CAD file.
-    CadError
-        If the CAD file has other content now, and what was read of it before is no longer in the cache.
+    Raises MechanismError if the mechanism file cannot be read or names no CAD file; CadError if the CAD file has other
+    content now, and what was read of it before is no longer in the cache.
     """
     try:
         content = read_regular_file(path, LARGEST)

@@ -74,27 +74,14 @@ class FoundStop:
 
 @dataclass(frozen=True, eq=False)
 class FoundGeometry:
-    """The features found in an assembly; lengths in mm.
-
-    Attributes
-    ----------
-    assembly : CadAssembly
-    bodies : dict
-        Part name -> name of the body that it becomes.
-    joints : tuple of FoundJoint
-    balls : tuple of FoundBall
-    refused : tuple of NearMiss
-        Pins and holes, balls and sockets that are not joints.
-    stops : tuple of FoundStop
-        Faces that face each other and are not flanges: first planes, then round ones.
-    """
+    """The features found in an assembly; lengths in mm."""
 
     assembly: CadAssembly
-    bodies: dict[str, str]
+    bodies: dict[str, str]  # part name -> name of the body that it becomes
     joints: tuple[FoundJoint, ...]
     balls: tuple[FoundBall, ...]
-    refused: tuple[NearMiss, ...]
-    stops: tuple[FoundStop, ...]
+    refused: tuple[NearMiss, ...]  # pins and holes, balls and sockets that are not joints
+    stops: tuple[FoundStop, ...]  # faces that face each other and are not flanges: first planes, then round ones
 
     def face(self, number: int) -> CadFace:
         """Return a face by its number."""
@@ -107,13 +94,7 @@ class FoundGeometry:
 
 
 def find_geometry(assembly: CadAssembly) -> FoundGeometry:
-    """Find joints and candidates for stops in an assembly, and name them.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    """
+    """Find joints and candidates for stops in an assembly in mm, and name them."""
     triangles = triangles_by_face(assembly)
     parts = [part.name for part in assembly.parts]
     bodies = dict(zip(parts, _names(parts, "part", _LONGEST), strict=True))

@@ -15,37 +15,17 @@ from engine.cad_import.toml_lines import value
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FoundPlace:
-    """A feature found between two parts; lengths in mm, in the frame of the assembly.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of the feature.
-    name : str
-        Name in the proposed mechanism file: ``base-crank``, ``stop-1``; its number if it is not a joint.
-    parts : (str, str)
-        Names of the two parts.
-    faces : tuple of int
-        Numbers of their faces; for a joint holes and pins, without flanges.
-    between, sizes : str
-        In words: the parts; the size of the gap or clearance between them, or why it is not a joint.
-    radii : str
-        For a joint, the radii of hole and pin, or of socket and ball, in words; otherwise empty.
-    ends : array, shape (2, 3)
-        For a joint, its start and end on its axis; for a ball, its centre twice; for a stop, a point of each face.
-    radius : float
-        Radius of the hole or the socket; 0 for a stop.
-    """
+    """A feature found between two parts; lengths in mm, in the frame of the assembly."""
 
     kind: Literal["joint", "no joint", "facing"]
-    name: str
+    name: str  # in the proposed mechanism file: ``base-crank``, ``stop-1``; its number if it is not a joint
     parts: tuple[str, str]
-    faces: tuple[int, ...]
-    between: str
-    sizes: str
-    ends: Array
-    radii: str = ""
-    radius: float = 0.0
+    faces: tuple[int, ...]  # numbers; for a joint those of holes and pins, without flanges
+    between: str  # the parts, in words
+    sizes: str  # size of the gap or clearance, in words, or why it is not a joint
+    ends: Array  # shape (2, 3): ends of a joint on its axis; centre of a ball, twice; a point of each face of a stop
+    radii: str = ""  # of hole and pin, or of socket and ball, in words; empty if it is not a joint
+    radius: float = 0.0  # of the hole or the socket; 0 for a stop
 
     @property
     def said(self) -> str:

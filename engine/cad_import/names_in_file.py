@@ -24,15 +24,7 @@ _STOP_PLACES = (
 
 
 def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
-    """Return the features found with their names in a mechanism file, including those in marked tables.
-
-    Parameters
-    ----------
-    found : FoundGeometry
-        Features of the mechanism file's CAD file.
-    text : str
-        Text of the mechanism file.
-    """
+    """Return the features of a mechanism file's CAD file with their names in its text, marked tables included."""
     tables = _tables(text)
     bodies = {table.get("part"): name for kind, name, table in tables if kind == "bodies"}
     found = replace(found, bodies={part: bodies.get(part, name) for part, name in found.bodies.items()})

@@ -24,20 +24,11 @@ _Found = TypeVar("_Found", FoundJoint, FoundBall, FoundStop)
 
 @dataclass(frozen=True, eq=False)
 class NamedPlace:
-    """The position of a named feature.
-
-    Attributes
-    ----------
-    name : str
-    kind : tuple
-        Only features of the same kind can be the same.
-    point : array
-        Shape (3,) [mm].
-    """
+    """The position of a named feature."""
 
     name: str
-    kind: tuple[Any, ...]
-    point: Array
+    kind: tuple[Any, ...]  # only features of the same kind can be the same
+    point: Array  # shape (3,) [mm]
 
 
 def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometry:
@@ -47,11 +38,6 @@ def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometr
     product is matched with one of a product that has disappeared, if its solids have the same volume and inertia and
     are in the same place. A stop is matched with an earlier one within 5 mm with the same normal. All others get names
     that the earlier revision did not have.
-
-    Parameters
-    ----------
-    found, before : FoundGeometry
-        Features of the new revision and of the earlier one.
     """
     names = matched(_parts(found, _former_products(found.assembly, before.assembly)), _parts(before, {}))
     found = replace(found, bodies=dict(zip(found.bodies, names, strict=True)))
@@ -96,15 +82,7 @@ def _is_same(part: CadPart, former: CadPart) -> bool:
 
 
 def renamed_parts(found: FoundGeometry, before: FoundGeometry) -> list[tuple[str, str, str]]:
-    """Return body, earlier name and new name of each part that is renamed in a new revision.
-
-    Parameters
-    ----------
-    found : FoundGeometry
-        Features as returned by `named_as_before`.
-    before : FoundGeometry
-        Features of the earlier revision.
-    """
+    """Return body, earlier name and new name of each renamed part; `found` is from `named_as_before`."""
     parts = {body: part for part, body in found.bodies.items()}
     return [(body, part, parts[body]) for part, body in before.bodies.items() if parts.get(body, part) != part]
 
@@ -139,6 +117,7 @@ def matched(now: list[NamedPlace], before: list[NamedPlace], most: float = np.in
         if here.kind == there.kind
     ]
     names: dict[int, str] = {}
+    # nearest pairs first over all places, or a new joint could take the name of a neighbour that is still there
     for far, i, j in sorted(pairs):
         if far <= most and i not in names and before[j].name not in names.values():
             names[i] = before[j].name

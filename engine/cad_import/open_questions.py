@@ -11,18 +11,10 @@ from engine.toml_file import LARGEST
 
 @dataclass(frozen=True)
 class OpenQuestion:
-    """A question in the text of a file.
+    """A question in the text of a file."""
 
-    Attributes
-    ----------
-    line : int
-        Line number from 1.
-    text : str
-        The key or table in question, a colon, and the question.
-    """
-
-    line: int
-    text: str
+    line: int  # from 1
+    text: str  # the key or table in question, a colon, and the question
 
 
 def open_questions(text: str) -> list[OpenQuestion]:

@@ -24,18 +24,10 @@ _OPEN = radians(190.0)  # a pin can leave a hole with a smaller span
 
 @dataclass(frozen=True)
 class Diameter:
-    """A diameter with limits that the CAD file attaches to the hole or the pin of a joint.
+    """A diameter with limits that the CAD file attaches to the hole or the pin of a joint."""
 
-    Attributes
-    ----------
-    parameter : str
-        Its name in the mechanism file.
-    nominal, lower, upper : float
-        Sizes [mm].
-    """
-
-    parameter: str
-    nominal: float
+    parameter: str  # its name in the mechanism file
+    nominal: float  # [mm], like both limits
     lower: float
     upper: float
 
@@ -139,17 +131,10 @@ def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
 
 @dataclass(frozen=True, eq=False)
 class _Stations:
-    """Stations along a joint's axis as counted in the mechanism file: from the middle of its first seat.
-
-    Attributes
-    ----------
-    joint : FoundJoint
-    axis : array
-        The direction in which the file counts, the joint's axis or its opposite.
-    """
+    """Stations along a joint's axis as counted in the mechanism file: from the middle of its first seat."""
 
     joint: FoundJoint
-    axis: Array
+    axis: Array  # direction in which the file counts: the joint's axis or its opposite
 
     @property
     def sign(self) -> float:
@@ -210,6 +195,7 @@ def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
     pin = joint.pin
     ends = {"start": pin.seats[0].start, "end": pin.seats[-1].end} | {s: f.station for s, f in faces.items()}
     flanges: dict[str, Any] = {"radius": round(min(flange.radius for flange in joint.flanges), 9)}
+    # the file counts along its own axis, which may run the other way
     flanges["ends"] = sorted(round(stations.of(station), 9) for station in ends.values())
     if len(faces) == 1:
         [side] = faces

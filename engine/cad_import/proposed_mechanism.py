@@ -18,17 +18,9 @@ _HEAD = """\
 
 
 def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Sequence[str] = ()) -> str:
-    """Return the text of a mechanism file.
+    """Return the text of a mechanism file; `file` is the path of the CAD file relative to it.
 
-    Parameters
-    ----------
-    found : FoundGeometry
-    file : str
-        Path of the CAD file relative to the mechanism file.
-    name : str
-        Name of the mechanism.
-    unloaded : sequence of str
-        Result of `engine.cad_import.unloaded_directions.unloaded_directions` for the text without it.
+    `unloaded` is the result of `engine.cad_import.unloaded_directions.unloaded_directions` for the text without it.
     """
     assembly = found.assembly
     lines = [

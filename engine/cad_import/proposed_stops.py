@@ -113,7 +113,7 @@ def _touched_side(found: FoundGeometry, pair: FacingRound, face: CadFace) -> Sid
 
 def _is_open(socket: CadFace) -> bool:
     """Return whether a ball can leave a hollow sphere, because no more than half of the sphere is there."""
-    return socket.area < 2.1 * np.pi * socket.radius**2
+    return socket.area < 2.1 * np.pi * socket.radius**2  # half a sphere has 2 pi r2
 
 
 def _extruded(found: FoundGeometry, face: CadFace, profile: ExtrudedProfile) -> Side:

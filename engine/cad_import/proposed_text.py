@@ -18,26 +18,13 @@ _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True)
 class ProposedLine:
-    """A key with its value, or the header of a table.
+    """A key with its value, or the header of a table."""
 
-    Attributes
-    ----------
-    place : int
-        Index of its line.
-    line : str
-    value : str
-        The value as written, without the comment after it; for a header, the header itself.
-    marked : bool
-        Whether it has a mark, so that it is inactive.
-    questions : tuple of str
-        The questions in the lines above it.
-    """
-
-    place: int
+    place: int  # index of its line
     line: str
-    value: str
-    marked: bool
-    questions: tuple[str, ...]
+    value: str  # as written, without the comment after it; for a header, the header itself
+    marked: bool  # whether it has a mark, so that it is inactive
+    questions: tuple[str, ...]  # those in the lines above it
 
     @property
     def unmarked(self) -> str:

@@ -17,7 +17,7 @@ def value(entry: Any) -> str:
         case str():
             return f'"{"".join(_escaped(c) for c in entry)}"'
         case float():
-            return repr(round(entry, 12) + 0.0)
+            return repr(round(entry, 12) + 0.0)  # + 0.0 turns -0.0 into 0.0
         case int():
             return str(entry)
         case Mapping():

@@ -19,17 +19,9 @@ _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1
 def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
     """Return the motions that no load acts on, with the largest part fixed, each with the body that has most of it.
 
-    Parameters
-    ----------
-    found : FoundGeometry
-    text : str
-        The mechanism file proposed for it. Its questions are answered with arbitrary numbers for this check, because
-        the free motions do not depend on densities and plays.
-
-    Returns
-    -------
-    list of str
-        For instance ``"crank along z, the axis of J"``; empty also if the parts cannot start as they are drawn.
+    A motion is for instance ``"crank along z, the axis of J"``. The questions of the proposed `text` are answered with
+    arbitrary numbers, because the free motions do not depend on densities and plays. Empty also if the parts cannot
+    start as they are drawn.
     """
     if not 1 < len(found.assembly.parts) <= MOST_BODIES:
         return []
@@ -56,6 +48,7 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
     for joint in found.joints:
         table = tables["joints"][joint.name]
         if "radial_clearance" not in table or joint.pin.overlap > 0:
+            # large enough for the pose as drawn: pin and hole that overlap cannot start
             table["radial_clearance"] = joint.pin.offset + _SOME_PLAY
         if "flanges" in table:
             table.setdefault("axial_clearance", _SOME_PLAY)

@@ -11,41 +11,21 @@ _PARAMETERS = "[parameters]"
 
 @dataclass(frozen=True)
 class UpdatedProposal:
-    """The result of updating a mechanism file or a campaign file.
+    """The result of updating a mechanism file or a campaign file."""
 
-    Attributes
-    ----------
-    text : str
-        The file for the new revision.
-    kept : list of str
-        Places, one per line, where the proposal has changed but the file's own value is kept.
-    gone : list of str
-        Tables of which nothing remains in the new revision; they are kept, too.
-    added : list of str
-        New tables.
-    """
-
-    text: str
+    text: str  # the file for the new revision
+    # places, one per line, where the proposal has changed but the file's own value is kept
     kept: list[str] = field(default_factory=list)
+    # tables of which nothing remains in the new revision; they are kept, too
     gone: list[str] = field(default_factory=list)
-    added: list[str] = field(default_factory=list)
+    added: list[str] = field(default_factory=list)  # new tables
 
 
 def updated_proposal(text: str, before: str, after: str) -> UpdatedProposal:
-    """Return a file with its proposed entries updated from one revision to another.
+    """Return a file, including a person's edits, updated from the proposal of one revision to that of another.
 
-    Parameters
-    ----------
-    text : str
-        The file, including a person's edits.
-    before, after : str
-        The proposals for the two revisions, as from `engine.cad_import.proposed_mechanism.proposed_mechanism`.
-
-    Returns
-    -------
-    UpdatedProposal
-        A line is changed or removed only if the person left it as it was proposed. What has become a question is one
-        again, and a question that is no longer asked is removed, unless the person has answered it.
+    A line is changed or removed only if the person left it as it was proposed. What has become a question is one again,
+    and a question that is no longer asked is removed, unless the person has answered it.
     """
     return _Merge(text, before, after).result()
 
@@ -71,6 +51,7 @@ class _Merge:
         for key, was in self._old.items():
             if key not in self._new:
                 self._drop(key, was)
+        # after all keys are dropped: only the lines that are left show which parameters are used
         self._remove_parameters()
         self._add_tables()
         lines: list[str] = []

@@ -5,28 +5,12 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True)
 class Caution:
-    """Something that looks wrong in a mechanism, where it is, and what to do.
+    """Something that looks wrong in a mechanism, where it is, and what to do."""
 
-    Attributes
-    ----------
-    key : str
-        Dotted path in the mechanism file.
-    value : float or None
-        The number at this key, if it is a single number.
-    unit : str
-        Unit of the value; "1" for a pure number.
-    text : str
-        What looks wrong.
-    customary : str
-        What is customary.
-    remedy : str
-        What to do.
-    """
-
-    key: str
-    value: float | None
-    unit: str
-    text: str
+    key: str  # dotted path in the mechanism file
+    value: float | None  # the number at this key, if it is a single number
+    unit: str  # of the value; "1" for a pure number
+    text: str  # what looks wrong
     customary: str
     remedy: str
 

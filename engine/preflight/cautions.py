@@ -11,18 +11,7 @@ MOST_BODIES = 40  # in a mechanism whose small motions are examined; the time gr
 
 
 def cautions(mechanism: Mechanism) -> list[Caution]:
-    """Return the cautions about a mechanism that can start: first numbers, then motions, in the order of the file.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        A mechanism that `engine.check` accepts.
-
-    Returns
-    -------
-    list of Caution
-        Empty if nothing looks wrong.
-    """
+    """Return the cautions about a mechanism that `engine.check` accepts: numbers, then motions, in the file's order."""
     drawn = [*start_gap_cautions(mechanism), *doubles_of(mechanism)]
     numbers = [*customs_of(mechanism), *pace_of(mechanism)]
     moving = sum(not body.fixed for body in mechanism.bodies.values())

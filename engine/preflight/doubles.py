@@ -7,12 +7,7 @@ from engine.preflight.caution import Caution
 
 
 def doubles_of(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield the joints and contacts whose entries are identical to another one in the same table.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    """
+    """Yield the joints and contacts whose entries are identical to another one in the same table."""
     for table, entries in (("joints", mechanism.joints), ("contacts", mechanism.contacts)):
         first: dict[str, str] = {}
         for name, entry in entries.items():

@@ -20,12 +20,6 @@ def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution
     At the start everything is at rest. If the loads move no measured length by more than the allowed drift within the
     window, the run ends there although its bodies have only begun to slide or turn. If they do, a body that is not
     measured may still move later, when the measured ones stand still. A run waits only for bodies in flight.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    small : SmallMotions
-        Small motions about the start pose.
     """
     rest, assembly = mechanism.simulation.rest, small.assembly
     window = max(rest.window, mechanism.simulation.step)

@@ -24,6 +24,7 @@ def pace_of(mechanism: Mechanism) -> Iterator[Caution]:
         if rate * step > LONGEST:
             key, stiffness = f"springs.{name}.stiffness", "stiffness"
             quantity = stiffness if spring.type == "linear" else f"torsional {stiffness}"
+            # a tenth of the limit above: an oscillation then takes some sixty steps
             most = inert * (0.1 / step) ** 2
             yield _fast(key, spring.stiffness, mechanism.unit(quantity), f"{2 * math.pi / rate:.3g} {unit}", step, most)
     links: list[tuple[str, dict[str, Any]]] = [("springs", mechanism.springs), ("dampers", mechanism.dampers)]

@@ -12,14 +12,7 @@ from engine.preflight.unloaded import values_at
 
 
 def perpetual_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
-    """Yield cautions about bodies that move from the start, are measured at the end, and lose no energy meanwhile.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    small : SmallMotions
-        Small motions about the start pose.
-    """
+    """Yield cautions about bodies that move from the start, are measured at the end, and lose no energy meanwhile."""
     if mechanism.motions or any(phase.damping for phase in mechanism.phases):
         return
     assembly, names = small.assembly, order_bodies(mechanism)

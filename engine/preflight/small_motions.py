@@ -28,30 +28,14 @@ SOFT = 1e-6  # common compliance of all contacts, so that those that can share a
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """A mechanism about its start pose, with `n` velocities in total.
+    """A mechanism about its start pose, with `n` velocities in total."""
 
-    Attributes
-    ----------
-    assembly : Assembly
-        The mechanism at its start.
-    root : (n, n) array
-        M^-1/2: w = root y.
-    joints : (nj, n) array
-        Rows of the ideal joints, in y.
-    normals : (nc, n) array
-        Rows of the gaps of all contacts at the start pose, in y.
-    rounds : (nr, n) array
-        Rows of the directions in which an all-round contact holds, in y.
-    round_of : (nr,) array
-        The contact of each of these rows.
-    """
-
-    assembly: Assembly
-    root: Array
-    joints: Array
-    normals: Array
-    rounds: Array
-    round_of: Integers
+    assembly: Assembly  # the mechanism at its start
+    root: Array  # (n, n), M^-1/2: w = root y
+    joints: Array  # (nj, n), rows of the ideal joints, in y
+    normals: Array  # (nc, n), rows of the gaps of all contacts at the start pose, in y
+    rounds: Array  # (nr, n), rows of the directions in which an all-round contact holds, in y
+    round_of: Integers  # (nr,), the contact of each of these rows
 
     @property
     def is_round(self) -> NDArray[np.bool_]:
@@ -104,6 +88,7 @@ def displaced(state: State, w: Array) -> State:
             continue
         turned = Rotation.from_rotvec(turn) * Rotation.from_matrix(R[b])
         R[b], p[b] = turned.as_matrix(), turned.as_quat(canonical=False, scalar_first=True)
+        # p and -p are the same rotation; a jump of the sign would spoil differences between poses
         p[b] *= 1.0 if p[b] @ state.p[b] >= 0.0 else -1.0
     return state._replace(x=x, p=p, R=R)
 
@@ -123,17 +108,8 @@ def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Arr
 
     By Gauss's principle, this is the motion nearest to that of the loads alone among all that close no contact.
 
-    Parameters
-    ----------
-    free : (n, k) array
-        Basis of the possible motions.
-    normals : (nc, n) array
-        Rows of the closed contacts.
-    loads : (n,) array
-
-    Returns
-    -------
-    (n,) array, (nc,) array
+    `free` (n, k) is a basis of the possible motions, `normals` (nc, n) are the rows of the closed contacts, `loads`
+    (n,). The results have shapes (n,) and (nc,).
     """
     size = float(np.linalg.norm(loads))
     wanted, rows = free.T @ loads, normals @ free
@@ -154,6 +130,7 @@ def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Arr
 def _joint_rows(assembly: Assembly) -> Array:
     """Return the rows of ideal joints and prescribed motions that act at the start, shape (nj, 6 nb)."""
     rows, state, at_pose = assembly.model.bilateral, assembly.state, assembly.work.bilateral
+    # restored below: these rows are the assembly's own, and the next call must find them as they were
     acts = rows.acts.copy()
     rows.acts[:] = rows.phase[:, 0] if rows.phase.size else True
     row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)

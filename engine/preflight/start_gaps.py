@@ -20,10 +20,7 @@ _ENDS = 1e-6  # share of a joint's length by which a ring at its end may lie bey
 def with_start_gaps(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose certificate of geometry contains its gaps at the start next to the distances as drawn.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        From `engine.load_mechanism`. If it takes nothing from a CAD file or cannot start, it is returned unchanged.
+    A mechanism that takes nothing from a CAD file, or that cannot start, is returned unchanged.
     """
     certificate = mechanism.geometry
     if certificate is None or not certificate.gaps:
@@ -77,13 +74,7 @@ def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, f
 
 
 def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield cautions about gaps at the start that differ from those OCCT measures between the faces.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        From `with_start_gaps`.
-    """
+    """Yield cautions about gaps from `with_start_gaps` that differ from those OCCT measures between the faces."""
     certificate, unit = mechanism.geometry, mechanism.unit("length")
     if certificate is None:
         return

@@ -13,13 +13,7 @@ def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None
 
     Half the step, a quarter of it and so on are tried, one run each. If none comes to rest, the step is not to blame.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    step : float
-        The fixed step.
-    horizon : float, optional
-        Longest simulated time, instead of the mechanism's.
+    `horizon` is the longest simulated time; None means the mechanism's.
     """
     limit = min(LONGEST_TRIAL, mechanism.simulation.wall_limit)
     mechanism = set_values(mechanism, {"simulation.wall_limit": limit})

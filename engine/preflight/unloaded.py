@@ -38,12 +38,6 @@ def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     Without responses, all bodies along all such motions are reported, provided that a body is fixed: otherwise all
     could move together. Prescribed motions push bodies in ways that the start pose does not show, so with one there is
     no caution.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    small : SmallMotions
-        Small motions about the start pose.
     """
     if mechanism.motions:
         return
@@ -70,12 +64,7 @@ def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
 def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[str, str]]:
     """Return the motions without any load, each as the body that takes the largest part in it and a description.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        If no body is fixed, the list is empty, because all could move together.
-    small : SmallMotions
-        Small motions about the start pose.
+    There is none if no body is fixed, because all could move together.
     """
     if not any(body.fixed for body in mechanism.bodies.values()):
         return []

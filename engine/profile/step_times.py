@@ -17,43 +17,22 @@ WALL_LIMIT = 600.0
 
 @dataclasses.dataclass(frozen=True)
 class StepTimes:
-    """One mechanism, simulated with a fixed step to the end of its horizon, at rest or not.
-
-    Attributes
-    ----------
-    mechanism : str
-        Name of the mechanism.
-    status, message : str
-        Why the steps ended, as in a run; "ok" if all of them were made.
-    step : float
-        Length of the steps, in the mechanism's unit of time.
-    bodies, contacts, ties : int
-        Numbers of moving bodies, potential contacts, and bilateral rows (ideal joints and prescribed motions).
-    steps, repeated : int
-        Number of steps made, and number of these that were repeated with half their length.
-    step_us : float
-        Real time per step, including responses [microseconds].
-    iterations_per_step : float
-        Newton and interior-point steps of the friction solver per time step.
-    shares : dict
-        Share of the time per stage of `engine.profile.timed_loop.STAGES`; "other" completes the sum to 1.
-    max_residual, max_penetration, max_violation : float
-        As in the certificate of a run.
-    """
+    """One mechanism, simulated with a fixed step to the end of its horizon, at rest or not."""
 
     mechanism: str
-    status: str
+    status: str  # why the steps ended, as in a run; "ok" if all of them were made
     message: str
-    step: float
-    bodies: int
-    contacts: int
-    ties: int
+    step: float  # length, in the mechanism's unit of time
+    bodies: int  # moving ones
+    contacts: int  # potential ones
+    ties: int  # bilateral rows: ideal joints and prescribed motions
     steps: int
-    repeated: int
-    step_us: float
-    iterations_per_step: float
+    repeated: int  # of the steps, those that were repeated with half their length
+    step_us: float  # real time per step, including responses [microseconds]
+    iterations_per_step: float  # Newton and interior-point steps of the friction solver per time step
+    # of the time, by stage of `engine.profile.timed_loop.STAGES`; "other" completes the sum to 1
     shares: dict[str, float]
-    max_residual: float
+    max_residual: float  # these three as in the certificate of a run
     max_penetration: float
     max_violation: float
 
@@ -65,21 +44,8 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
     the same functions, compiled again with clocks between them (`engine.profile.timed_loop`). Compilation is not
     included.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its shortest step is used; for the C-60, the paper's.
-    steps : int, optional
-        Number of steps; by default as many as fit into its horizon, at most ``STEPS``.
-
-    Returns
-    -------
-    StepTimes
-
-    Raises
-    ------
-    MechanismError
-        If parts overlap at the start pose.
+    The mechanism's shortest step is used; for the C-60, the paper's. `steps` None means as many as fit into its
+    horizon, at most ``STEPS``. Raises MechanismError if parts overlap at the start pose.
     """
     from engine.assembly import assemble
     from engine.kernels import time_loop
@@ -89,7 +55,7 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
     h = PAPER.get(mechanism.name, mechanism.simulation.step)
     count = steps or min(round(mechanism.simulation.horizon / h), STEPS)
     control = control_of(mechanism, True)._replace(step=h, longest=h, horizon=count * h)
-    prepare(assemble(mechanism), control)
+    prepare(assemble(mechanism), control)  # compiles, which is not to be measured
     seconds = []
     for _ in range(REPEATS):
         assembly = assemble(mechanism)

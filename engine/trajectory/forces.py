@@ -17,17 +17,8 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
 
     A force is that on the contact's first body, or on the second if the first is fixed.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        With ``nc`` contacts.
-    instants : sequence of int
-        ``m`` rows of the trajectory, increasing; the first gets the force of its own step alone.
-
-    Returns
-    -------
-    points, forces : (m, nc, 3) arrays
-        In world axes.
+    `instants` are m rows of the trajectory, increasing; the first gets the force of its own step alone. Points and
+    forces have shape (m, nc, 3), in world axes.
     """
     mechanism = trajectory.mechanism()
     assembly, order = assemble(mechanism), order_bodies(mechanism)

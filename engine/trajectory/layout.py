@@ -15,30 +15,15 @@ from engine.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class Series:
-    """One dataset of the file.
+    """One dataset of the file."""
 
-    Attributes
-    ----------
-    path : str
-        Name of the dataset in the file.
-    width : int
-        Numbers per row; 1 gives a one-dimensional dataset.
-    unit : str
-        Unit of the numbers.
-    about : str
-        Meaning of the numbers.
-    take : callable
-        Maps rows, shape (n, row length), to those of the dataset, shape (n,) or (n, width).
-    dtype : str
-        Type in which the numbers are stored.
-    """
-
-    path: str
-    width: int
+    path: str  # name of the dataset in the file
+    width: int  # numbers per row; 1 gives a one-dimensional dataset
     unit: str
-    about: str
+    about: str  # meaning of the numbers
+    # maps rows, shape (n, row length), to those of the dataset, shape (n,) or (n, width)
     take: Callable[[Array], Array]
-    dtype: str = "f8"
+    dtype: str = "f8"  # in which the numbers are stored
 
 
 def series_of(mechanism: Mechanism, assembly: Assembly) -> Iterator[Series]:

@@ -53,21 +53,7 @@ def trajectory_file(
 ) -> Iterator[TrajectoryWriter]:
     """Open a trajectory file under a temporary name, and give it its own name at the end of the block.
 
-    Parameters
-    ----------
-    recording : Recording
-        The name of the file, and the steps it contains.
-    mechanism : Mechanism
-        The simulated mechanism.
-    assembly : Assembly
-        Its arrays.
-    full_horizon : bool
-        Whether the run continues after rest.
-
-    Raises
-    ------
-    TrajectoryError
-        If the file cannot be written.
+    Raises TrajectoryError if the file cannot be written.
     """
     path = Path(recording.path)
     temporary = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
@@ -77,6 +63,7 @@ def trajectory_file(
         with h5py.File(temporary, "x", libver=("v110", "v110")) as file:
             _describe(file, mechanism, settings)
             yield TrajectoryWriter(file, mechanism, assembly)
+        # the content must be on the disk before the name is, or a loss of power could leave the name without it
         with temporary.open("rb") as written:
             os.fsync(written.fileno())
         os.replace(temporary, path)

@@ -26,14 +26,8 @@ def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
     load it is in flight if it moves faster than ``least`` in a direction that these joints allow, and closes no gap in
     doing so.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly as the run left it.
-    pose : Assembly
-        Its copy as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and rows at that pose.
-    least : float
-        Speed above which a body without load counts as moving [length/time].
+    `pose` is a copy of the assembly as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and
+    rows at that pose. `least` is a speed [length/time].
     """
     model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
     found = np.zeros_like(assembly.state.v)
@@ -65,6 +59,7 @@ def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
             np.stack([contacts.a, contacts.b], axis=1)[loaded],
         ]
     ):
+        # all of one group take the number of the other: at the end, equal numbers are linked
         member[member == member[a]] = member[b]
     for number in np.unique(member):
         if number != member[ground]:

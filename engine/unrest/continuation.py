@@ -24,30 +24,14 @@ FINE = 64  # number of steps that are all kept, to detect trembling
 
 @dataclass(frozen=True)
 class Continuation:
-    """The motion of a mechanism after the end of its run.
+    """The motion of a mechanism after the end of its run."""
 
-    Attributes
-    ----------
-    time : (n,) array
-        Times since the start of the run; the first is the end of the run.
-    twist : (n, nb, 6) array
-        Velocity of the centre of mass, and angular velocity, both in world axes.
-    own : (n, nb, 6) array
-        The same in body axes.
-    place : (n, nb, 7) array
-        Position of the centre of mass, and quaternion (w, x, y, z).
-    impulse : (n, nc) array
-        Normal impulses of the contacts.
-    rested : float or None
-        Time at which the mechanism came to rest, if it did.
-    """
-
-    time: Array
-    twist: Array
-    own: Array
-    place: Array
-    impulse: Array
-    rested: float | None
+    time: Array  # (n,), since the start of the run; the first is the end of the run
+    twist: Array  # (n, nb, 6), velocity of the centre of mass, and angular velocity, both in world axes
+    own: Array  # (n, nb, 6), the same in body axes
+    place: Array  # (n, nb, 7), position of the centre of mass, and quaternion (w, x, y, z)
+    impulse: Array  # (n, nc), normal impulses of the contacts
+    rested: float | None  # time at which the mechanism came to rest, if it did
 
     def last(self, count: int) -> "Continuation":
         """Return the last ``count`` times of the continuation."""
@@ -65,25 +49,9 @@ def go_on(
 ) -> Continuation | None:
     """Continue the phase in which a run reached its horizon; the run itself is not changed.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly as the run left it.
-    control : Control
-        Settings of the continuation; its horizon is not used.
-    course : Course
-        The course as the run left it.
-    seconds : float
-        Real time after which the continuation is abandoned [s].
-    cancel : Cancel or None
-        A flag with which another thread can end it.
-    every_step : bool
-        Make few steps and keep each one; otherwise make twice as many steps as the run, and keep some of them.
-
-    Returns
-    -------
-    Continuation or None
-        None if it was cancelled, took too long, or a step failed.
+    The horizon of `control` is not used. With `every_step` few steps are made and each is kept; otherwise twice as many
+    as the run made, of which some are kept. None if it was cancelled, took longer than `seconds` of real time, or a
+    step failed.
     """
     end, steps = float(course.reals[time_loop.TIME]), int(course.counts[time_loop.ACCEPTED])
     most = FINE if every_step else min(max(2 * steps, FEWEST), MOST)
@@ -93,6 +61,7 @@ def go_on(
     arrays, course = _copy(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
     beyond = end + most * control.longest
     course.reals[time_loop.PHASE_END] = beyond
+    # a trial with a shorter step must not begin with the step of the run
     course.reals[time_loop.STEP] = min(course.reals[time_loop.STEP], control.longest)
     course.reals[time_loop.LONGEST] = min(course.reals[time_loop.LONGEST], control.longest)
     course.counts[time_loop.ACCEPTED] = 0
@@ -101,7 +70,7 @@ def go_on(
         run_to_end(arrays, control._replace(horizon=beyond, full_horizon=False), course, rows, stride, stop)
     if course.counts[time_loop.STATUS] not in (time_loop.OK, time_loop.FULL):
         return None
-    rows = rows[1 : 1 + int(rows[0, 0])]
+    rows = rows[1 : 1 + int(rows[0, 0])]  # see `kernels.record`
     bodies, contacts = len(arrays.model.bodies.mass), len(assembly.contact_names)
     moving = rows[:, HEAD : HEAD + BODY * bodies].reshape(len(rows), bodies, BODY)
     touching = rows[:, HEAD + BODY * bodies :][:, : CONTACT * contacts].reshape(len(rows), contacts, CONTACT)

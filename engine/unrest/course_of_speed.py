@@ -14,35 +14,19 @@ LINEAR = 0.8  # share of the first half's loss of speed that the second half rep
 
 @dataclass(frozen=True)
 class SpeedCourse:
-    """How a speed develops.
+    """How a speed develops."""
 
-    Attributes
-    ----------
-    kind : str
-        It "swings" to and fro, "turns back" once, "slows" down, is "steady", or gets "faster".
-    rest : float or None
-        Time at which it is expected to come to rest, if this can be told.
-    period : float or None
-        Period, for a swing.
-    loss : float or None
-        For a swing, the share of its amplitude lost per period, if more than one was seen.
-    """
-
+    # swings to and fro, turns back once, slows down, is steady, or gets faster
     kind: Literal["swings", "turns back", "slows", "steady", "faster"]
-    rest: float | None = None
-    period: float | None = None
-    loss: float | None = None
+    rest: float | None = None  # time at which it is expected to come to rest, if this can be told
+    period: float | None = None  # for a swing
+    loss: float | None = None  # for a swing, the share of its amplitude lost per period, if more than one was seen
 
 
 def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCourse:
-    """Return how a speed develops.
+    """Return how a speed develops; `time` and `speed` have shape (n,), n >= 3.
 
-    Parameters
-    ----------
-    time, speed : (n,) arrays
-        n is at least 3.
-    window, drift : float
-        Criterion of rest: the body moves by no more than ``drift`` in the time ``window``.
+    A body is at rest if it moves by no more than `drift` in the time `window`.
     """
     turns = turns_of(speed)
     if turns.size:
@@ -83,9 +67,10 @@ def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: flo
     if tops.size < 2:
         return SpeedCourse("swings", None, 2 * half)
     left = float((tops[-1] / tops[0]) ** (1.0 / (tops.size - 1)))
-    loss = 1.0 - left**2
+    loss = 1.0 - left**2  # a period is two halves
     if loss <= STEADY:
         return SpeedCourse("swings", None, 2 * half, max(loss, 0.0))
+    # a swing shorter than the window moves by 2 half / pi times its top speed, and never further
     slow = max(drift / window, drift * np.pi / (2 * half))
     halves = max(np.log(slow / tops[-1]) / np.log(left), 0.0)
     return SpeedCourse("swings", float(zeros[-1] + halves * half), 2 * half, loss)

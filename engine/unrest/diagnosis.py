@@ -33,24 +33,8 @@ def unrest(
 ) -> str:
     """Describe which body moves most at the end of a run, where to, how fast, and what would bring it to rest.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    assembly : Assembly
-        The assembly as the run left it; its arrays of loads are overwritten.
-    control : Control
-        The settings of the run.
-    course : Course
-        The course as the run left it.
-    seconds : float
-        Real time available to see how the mechanism continues [s].
-    cancel : Cancel or None
-        A flag with which another thread can end this.
-
-    Returns
-    -------
-    str
-        Part of a sentence; empty if nothing could be seen.
+    `assembly` and `course` are as the run left them; the arrays of loads are overwritten. `seconds` is the real time
+    available to see how the mechanism continues. Returns part of a sentence, empty if nothing could be seen.
     """
     fine = go_on(assembly, control, course, seconds, cancel, every_step=True)
     if fine is None or len(fine.time) < 3:
@@ -75,12 +59,7 @@ def unrest(
 def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
     """Describe which body starts to move at a pose that no contact forces hold; empty if that is not known.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    pose : Assembly
-        The pose as `engine.equilibrium.forces_at_rest` left it.
-    control : Control
+    `pose` is as `engine.equilibrium.forces_at_rest` left it.
     """
     motion = _begun(mechanism, pose, control, pose.state.v, "begins")
     return f"no contact forces hold the pose: {motion}" if motion else ""
@@ -89,14 +68,7 @@ def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
 def flight(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array) -> str:
     """Describe which body is in flight while everything measured is at rest; empty if none is.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    pose : Assembly
-        The pose at the end of the run.
-    control : Control
-    twist : (nb + 1, 6) array
-        Return value of `engine.unrest.in_flight`.
+    `pose` is that at the end of the run, `twist`, shape (nb + 1, 6), is from `engine.unrest.in_flight`.
     """
     motion = _begun(mechanism, pose, control, twist, "flies")
     return f"{motion}, and no contact, joint or spring holds it" if motion else ""

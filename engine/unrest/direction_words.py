@@ -15,17 +15,8 @@ PARALLEL = 0.99  # cosine of 8 degrees, because a body in a joint with play tilt
 def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction: Array, signed: bool = True) -> str:
     """Return a direction in words, such as ``"-z, the axis of J1"``.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    body : str
-        The body whose joints are considered.
-    rotation : (3, 3) array
-        Rotation from the body's axes to the world's.
-    direction : (3,) array
-        In world axes, of any length.
-    signed : bool
-        False for an axis, whose sign is irrelevant.
+    `rotation` (3, 3) turns the axes of the body, whose joints are considered, into the world's; `direction` (3,) is in
+    world axes, of any length. An axis, whose sign is irrelevant, is not `signed`.
     """
     unit = direction / np.linalg.norm(direction)
     largest = int(np.abs(unit).argmax())
@@ -42,14 +33,8 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
 def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> str:
     """Return a description of a body's motion to and fro: along a direction, about an axis, or both.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    body : str
-    rotation : (3, 3) array
-        Rotation from the body's axes to the world's.
-    velocity, spin : (3,) arrays
-        Velocity of the centre of mass, and angular velocity; in world axes, of any magnitude.
+    `rotation` (3, 3) turns the body's axes into the world's; `velocity` of the centre of mass and `spin`, both (3,),
+    are in world axes, of any magnitude.
     """
     about = f"about {direction_words(mechanism, body, rotation, spin, signed=False)}" if spin.any() else ""
     hinged = any(

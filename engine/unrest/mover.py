@@ -16,44 +16,25 @@ UNSEEN = 1e-12  # share of the squared largest speed below which there is no mot
 
 @dataclass(frozen=True)
 class Mover:
-    """A body's motion along its principal direction.
+    """A body's motion along its principal direction; `along` and `about` have lengths whose squares add up to 1."""
 
-    Attributes
-    ----------
-    body : int
-        Number of the body in the arrays.
-    along, about : (3,) arrays
-        The direction in world axes: displacement of the centre of mass, and rotation times ``arm``. The squares of the
-        two lengths add up to 1.
-    arm : float
-        Radius of gyration [length].
-    speed : (n,) array
-        Speed along it at the times of the continuation [length/time]; positive on average.
-    """
-
-    body: int
-    along: Array
-    about: Array
-    arm: float
-    speed: Array
+    body: int  # number in the arrays
+    along: Array  # (3,), displacement of the centre of mass, in world axes
+    about: Array  # (3,), rotation times `arm`, in world axes
+    arm: float  # radius of gyration [length]
+    speed: Array  # (n,), at the times of the continuation [length/time]; positive on average
 
 
 def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -> Mover:
     """Return the motion of the fastest body among those that keep the mechanism from rest, or of all if these rest.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly as the run left it.
-    control : Control
-    twist : (n, nb, 6) array
-        Motion of the bodies since then, in world axes, see `engine.unrest.continuation`.
-    own : (n, nb, 6) array
-        The same in body axes. A sliding body keeps its direction in world axes, one that turns far keeps it in body
-        axes.
+    The motion since the end of the run is given in world axes (`twist`) and in body axes (`own`), both (n, nb, 6), see
+    `engine.unrest.continuation`: a sliding body keeps its direction in world axes, one that turns far keeps it in body
+    axes.
     """
     bodies = assembly.model.bodies
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
+    # divided by the largest number, whose square may overflow for a runaway body
     squares = ((twist[..., :3] / np.abs(twist).max()) ** 2).sum(axis=2).mean(axis=0)
     squares += ((twist[..., 3:] / np.abs(twist).max() * arms[:, None]) ** 2).sum(axis=2).mean(axis=0)
     watched = np.where(_restless(assembly, control), squares, 0.0)
@@ -76,6 +57,7 @@ def _principal(motion: Array) -> tuple[float, Array, Array]:
     direction = directions[:, -1]
     speed = motion @ direction
     sign = -1.0 if speed.sum() < 0.0 else 1.0
+    # rounded, so that of two equal shares `find_mover` takes the first, that in world axes
     return round(float(sizes[-1] / sizes.sum()), 9), sign * direction, sign * speed
 
 

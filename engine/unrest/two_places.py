@@ -17,12 +17,7 @@ OFTEN = 4  # changes from one place to the other within a continuation that keep
 def held_in_turn(assembly: Assembly, onward: Continuation) -> list[str]:
     """Return the names of the contacts that press alternately in two different directions.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly as the run left it; nothing is written.
-    onward : Continuation
-        The continuation of the run, with every step.
+    `onward` must contain every step. `assembly` is as the run left it, and is not written to.
     """
     normals, names = _normals(assembly, onward), []
     for c, name in enumerate(assembly.contact_names):

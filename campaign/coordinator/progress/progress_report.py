@@ -19,22 +19,10 @@ Say = Callable[[str], None]
 
 
 def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
-    """Return the progress of a campaign.
+    """Return the progress of a campaign as plain data; ``say`` gets a sentence for each fault of its files.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    header : PlanHeader
-        The campaign.
-    say : callable
-        Called with a sentence for the user for each fault of the campaign's files.
-
-    Returns
-    -------
-    dict
-        Plain data: ``campaign``, ``store``, the entries that `progress` returns, ``heartbeat`` of a running campaign or
-        None, and ``comparisons``, the address of each by the id of the other campaign.
+    The entries are ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a running campaign or None, and
+    ``comparisons``, the address of each by the id of the other campaign.
     """
     campaign_id = header.campaign_id
     state, counts = progress(store, header, say)
@@ -43,17 +31,9 @@ def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, A
 
 
 def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] | None:
-    """Return the progress of a running campaign from its last heartbeat, without reading any file of rows.
+    """Return the document of `progress_report` from the last heartbeat, without reading any file of rows.
 
-    Parameters
-    ----------
-    store, campaign_id, say
-        See `progress_report`.
-
-    Returns
-    -------
-    dict or None
-        The same document as of `progress_report`; None if the campaign is not running or has no heartbeat yet.
+    None if the campaign is not running or has no heartbeat yet.
     """
     state = state_of(store, campaign_id)
     heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None

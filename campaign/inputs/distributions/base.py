@@ -101,21 +101,9 @@ def check_order(lower: float, upper: float) -> None:
 
 
 def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: str = "") -> None:
-    """Check that a distribution is given by exactly one of several groups of keys.
+    """Raise ValueError unless a distribution is given by exactly one of several groups of keys, all of it.
 
-    Parameters
-    ----------
-    table : TableModel
-        The distribution.
-    *groups : tuple of str
-        The groups of keys.
-    hint : str
-        Another remedy for the message if no group is given.
-
-    Raises
-    ------
-    ValueError
-        If no group is given, more than one, or one only in part.
+    ``hint`` is another remedy for the message if no group is given.
     """
     given = [key for group in groups for key in group if getattr(table, key) is not None]
     choices = " or ".join(" and ".join(group) for group in groups)

@@ -50,10 +50,7 @@ class Empirical(Discrete):
     def outcomes(self) -> tuple[Array, Array]:
         """Return the distinct values within the bounds and how often each was measured.
 
-        Raises
-        ------
-        ValueError
-            If the file has not been read.
+        Raises ValueError if the file has not been read.
         """
         if self.values is None:
             raise ValueError(f"the values of {self.file} have not been read; load the campaign from its file")

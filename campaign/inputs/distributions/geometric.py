@@ -25,6 +25,7 @@ class Geometric(Count):
     def outcomes(self) -> tuple[Array, Array]:
         """Return values and probabilities; counts less likely than 1e-26 are left out."""
         first, last = self.counts()
+        # (1 - p)^(60 / p) is below exp(-60), which is 1e-26
         k = np.arange(first, int(min(last, first + 60.0 / self.probability + 1.0)) + 1)
         return self.scaled(k), exp((k - first) * float(np.log1p(-self.probability)))
 

@@ -56,6 +56,7 @@ class Lognormal(Skewed):
 
     def parent_logpdf(self, x: Array) -> Array:
         h = self.above(x)
+        # below the origin, where the density is replaced, any number that has a logarithm
         z = self._score(np.where(h > 0.0, x, self.origin + 1.0))
         density = -0.5 * z * z - HALF_LOG_TWO_PI - np.log(self.logarithm[1]) - log(np.where(h > 0.0, h, 1.0))
         return np.where(h > 0.0, density, -np.inf)

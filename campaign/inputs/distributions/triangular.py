@@ -53,6 +53,7 @@ class Triangular(Cut):
         return np.where(q * self.width > self.fall, rising, falling)
 
     def parent_logpdf(self, x: Array) -> Array:
+        # a mode at an end leaves a side without width: nothing lies there, and 1 avoids a division by 0
         left, right = (x - self.lower) / (self.rise or 1.0), (self.upper - x) / (self.fall or 1.0)
         height = np.where(x < self.mode, left, np.where((x == self.mode) & (self.fall == 0.0), 1.0, right))
         return log(np.maximum(height, 0.0) * 2.0 / self.width)

@@ -48,6 +48,7 @@ class Weibull(Skewed):
         if self.shape is not None and self.scale is not None:
             return self.shape, self.scale
         low, high = SHAPES
+        # more halvings than a double has digits: it ends at two neighbouring numbers
         for _ in range(200):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if _variation(middle) > self.variation else (low, middle)

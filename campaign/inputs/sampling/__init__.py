@@ -38,13 +38,7 @@ SAMPLERS: dict[str, Sampler] = {
 
 
 def sampler_named(name: str) -> Sampler:
-    """Return a sampler by its name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such sampler.
-    """
+    """Return a sampler by its name; raise ValueError if there is none."""
     if name not in SAMPLERS:
         raise ValueError(
             f'sampler = "{name}": no such sampler; allowed: {", ".join(SAMPLERS)}{did_you_mean(name, SAMPLERS)}'
@@ -53,24 +47,10 @@ def sampler_named(name: str) -> Sampler:
 
 
 def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-    """Draw samples ``first .. first + count - 1`` of all variables.
+    """Return samples ``first .. first + count - 1`` of all variables, shape (count,) each, in their targets' units.
 
-    Parameters
-    ----------
-    inputs : SampledInputs
-        The inputs to sample, such as a campaign's spec.
-    first, count : int
-        First sample number and number of samples.
-
-    Returns
-    -------
-    dict of str to ndarray, each of shape (count,)
-        Values by variable, each in its target's unit; bit for bit the same however the samples are split into calls.
-
-    Raises
-    ------
-    ValueError
-        If there is no such sampler.
+    The values are bit for bit the same however the samples are split into calls. Raises ValueError if there is no such
+    sampler.
     """
     return sampler_named(inputs.sampler).draw(inputs, first, count)
 
@@ -78,10 +58,7 @@ def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
 def check_sampling(inputs: SampledInputs) -> None:
     """Check that the samples of a campaign can be drawn, and that every given key has an effect.
 
-    Raises
-    ------
-    ValueError
-        With the key at fault, its value and the remedy.
+    Raises ValueError with the key at fault, its value and the remedy.
     """
     check_correlations(inputs)
     sampler = sampler_named(inputs.sampler)

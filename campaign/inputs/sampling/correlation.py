@@ -24,13 +24,10 @@ LARGEST = 1.0 - 2.0**-53  # uniform number: the double next to 1
 
 
 def check_correlations(inputs: SampledInputs) -> None:
-    """Check the correlations between variables.
+    """Raise ValueError for a fault in the correlations between variables.
 
-    Raises
-    ------
-    ValueError
-        If a correlation names an unknown variable, a constant, or one variable twice, if a pair is given twice, or if
-        the correlations contradict each other.
+    A correlation must not name an unknown variable, a constant, or one variable twice; no pair may be given twice, and
+    the correlations must not contradict each other.
     """
     pairs = Counter(frozenset((a, b)) for a, b, _ in inputs.correlations or ())
     for a, b, rank in inputs.correlations or ():
@@ -55,12 +52,8 @@ def check_correlations(inputs: SampledInputs) -> None:
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
     """Return the uniform numbers of the correlated variables after mixing; shapes stay the same.
 
-    Parameters
-    ----------
-    u : mapping of str to ndarray
-        Independent uniform numbers of all variables, inside (0, 1); variables are mixed in the order of the names.
-    correlations : tuple of (str, str, float)
-        Pairs of variables with their rank correlation.
+    ``u`` has the independent uniform numbers of all variables, inside (0, 1); they are mixed in the order of its names.
+    Each correlation is a rank correlation.
     """
     names = [name for name in u if any(name in pair for pair in correlations)]
     scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}

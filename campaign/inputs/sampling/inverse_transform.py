@@ -24,21 +24,10 @@ class InverseTransformSampler(Sampler):
 
     @abstractmethod
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return the uniform numbers of samples ``first .. first + count - 1`` by variable.
+        """Return the uniform numbers of samples ``first .. first + count - 1`` by variable, shape (count,) each.
 
-        Parameters
-        ----------
-        inputs : SampledInputs
-            The inputs to sample.
-        names : list of str
-            The variables that vary.
-        first, count : int
-            First sample number and number of samples.
-
-        Returns
-        -------
-        dict of str to ndarray, each of shape (count,)
-            Strictly inside (0, 1); bit for bit the same however the samples are split into calls.
+        They are strictly inside (0, 1), and bit for bit the same however the samples are split into calls; ``names``
+        are the variables that vary.
         """
 
     def scores(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:

@@ -43,10 +43,7 @@ class LatinHypercube(InverseTransformSampler):
 def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Array:
     """Return samples ``first .. first + count - 1`` of a variable, uniform numbers inside (0, 1), shape (count,).
 
-    Parameters
-    ----------
-    samples : int
-        Number of samples of the whole campaign, which is the number of strata; at most 10 million.
+    ``samples`` is the number of samples of the whole campaign, and so of strata; at most 10 million.
     """
     stratum = _strata(seed, name, samples)[first : first + count]
     # 26 bits, centred: the sum below is exact, and the quotient stays within the stratum

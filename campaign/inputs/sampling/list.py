@@ -33,13 +33,7 @@ class UserTable(EnumeratingSampler):
             raise ValueError(f"samples = {inputs.samples}: the table has {rows} rows; write samples = {rows} or fewer")
 
     def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-        """Return rows of the table.
-
-        Raises
-        ------
-        ValueError
-            If its file has not been read.
-        """
+        """Return rows of the table; ValueError if its file has not been read."""
         columns = inputs.table.columns if inputs.table else None
         if columns is None:
             raise ValueError("the rows of the table have not been read; load the campaign from its file")

@@ -10,22 +10,10 @@ from engine.arrays import Array
 
 
 def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the number of the production batch of each sample.
+    """Return the number of the production batch of each sample, from 0, in the shape of ``sample``.
 
     Samples with the same number share all their shifts. If variables have batches of different sizes, a new number
-    begins with every new batch of any variable.
-
-    Parameters
-    ----------
-    inputs : SampledInputs
-        The inputs to sample.
-    sample : array of int64
-        Sample numbers.
-
-    Returns
-    -------
-    array of int64 or None
-        Numbers from 0, in the shape of ``sample``; None if no variable varies by production batch.
+    begins with every new batch of any variable. None if no variable varies by production batch.
     """
     sizes = {v.batch.size for v in inputs.variables.values() if isinstance(v, Continuous) and v.batch}
     if not sizes:
@@ -39,18 +27,7 @@ def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArra
 def quantiles(variable: Distribution, seed: int, name: str, u: Array | None, first: int, count: int) -> Array:
     """Return the values of one variable at samples ``first .. first + count - 1``, shape (count,).
 
-    Parameters
-    ----------
-    variable : Distribution
-        The distribution of the variable.
-    seed : int
-        Seed of the campaign.
-    name : str
-        Name of the variable.
-    u : array, shape (count,), or None
-        Its uniform numbers, inside (0, 1); None for a constant.
-    first, count : int
-        First sample number and number of samples.
+    ``u`` has its uniform numbers, inside (0, 1), shape (count,); None for a constant.
     """
     if u is None:
         return variable.ppf(np.full(count, 0.5))

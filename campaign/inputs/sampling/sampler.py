@@ -64,42 +64,20 @@ class SampledInputs(Protocol):
 
 
 class Sampler(ABC):
-    """One way to draw samples; `campaign.inputs.sampling.SAMPLERS` holds one object of each.
+    """One way to draw samples; `campaign.inputs.sampling.SAMPLERS` holds one object of each."""
 
-    Attributes
-    ----------
-    name : str
-        The value of the key ``sampler`` of a campaign file.
-    summary : str
-        What the samples are, in a few words.
-    report : str
-        What the report says about the samples: what they are, and to what extent its intervals hold for them.
-    production : bool
-        Whether the samples represent a production, so that their sigma and capability are meaningful.
-    corners : bool
-        Whether the samples are the corners of the variables' ranges, so that the report has a worst case.
-    weighted : bool
-        Whether the samples are drawn from the variables' distributions, so that weights can represent other ones.
-    ordered : bool
-        Whether the order of the variables is part of the campaign's identity.
-    own_key : str
-        The key of a campaign file that this sampler alone reads; empty if there is none.
-    columns : tuple of str
-        Names of the columns that this sampler adds to the results, see `own_columns`.
-    not_extendable : str
-        Why a campaign with more samples does not begin with the same samples; empty if it does.
-    """
-
-    name: ClassVar[str]
-    summary: ClassVar[str]
-    report: ClassVar[str]
+    name: ClassVar[str]  # value of the key ``sampler`` of a campaign file
+    summary: ClassVar[str]  # what the samples are, in a few words
+    report: ClassVar[str]  # what the report says: what the samples are, and to what extent its intervals hold for them
+    # whether the samples represent a production, so that sigma and capability are meaningful
     production: ClassVar[bool] = True
-    corners: ClassVar[bool] = False
+    corners: ClassVar[bool] = False  # whether the samples are the corners of the variables' ranges, for a worst case
+    # whether they follow the variables' distributions, so that weights can represent others
     weighted: ClassVar[bool] = True
-    ordered: ClassVar[bool] = True
-    own_key: ClassVar[str] = ""
-    columns: ClassVar[tuple[str, ...]] = ()
-    not_extendable: ClassVar[str] = ""
+    ordered: ClassVar[bool] = True  # whether the order of the variables is part of the campaign's identity
+    own_key: ClassVar[str] = ""  # key of a campaign file that this sampler alone reads; empty if there is none
+    columns: ClassVar[tuple[str, ...]] = ()  # names of the columns that it adds to the results, see `own_columns`
+    not_extendable: ClassVar[str] = ""  # why more samples do not begin with the same ones; empty if they do
 
     def check(self, inputs: SampledInputs) -> None:  # noqa: B027
         """Raise ValueError, with key, value and remedy, if the sampler cannot draw what the campaign file asks for."""

@@ -59,12 +59,14 @@ def uniforms(seed: int, name: str, first: int, count: int, purpose: str = VALUE)
 
 def permutation(seed: int, name: str, size: int, first: int = 0, purpose: str = VALUE) -> NDArray[np.int64]:
     """Return a random permutation of 0 .. size - 1 from the words ``first`` to ``first + size - 1`` of a stream."""
+    # stable: how other sorts order equal words is up to the library
     return np.argsort(words(seed, name, first, size, purpose), kind="stable")
 
 
 @lru_cache(maxsize=4096)
 def _key(seed: int, name: str, purpose: str) -> Words:
     """Return 128 bits that differ for every triple of purpose, seed and name, shape (2,)."""
+    # the order of bytes is fixed, so that the key is the same on every machine
     return np.frombuffer(hashlib.sha256(f"{purpose}{seed}\n{name}".encode()).digest()[:16], dtype="<u8").astype(
         np.uint64
     )

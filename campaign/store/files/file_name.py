@@ -6,20 +6,7 @@ LONGEST_NAME = 500  # characters of a name relative to the root
 
 
 def check_name(store: str, name: str) -> None:
-    """Refuse a name that leads out of the root, or that no file can have.
-
-    Parameters
-    ----------
-    store : str
-        The store, as messages name it.
-    name : str
-        The name, relative to the root.
-
-    Raises
-    ------
-    StoreError
-        If the name is not allowed.
-    """
+    """Raise StoreError for a name relative to the root that leads out of it, or that no file can have."""
     if (
         len(name) > LONGEST_NAME
         or not name.isprintable()

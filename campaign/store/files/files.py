@@ -33,24 +33,9 @@ class Files:
     After a fault that may pass, an operation is tried again for as long as ``patience`` allows; then `StoreError` is
     raised. A second attempt succeeds if the first one had done its work without confirming it.
 
-    Parameters
-    ----------
-    url : str
-        A folder's path, or an fsspec URL.
-    patience : Patience
-        How long an operation is tried again after a fault.
-    known_outage : KnownOutage, optional
-        Shared by concurrent callers that must not wait.
-
-    Attributes
-    ----------
-    local : bool
-        Whether the root is a folder of this machine, possibly shared with other machines.
-
-    Raises
-    ------
-    SpecError
-        If the URL names a file system that is not installed here.
+    `known_outage` is shared by concurrent callers that must not wait; `local` says whether the root is a folder of this
+    machine, possibly shared with other machines. Raises SpecError if the URL names a file system that is not installed
+    here.
     """
 
     def __init__(self, url: str, patience: Patience = PATIENT, known_outage: KnownOutage | None = None) -> None:
@@ -94,13 +79,7 @@ class Files:
         return self._backend.shared
 
     def path(self, name: str) -> str:
-        """Return the full path of a name relative to the root.
-
-        Raises
-        ------
-        StoreError
-            If the name leads out of the root, or no file can have such a name.
-        """
+        """Return the full path of a name relative to the root; StoreError if it leads out of it or is not allowed."""
         check_name(self.url, name)
         return self._backend.path(name)
 
@@ -112,12 +91,8 @@ class Files:
     def check_writable(self) -> None:
         """Check in one attempt that files can be written; no file remains.
 
-        Raises
-        ------
-        SpecError
-            If the user named a place that does not exist, is not a folder, or belongs to another user.
-        StoreError
-            If the disk or the server fails.
+        Raises SpecError if the user named a place that does not exist, is not a folder, or belongs to another user;
+        StoreError if the disk or the server fails.
         """
         try:
             self._backend.probe()
@@ -126,25 +101,11 @@ class Files:
             raise unwritable(message, error) from self._cause(error)
 
     def read(self, name: str, at_most: int = LARGEST, *, must_exist: bool = False) -> bytes:
-        """Return a file's content.
+        """Return a file's content of at most ``at_most`` bytes.
 
-        Parameters
-        ----------
-        name : str
-            The file.
-        at_most : int
-            Largest number of bytes allowed.
-        must_exist : bool
-            The file is known to exist; if it is not found, the store may be unavailable, so the read is tried again.
-
-        Raises
-        ------
-        FileNotFoundError
-            If it does not exist.
-        OddFile
-            If it is not a regular file, or has more than ``at_most`` bytes.
-        StoreError
-            If it cannot be read.
+        ``must_exist`` says that the file is known to exist: if it is not found, the store may be unavailable, so the
+        read is tried again. Raises FileNotFoundError if it does not exist, OddFile if it is not a regular file or too
+        large, StoreError if it cannot be read.
         """
         return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
 
@@ -250,7 +211,7 @@ class Files:
             except self._backend.faults as error:
                 missing = isinstance(error, FileNotFoundError | NotADirectoryError) and what in ("read", "moved")
                 if missing and (pause is None or not must_exist):
-                    outage.end()
+                    outage.end()  # the store has answered
                     raise FileNotFoundError(name) from self._cause(error)
                 fault = f"store {self.url}: {name or 'its folder'} cannot be {what} ({self._reason(error)})"
                 if pause is None or (self._backend.is_final(error) and not missing):
@@ -261,7 +222,7 @@ class Files:
             else:
                 outage.end()
                 return result
-        raise AssertionError
+        raise AssertionError  # the last pause is None, at which the loop returns or raises
 
     def _refuse_secret(self, name: str, content: bytes) -> None:
         """Refuse to write a secret of the URL into the store, where every reader of results could see it."""

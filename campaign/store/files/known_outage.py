@@ -33,10 +33,8 @@ class KnownOutage:
     def asking(self) -> Iterator[None]:
         """Guard a block that asks the store.
 
-        Raises
-        ------
-        StoreError
-            At once, if the store is known not to answer and another thread is asking it or has just done so.
+        Raises StoreError at once if the store is known not to answer and another thread is asking it or has just done
+        so.
         """
         begin = time.monotonic()
         with self._lock:
@@ -57,6 +55,7 @@ class KnownOutage:
 
     def _answered(self, fault: str) -> None:
         """Record how a request ended."""
+        # the usual case needs no lock
         if not (fault or self._fault):
             return
         with self._lock:

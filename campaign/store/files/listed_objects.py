@@ -10,14 +10,7 @@ class ListedObjects(ObjectStore):
 
     Reading a file that was removed since the listing raises FileNotFoundError, as usual.
 
-    Parameters
-    ----------
-    store : ObjectStore
-        The files.
-    folder : str
-        Full path of the folder.
-    sizes : dict of str to int
-        Size of each file below the folder, by its name relative to the folder.
+    The folder is given by its full path; `sizes` has the size of each file below it, by its name relative to it.
     """
 
     def __init__(self, store: ObjectStore, folder: str, sizes: Mapping[str, int]) -> None:

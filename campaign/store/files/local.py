@@ -29,11 +29,6 @@ class LocalFolder:
     """Files under a folder. Paths are full paths; errors are those of the operating system.
 
     Only regular files are read. Links are followed in the path of the root; below it, only links to folders within it.
-
-    Parameters
-    ----------
-    root : str
-        Path of the folder.
     """
 
     shared = True

@@ -24,19 +24,10 @@ STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5") 
 
 
 class ObjectStore:
-    """Files under a URL. Paths and errors are those of the file system.
+    """Files under an fsspec URL, given with its secrets. Paths and errors are those of the file system.
 
-    Parameters
-    ----------
-    url : str
-        An fsspec URL, with its secrets.
-    answer_s : float
-        How long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
-
-    Raises
-    ------
-    ValueError, ImportError
-        If the file system of the URL is not installed.
+    `answer_s` is how long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
+    Raises ValueError or ImportError if the file system of the URL is not installed.
     """
 
     faults = Exception  # every file system has its own errors
@@ -74,6 +65,7 @@ class ObjectStore:
     def read(self, path: str, at_most: int) -> bytes:
         """Return a file's content; UnfitFile if it has more than ``at_most`` bytes."""
         size = self.size(path)
+        # asked before the content, so that nothing larger is transferred
         if size > at_most:
             raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", path)
         try:
@@ -135,6 +127,7 @@ class ObjectStore:
             self._put(path, content, mode="create")
         except FileExistsError:
             return False
+        # this file system, or this server, cannot write a file on condition that there is none
         except (NotImplementedError, ValueError, OSError) as error:
             if isinstance(error, OSError) and error.errno != errno.ENOSYS:
                 raise
@@ -191,6 +184,7 @@ class ObjectStore:
             raise
         except Exception:
             folder = path.rpartition("/")[0]
+            # an object store has no folders, and a folder that was made is not the reason
             if self._fs.is_async or folder in self._made:
                 raise
             self._ask("makedirs", folder, exist_ok=True)

@@ -6,12 +6,7 @@ from campaign.errors import StoreError
 class OddFile(StoreError):
     """An entry of the store was not written by clearcap: it is a pipe, a link or a folder, or too large.
 
-    Parameters
-    ----------
-    where : str
-        The store and the file.
-    reason : str
-        What it is instead.
+    `where` names the store and the file, `reason` says what it is instead.
     """
 
     def __init__(self, where: str, reason: str) -> None:

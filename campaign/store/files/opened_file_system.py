@@ -14,25 +14,11 @@ MANY_FILES = 60.0  # s, added for an operation that the server answers in many p
 
 
 class OpenedFileSystem:
-    """The file system of a URL, opened at first use.
+    """The file system of an fsspec URL, given with its secrets; opened at first use.
 
     A file system with a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
-    share one connection.
-
-    Parameters
-    ----------
-    url : str
-        An fsspec URL, with its secrets.
-
-    Attributes
-    ----------
-    shared : bool
-        Whether other processes see the same files.
-
-    Raises
-    ------
-    ValueError, ImportError
-        If the file system of the URL is not installed.
+    share one connection. `shared` says whether other processes see the same files. Raises ValueError or ImportError if
+    the file system is not installed.
     """
 
     def __init__(self, url: str) -> None:
@@ -41,6 +27,7 @@ class OpenedFileSystem:
         self._for_all_threads: tuple[Any, str] | None = None
         protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
         for protocol in protocols:
+            # opened only later, but what is not installed is reported now
             fsspec.get_filesystem_class(protocol)
         self.shared = "memory" not in protocols
 
@@ -59,25 +46,11 @@ class OpenedFileSystem:
         self._opened = threading.local()
 
     def ask(self, operation: str, *arguments: Any, seconds: float, **how: Any) -> Any:
-        """Return what an operation of the file system returns.
+        """Return what an operation, a method of fsspec, returns; TimeoutError without an answer in ``seconds``.
 
-        Parameters
-        ----------
-        operation : str
-            Name of a method of fsspec.
-        *arguments
-            Its arguments.
-        seconds : float
-            How long to wait for the answer. This limit is needed because libraries retry by themselves, and give up a
-            server that accepts connections but does not answer only after minutes. For file systems with a connection
-            per thread, their own limit applies instead.
-        **how
-            Further arguments of the method.
-
-        Raises
-        ------
-        TimeoutError
-            If there is no answer in time; the operation may still be carried out.
+        The limit is needed because libraries retry by themselves, and give up a server that accepts connections but
+        does not answer only after minutes. After it, the operation may still be carried out. For file systems with a
+        connection per thread, their own limit applies instead.
         """
         fs, _ = self._pair()
         coroutine = getattr(fs, f"_{operation}", None)

@@ -11,22 +11,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Patience:
-    """How long an operation is tried again after a fault that may pass.
+    """How long an operation is tried again after a fault that may pass."""
 
-    Attributes
-    ----------
-    seconds : float
-        Time from the first fault to the last attempt [s]; 0 for one attempt only.
-    first, longest : float
-        First and longest pause between attempts [s]; each pause is twice as long as the one before.
-    answer : float
-        How long an attempt waits for a server's answer, in addition to the time that the bytes of a file take [s].
-    """
-
-    seconds: float
-    first: float = 0.5
-    longest: float = 10.0
-    answer: float = 60.0
+    seconds: float  # [s] from the first fault to the last attempt; 0 for one attempt only
+    first: float = 0.5  # [s] the first pause between attempts; each is twice as long as the one before
+    longest: float = 10.0  # [s] the longest pause
+    answer: float = 60.0  # [s] that an attempt waits for a server, besides the time that the bytes of a file take
 
     def pauses(self) -> Iterator[float]:
         """Yield the pause before each further attempt [s], varied at random by up to a quarter."""
@@ -42,15 +32,7 @@ HASTY = Patience(0.0, answer=8.0)  # for callers that must not wait: they are en
 
 
 class Outage:
-    """A period in which operations on a store fail: logs one message when it begins and one when it ends.
-
-    Parameters
-    ----------
-    store : str
-        The store, as messages name it.
-    patience : Patience
-        How long operations are tried again.
-    """
+    """A period in which operations on a store fail: logs one message when it begins and one when it ends."""
 
     def __init__(self, store: str, patience: Patience) -> None:
         self._store, self._patience = store, patience

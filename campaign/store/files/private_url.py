@@ -22,15 +22,9 @@ _PARAMETER = re.compile(r"([?&;#])([^=&?#;]+)=((?:(?!::)[^&#;])*)")
 
 @dataclass(frozen=True, repr=False)
 class PrivateUrl:
-    """A folder's path or a URL, also a chained one, whose secrets are not shown.
+    """A folder's path or a URL, also a chained one, whose secrets are not shown."""
 
-    Attributes
-    ----------
-    full : str
-        The path or URL with its secrets.
-    """
-
-    full: str
+    full: str  # with its secrets
 
     @cached_property
     def shown(self) -> str:
@@ -93,6 +87,7 @@ class PrivateUrl:
                 forms[f"{before}{form}{after}"] = f"{before}{HIDDEN}{after}"
                 if len(form) >= SHORTEST:
                     forms[form] = HIDDEN
+        # the longest first: a short form within a longer one would leave the rest of that in the text
         return sorted(forms.items(), key=lambda item: -len(item[0]))
 
 
@@ -104,6 +99,7 @@ def _login(rest: str) -> str:
     authority = re.split(r"[/?#]", rest, maxsplit=1)[0]
     if "@" in authority:
         return authority.rpartition("@")[0]
+    # digits alone after the colon are a port, and the "@" is part of the path
     if "@" in rest and re.fullmatch(r"[^:\[\]]*:(?!\d*$).*", authority):
         return rest.rpartition("@")[0]
     return ""

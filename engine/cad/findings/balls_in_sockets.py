@@ -34,15 +34,7 @@ class BallInSocket:
 
 
 def balls_in_sockets(assembly: CadAssembly, triangles: dict[int, Array]) -> tuple[list[BallInSocket], list[NearMiss]]:
-    """Return the balls in sockets of an assembly, and the near misses.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
-    """
+    """Return the balls in sockets of an assembly in mm, and the near misses; triangles from `triangles_by_face`."""
     spheres = [face for face in assembly.faces if face.kind == "sphere" and face.number in triangles]
     found, refused = [], []
     for socket in (face for face in spheres if face.hollow):

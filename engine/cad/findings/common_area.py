@@ -19,21 +19,10 @@ def triangles_by_face(assembly: CadAssembly) -> dict[int, Array]:
 
 
 def common_area(first: Array, second: Array, normal: Array) -> tuple[float, Array]:
-    """Return the area that two faces share, as seen along a direction, and its centroid.
+    """Return the area [mm2] that two faces share, as seen along a unit vector, and its centroid [mm], shape (3,).
 
-    Parameters
-    ----------
-    first, second : array
-        Corners of the triangles of each face, shape (n, 3, 3) [mm].
-    normal : array
-        Unit vector, shape (3,).
-
-    Returns
-    -------
-    area : float
-        Shared area [mm2]; 0 if there is none.
-    middle : array
-        Centroid of the shared area, on the first face, shape (3,) [mm]; zeros if there is none.
+    The faces are given by the corners of their triangles, shape (n, 3, 3) [mm]. The centroid lies on the first face;
+    area and centroid are zero if nothing is shared.
     """
     frame = perpendicular(normal)
     one, other = (_counter_clockwise(corners @ frame.T) for corners in (first, second))
@@ -53,22 +42,7 @@ def common_area(first: Array, second: Array, normal: Array) -> tuple[float, Arra
 
 
 def contains(triangles: Array, points: Array, normal: Array) -> NDArray[np.bool_]:
-    """Return which points lie in a plane face, as seen along its normal.
-
-    Parameters
-    ----------
-    triangles : array
-        Corners, shape (n, 3, 3).
-    points : array
-        Shape (m, 3).
-    normal : array
-        Unit vector, shape (3,).
-
-    Returns
-    -------
-    array of bool
-        Shape (m,).
-    """
+    """Return which points, shape (m, 3), lie in a plane face as seen along its unit normal; corners (n, 3, 3)."""
     frame = perpendicular(normal)
     corners, flat = _counter_clockwise(triangles @ frame.T), points @ frame.T
     sides = np.roll(corners, -1, axis=1) - corners

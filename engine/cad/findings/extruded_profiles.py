@@ -70,18 +70,8 @@ def extruded_profile(
 ) -> ExtrudedProfile | None:
     """Return the closed profile of a part in the plane perpendicular to an axis through a point; None if there is none.
 
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
-    face : CadFace
-        A plane parallel to the axis, or a cylinder about a parallel axis, through which the profile passes.
-    axis : array
-        Unit vector, shape (3,).
-    at : array
-        A point of the face, in the plane of the section, shape (3,) [mm].
+    The profile passes through the face, a plane parallel to the axis or a cylinder about a parallel one; `at` is a
+    point of it in the plane of the section, shape (3,) [mm]. Triangles are those of `triangles_by_face`.
     """
     frame, station = perpendicular(axis), float(at @ axis)
     own = [each for each in assembly.faces_of(face.part) if each.solid == face.solid and each.number in triangles]
@@ -140,6 +130,7 @@ def _section(face: CadFace, corners: Array, where: tuple[Array, Array, float]) -
 def _cuts(corners: Array, axis: Array, station: float) -> Array:
     """Return the segments in which the plane at a station cuts triangles, shape (n, 2, 3)."""
     heights = corners @ axis - station
+    # a corner in the plane counts as above it, so that each triangle is cut at two sides or at none
     heights = np.where(heights == 0, 1e-12, heights)
     found = []
     for triangle, above in zip(corners, heights, strict=True):
@@ -179,6 +170,7 @@ def _ring(pieces: list[ProfilePiece], face: int) -> list[ProfilePiece] | None:
     ring = [first]
     while np.linalg.norm(ring[-1].end - first.start) > _CLOSE or len(ring) == 1:
         ahead = [p for p in pieces if np.linalg.norm(p.start - ring[-1].end) <= _CLOSE and p not in ring]
+        # a gap, or a fork at which nothing says where the profile goes on
         if len(ahead) != 1:
             return None
         ring.append(ahead[0])

@@ -38,13 +38,6 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[Fa
     """Return the plane faces of different parts that face each other, the smallest gap first.
 
     The gap is at most 1 mm, and the shared area is at least 0.25 mm2.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
     """
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []
@@ -71,6 +64,7 @@ def _near(planes: list[CadFace], triangles: dict[int, Array]) -> Integers:
         return np.zeros((0, 2), np.int64)
     normals, points = np.array([f.axis for f in planes]), np.array([f.point for f in planes])
     parts = np.unique([f.part for f in planes], return_inverse=True)[1]
+    # `<` of the parts: each pair once, and none within a part
     opposite = np.argwhere((normals @ normals.T < -np.cos(_PARALLEL)) & (parts[:, None] < parts))
     gaps = np.einsum("nk,nk->n", points[opposite[:, 1]] - points[opposite[:, 0]], normals[opposite[:, 0]])
     opposite = opposite[(gaps <= REACH) & (gaps >= -DEEPEST_OVERLAP)]

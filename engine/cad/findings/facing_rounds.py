@@ -52,14 +52,7 @@ def facing_rounds(
     A cylinder is paired with planes, cylinders and free-form faces along its axis, a ball with faces of any kind. The
     closest points must lie inside both faces, not on an edge to the next face.
 
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
-    joints : collection of frozenset
-        The numbers of the two faces of each pair that is a joint; these pairs are skipped.
+    `joints` has the numbers of the two faces of each pair that is a joint; these pairs are skipped.
     """
     faces = [face for face in assembly.faces if face.number in triangles]
     rounds = [face for face in faces if face.kind in ("cylinder", "sphere") and not face.hollow]

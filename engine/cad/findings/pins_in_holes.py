@@ -100,19 +100,9 @@ class _Pair:
 
 
 def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss]]:
-    """Return the pins in holes of an assembly, and the near misses.
+    """Return the pins in holes of an assembly in mm, in the order of the parts, and the near misses.
 
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-
-    Returns
-    -------
-    joints : list of PinInHole
-        Joints in the order of the parts.
-    refused : list of NearMiss
-        Pairs whose radii and axes differ by less than 1 mm, but which are neither a joint nor part of one.
+    A near miss is a pair whose radii and axes differ by less than 1 mm, but which is neither a joint nor part of one.
     """
     cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
     slots = slots_of([face for face in cylinders if face.hollow])
@@ -130,13 +120,7 @@ def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss
 
 
 def pin_in_hole(hole: CadFace, pin: CadFace) -> PinInHole:
-    """Return the joint of one hole and one pin, both cylinders, whether or not they qualify as one.
-
-    Parameters
-    ----------
-    hole, pin : CadFace
-        The faces in mm.
-    """
+    """Return the joint of one hole and one pin, both cylinders in mm, whether or not they qualify as one."""
     return _joint([_pair(hole, pin)])
 
 

@@ -11,13 +11,7 @@ _ALIKE = 1e-6  # mm
 
 
 def pins_in_slots(assembly: CadAssembly) -> list[NearMiss]:
-    """Return the pins in slots of an assembly, each with what to write instead of a joint.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    """
+    """Return the pins in slots of an assembly in mm, each with what to write instead of a joint."""
     cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
     pins = [face for face in cylinders if not face.hollow]
     found = []

@@ -34,13 +34,7 @@ class Slot:
 
 
 def slots_of(holes: list[CadFace]) -> list[Slot]:
-    """Return the slots among the hollow cylinders of an assembly.
-
-    Parameters
-    ----------
-    holes : list of CadFace
-        The hollow cylinders in mm.
-    """
+    """Return the slots among the hollow cylinders of an assembly."""
     halves: dict[str, list[CadFace]] = {}
     for hole in holes:
         if abs(hole.span - pi) < _HALF_TURN:

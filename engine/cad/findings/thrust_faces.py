@@ -38,17 +38,7 @@ class ThrustFaces:
 
 
 def thrust_faces(assembly: CadAssembly, joint: PinInHole, triangles: dict[int, Array]) -> list[ThrustFaces]:
-    """Return the nearest end face and flange at each end of a joint; none where the pin is free to slide.
-
-    Parameters
-    ----------
-    assembly : CadAssembly
-        The assembly in mm.
-    joint : PinInHole
-        A joint of the assembly.
-    triangles : dict
-        Triangles of its faces, from `engine.cad.findings.common_area.triangles_by_face`.
-    """
+    """Return the nearest end face and flange at each end of a joint; none where the pin is free to slide."""
     found = []
     for way in (-1.0, 1.0):
         outward = way * joint.axis

@@ -59,7 +59,7 @@ def _limit(memory: int, seconds: int, parent: int) -> None:
         resource.setrlimit(kind, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
     with suppress(OSError, AttributeError):  # Linux only; elsewhere the limit of processor time ends it
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-        if os.getppid() != parent:
+        if os.getppid() != parent:  # the parent had ended before the signal was asked for
             os._exit(1)
 
 

@@ -21,18 +21,9 @@ _SPLINES = GeomAbs_CurveType.GeomAbs_BSplineCurve, GeomAbs_CurveType.GeomAbs_Bez
 
 
 def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recognition: float) -> list[ArcPiece]:
-    """Return the circular edges of a shape.
+    """Return the circular edges of a product's shape; `numbers` has -1 for each of its faces that was left out.
 
-    Parameters
-    ----------
-    shape : TopoDS_Shape
-        The shape of a product.
-    faces : sequence of TopoDS_Shape
-        Its faces.
-    numbers : sequence of int
-        The number of each face; -1 for one that was left out.
-    recognition : float
-        Largest distance [mm] between a spline and the circle that replaces it.
+    A spline counts as a circle if it is no more than `recognition` [mm] away from one.
     """
     edges = ShapeMap(shape, EDGE)
     bounded: dict[int, set[int]] = defaultdict(set)

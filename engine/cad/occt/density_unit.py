@@ -22,13 +22,7 @@ _PREFIXES = {
 
 
 def grams_of_densities(model: Any) -> float | None:
-    """Return the unit of mass of a file's densities [g]; None if there are several, or an unknown one.
-
-    Parameters
-    ----------
-    model : StepData_StepModel
-        The entities of the file.
-    """
+    """Return the unit of mass of a file's densities [g]; None if there are several, or an unknown one."""
     found = set()
     for place in range(1, model.NbEntities() + 1):
         entity = model.Value(place)

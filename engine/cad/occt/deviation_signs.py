@@ -12,14 +12,7 @@ _DECIMALS = 9  # of a mm, to which a deviation is matched
 class DeviationSigns:
     """The deviations of all plus-minus tolerances in a file, by their magnitudes.
 
-    Parameters
-    ----------
-    model : StepData_StepModel
-        The entities of the file.
-    millimetres : float
-        The file's unit of length [mm].
-    by_occt : bool
-        Whether OCCT wrote the file: it writes the lower deviation without its sign.
+    `millimetres` is the file's unit of length. If OCCT wrote the file (`by_occt`), the lower deviation lacks its sign.
     """
 
     def __init__(self, model: Any, millimetres: float, by_occt: bool) -> None:

@@ -39,12 +39,7 @@ def given_name(label: Any) -> str:
 def material_of(label: Any, grams: float) -> CadMaterial | None:
     """Return the material of a part or a solid; None if the file names none.
 
-    Parameters
-    ----------
-    label : TDF_Label
-        Label of the shape.
-    grams : float
-        The unit of mass of the file's densities in g; NaN if it is not known.
+    `grams` is the unit of mass of the file's densities [g], NaN if it is not known; the density is None then.
     """
     node = TDataStd_TreeNode()
     reference = XCAFDoc.MaterialRefGUID_s()

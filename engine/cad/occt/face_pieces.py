@@ -21,16 +21,10 @@ _PRECISION = 1e-7  # mm that OCCT neglects
 
 
 def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
-    """Return a face as numbers; None if it has no area.
+    """Return a face with triangles as numbers; None if it has no area.
 
-    Parameters
-    ----------
-    face : TopoDS_Shape
-        A face with triangles.
-    solid : int
-        Index of its solid in the part; -1 if it has none.
-    recognition : float
-        Largest distance [mm] between a spline and the plane, cylinder, cone or sphere that replaces it.
+    `solid` is the index of its solid in the part, -1 if it has none. A spline is replaced by a plane, cylinder, cone or
+    sphere that is no more than `recognition` [mm] away.
     """
     face = TopoDS.Face(face)
     found = triangles_of(face)

@@ -19,4 +19,5 @@ def matrix3(value: Any) -> Array:
 
 def one_way(axis: Array) -> Array:
     """Return an axis with its largest component positive, because its sign in the file is arbitrary."""
+    # rounded first: rounding errors must not decide which of two equal components is the largest
     return axis if axis[np.argmax(np.abs(axis).round(9))] > 0 else -axis

@@ -33,35 +33,17 @@ _MOST_CELLS = 400
 
 @dataclass(frozen=True, eq=False)
 class _Border:
-    """The edges of a face in the parameter plane of its surface.
+    """The edges of a face in the parameter plane of its surface."""
 
-    Attributes
-    ----------
-    edges : list of array
-        Parameters of points along each edge, shape (n, 2).
-    speeds : array
-        The largest length of the surface's derivative along u and along v, shape (2,).
-    """
-
-    edges: list[Array]
-    speeds: Array
+    edges: list[Array]  # parameters of points along each edge, shape (n, 2)
+    speeds: Array  # largest length of the surface's derivative along u and along v, shape (2,)
 
 
 def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     """Return the surface of a face, and the parameter rectangles that make up the face.
 
-    Parameters
-    ----------
-    face : TopoDS_Face
-    tolerance : float
-        Largest distance [mm] between an edge and its parameter line.
-
-    Returns
-    -------
-    surface : Geom_Surface
-        Surface of the face; a plane is rotated within itself so that its parameter lines run along an edge.
-    cells : list
-        Empty if an edge runs across parameter lines, or if there are too many of them.
+    A plane is rotated within itself so that its parameter lines run along an edge. There are no rectangles if an edge
+    is further than `tolerance` [mm] from a parameter line, or if there would be too many.
     """
     surface, border = BRep_Tool.Surface_s(face), _border(face)
     turn = _turn(surface, border)

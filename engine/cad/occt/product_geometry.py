@@ -23,15 +23,10 @@ def product_geometry(
 ) -> tuple[ProductGeometry, Integers]:
     """Return the components of a product, and the number of each face of its shape, -1 for one without area.
 
-    Parameters
-    ----------
-    shape : TopoDS_Shape
-        The shape in the frame of the product.
-    solids : list of tuple
-        Name and material of each of its solids.
-    recognition : float
-        Largest distance [mm] between a spline and the simple surface or circle that replaces it.
+    `solids` has the name and material of each solid. A spline is replaced by a simple surface or circle that is no more
+    than `recognition` [mm] away.
     """
+    # before the faces are visited: `face_piece` takes one without triangles for one without area
     deflection = triangulate(shape)
     bodies = ShapeMap(shape, SOLID).shapes()
     faces = ShapeMap(shape, FACE)

@@ -39,10 +39,7 @@ class Instance:
 def instances(shapes: Any) -> list[Instance]:
     """Return all instances of products that are not assemblies, in the order of the file.
 
-    Raises
-    ------
-    UnreadableStep
-        If there are too many or none, or one is scaled.
+    Raises UnreadableStep if there are too many or none, or if one is scaled.
     """
     found: list[Instance] = []
     for root in listed(shapes.GetFreeShapes):

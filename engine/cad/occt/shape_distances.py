@@ -21,17 +21,8 @@ from engine.cad.occt.step_document import UnreadableStep, open_step
 def measure_distances(path: Path, pairs: Sequence[Sequence[Mapping[str, Any]]]) -> list[float]:
     """Return the distance of each pair of shapes [mm]; 0 if they touch or overlap.
 
-    Parameters
-    ----------
-    path : Path
-        The STEP file.
-    pairs : sequence
-        Pairs of shapes, each with the keys of `engine.cad.drawn_distances.MeasuredShape`.
-
-    Raises
-    ------
-    UnreadableStep
-        If the file is not a STEP file or contains no shapes, or a distance cannot be measured.
+    A shape has the keys of `engine.cad.drawn_distances.MeasuredShape`. Raises UnreadableStep if the file is not a STEP
+    file or contains no shapes, or if a distance cannot be measured.
     """
     document = open_step(path)
     parts = [_PlacedPart(instance) for instance in instances(document.shapes)]
@@ -42,6 +33,7 @@ class _PlacedPart:
     """A part as placed in the assembly; its faces and edges by their indices in the product."""
 
     def __init__(self, instance: Instance) -> None:
+        # without its location: the placement below already has that of all assemblies around it
         self._product = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
         placement, self._move = instance.placement, gp_Trsf()
         rows = [[*row, shift] for row, shift in zip(placement.matrix, placement.translation, strict=True)]

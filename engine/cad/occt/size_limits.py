@@ -29,14 +29,7 @@ def size_limits(
 ) -> tuple[list[SizeLimits], int]:
     """Return the dimensions of a file that have limits, and the number of those that are unclear.
 
-    Parameters
-    ----------
-    tool : XCAFDoc_DimTolTool
-        Tool of the document.
-    signs : DeviationSigns
-        Signs of the file's deviations.
-    faces_of : callable
-        Returns the numbers of the faces on a label, one tuple per instance of its product.
+    `faces_of` returns the numbers of the faces on a label, one tuple per instance of its product.
     """
     found, unclear = [], 0
     for label in listed(tool.GetDimensionLabels):

@@ -27,13 +27,7 @@ def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface
     There are none if its edges do not run along parameter lines of its surface, or if the surface is not a B-spline,
     for instance an offset of one.
 
-    Parameters
-    ----------
-    face : TopoDS_Face
-    adaptor : BRepAdaptor_Surface
-        Its surface.
-    tolerance : float
-        Largest distance [mm] between an edge and the parameter line that replaces it.
+    An edge may be up to `tolerance` [mm] away from its parameter line.
     """
     if not _is_a_spline(adaptor):
         return ()

@@ -51,21 +51,9 @@ class _Product:
 
 
 def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
-    """Read a STEP file with OCCT.
+    """Read a STEP file with OCCT; raise UnreadableStep if it is not one or contains no shapes.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    sha256 : str
-        Hash of its content.
-    recognition : float
-        Largest distance [mm] between a spline and the simple surface or circle that replaces it; 0 replaces none.
-
-    Raises
-    ------
-    UnreadableStep
-        If the file is not a STEP file or contains no shapes.
+    A spline is replaced by a simple surface or circle that is no more than `recognition` [mm] away; 0 replaces none.
     """
     document = open_step(path)
     found = instances(document.shapes)

@@ -55,16 +55,10 @@ class StepDocument:
 
 
 def open_step(path: Path) -> StepDocument:
-    """Read a STEP file.
-
-    Raises
-    ------
-    UnreadableStep
-        If the file is not a STEP file or contains no shapes.
-    """
+    """Read a STEP file; raise UnreadableStep if it is not one or contains no shapes."""
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
-    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)
+    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)  # m: OCCT then converts all lengths to mm
     reader = STEPCAFControl_Reader()
     reader.SetGDTMode(True)
     reader.SetMatMode(True)
