@@ -40,11 +40,8 @@ def load_engine() -> None:
 def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
     """Log during the block that the engine is being compiled, and for how long, once the first kernel is written.
 
-    Parameters
-    ----------
-    missing : sequence of str
-        Files that compiling writes; see `engine.missing_kernels`. Nothing is logged if no file is missing, or if the
-        block lies within another such block.
+    `missing` are the files that compiling writes; see `engine.missing_kernels`. Nothing is logged if no file is
+    missing, or if the block lies within another such block.
     """
     if not missing or not _announcing.acquire(blocking=False):
         yield

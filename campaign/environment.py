@@ -17,10 +17,5 @@ def numerical(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Return the variables of an environment on which the last digits of a number depend.
 
     Processes of one campaign must agree in them, so whoever starts a process with another environment passes them on.
-
-    Parameters
-    ----------
-    environment : mapping of str to str
-        By default that of this process.
     """
     return {name: value for name, value in environment.items() if _NUMERICAL.fullmatch(name)}

@@ -11,13 +11,7 @@ from engine.mechanism.geometry.geometry_certificate import (
 
 
 def geometry_lines(mechanism: Mechanism) -> list[str]:
-    """Return one line for the CAD file and one for each body, joint, face and gap from it; empty without a CAD file.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        As `engine.load_mechanism` returns it.
-    """
+    """Return one line for the CAD file and one for each body, joint, face and gap from it; empty without a CAD file."""
     certificate = mechanism.geometry
     if certificate is None:
         return []

@@ -52,10 +52,7 @@ def exit_at_interrupt() -> Iterator[None]:
 def in_unraisable_hook(frame: FrameType | None) -> bool:
     """Return whether a frame belongs to the hook for swallowed exceptions, where another one would be lost too.
 
-    Parameters
-    ----------
-    frame : FrameType or None
-        Where a signal interrupted this process.
+    The frame is the one where a signal interrupted this process.
     """
     hook = getattr(sys.unraisablehook, "__code__", None)
     while frame is not None:

@@ -13,16 +13,9 @@ from engine.preflight import cautions
 def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
     """Return the contents of a mechanism: inputs with value and unit, responses, validity conditions.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Returns
-    -------
-    dict
-        ``name``, ``title``, ``description``, ``units``, ``digest``; the numbers of ``bodies``, ``moving_bodies``,
-        ``joints`` and ``contacts``; ``parameters`` and ``clearances`` by name, each with ``value`` and ``unit``;
-        ``responses`` by name, each with ``title`` and ``unit``; ``validity``; titles of ``benches`` and ``presets``.
+    Keys: ``name``, ``title``, ``description``, ``units``, ``digest``; the numbers of ``bodies``, ``moving_bodies``,
+    ``joints`` and ``contacts``; ``parameters`` and ``clearances`` by name, each with ``value`` and ``unit``;
+    ``responses`` by name, each with ``title`` and ``unit``; ``validity``; titles of ``benches`` and ``presets``.
     """
     units = mechanism.response_units()
     return {
@@ -53,13 +46,7 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
-    """Return the contacts with B-spline surfaces: number of patches that replace each, conversion error and its unit.
-
-    Returns
-    -------
-    dict of str to dict
-        ``patches``, ``error`` and ``unit`` by the name of the contact.
-    """
+    """Return the number of ``patches`` for each contact with B-splines, the conversion ``error`` and its ``unit``."""
     found = {name: contact.sides[1].primitive for name, contact in mechanism.contacts.items()}
     splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and not shape.patches}
     unit = Quantity("length").unit(mechanism.units)
@@ -72,15 +59,8 @@ def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
 def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Check the start of a mechanism, including on its test benches and with its presets; return what looks wrong.
 
-    Returns
-    -------
-    list of dict
-        Each caution once, as plain data, with its ``text`` and with ``where``: the bench or preset, empty for neither.
-
-    Raises
-    ------
-    EngineError
-        If the mechanism cannot start, for example because parts overlap.
+    Each caution comes once, as plain data, with its ``text`` and with ``where``: the bench or preset, empty for
+    neither. Raises EngineError if the mechanism cannot start, for example because parts overlap.
     """
     compile_engine()
     variants = {"": mechanism, **{f"bench {name}": mechanism.on_bench(name) for name in mechanism.benches}}

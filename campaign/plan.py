@@ -25,24 +25,12 @@ LEAST_BATCHES = 40  # makes progress visible and keeps all workers busy until th
 
 @dataclass(frozen=True)
 class Plan(PlanHeader):
-    """What to compute: a pure function of the spec, the mechanism and the build of clearcap.
-
-    Attributes
-    ----------
-    spec : CampaignSpec
-        The campaign.
-    mechanism : Mechanism
-        The mechanism, complete: workers need no other file.
-    row_build : str
-        The only build whose rows are accepted; see `campaign.row_build`.
-    engine_build : str
-        Build of the engine, for the report.
-    """
+    """What to compute: a pure function of the spec, the mechanism and the build of clearcap."""
 
     spec: CampaignSpec
-    mechanism: Mechanism
-    row_build: str
-    engine_build: str
+    mechanism: Mechanism  # complete: workers need no other file
+    row_build: str  # the only build whose rows are accepted; see `campaign.row_build`
+    engine_build: str  # for the report
 
     @cached_property
     def targets(self) -> dict[str, str]:
@@ -66,23 +54,7 @@ class Plan(PlanHeader):
 
     @classmethod
     def from_json(cls, text: str) -> "Plan":
-        """Read ``plan.json``.
-
-        Parameters
-        ----------
-        text : str
-            Content of the file.
-
-        Returns
-        -------
-        Plan
-            The plan that was written.
-
-        Raises
-        ------
-        StoreError
-            If the file has another format, or was changed after it was written.
-        """
+        """Read ``plan.json``; raise StoreError if the file has another format, or was changed after it was written."""
         header, document = parse_plan(text)
         try:
             spec = CampaignSpec.model_validate(document["spec"])
@@ -100,17 +72,10 @@ class Plan(PlanHeader):
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
-    """Plan a campaign for this build of clearcap.
+    """Plan a campaign for this build of clearcap; rows do not depend on the batch size.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What to compute.
-    batch_size : int, optional
-        Number of samples in a batch. Rows do not depend on it.
-    seconds_per_run : float, optional
-        Time of a run [s]. If no batch size is given, a batch is made to take a worker about ten seconds, with at least
-        40 batches of at most 500 samples each, or of at most 100 if this time is not given either.
+    Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most 500
+    samples each, or of at most 100 if that time is not given either.
     """
     spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
     size = batch_size or _size(spec.samples, seconds_per_run)

@@ -23,26 +23,14 @@ _UNSEALED = "0" * 64  # stands for the digest while the digest is computed
 
 @dataclass(frozen=True)
 class PlanHeader:
-    """What a plan says about its rows.
+    """What a plan says about its rows."""
 
-    Attributes
-    ----------
-    campaign_id : str
-        Name and ten hexadecimal digits of a hash of the spec, the mechanism and the build that computes the rows.
-    title : str
-        Title of the campaign; its name if it has none.
-    batches : tuple of (int, int)
-        First sample and number of samples of each batch; the position in the tuple is the batch number.
-    columns : list of dict
-        ``name``, ``type``, ``unit`` and ``nullable`` of each column of the table.
-    repeats : float
-        Share of the samples that are simulated a second time with half the step; see `campaign.repeat_plan`.
-    """
-
+    # Name and ten hexadecimal digits of a hash of the spec, the mechanism and the build that computes the rows.
     campaign_id: str
-    title: str
-    batches: tuple[tuple[int, int], ...]
-    columns: list[dict[str, Any]]
+    title: str  # its name if it has none
+    batches: tuple[tuple[int, int], ...]  # first sample and number of samples of each batch, by its number
+    columns: list[dict[str, Any]]  # ``name``, ``type``, ``unit`` and ``nullable`` of each column of the table
+    # Share of the samples simulated again with half the step; see `campaign.repeat_plan`.
     repeats: float = field(default=0.0, kw_only=True)
 
     @property
@@ -91,41 +79,23 @@ class PlanHeader:
 
 
 def seal_plan(content: Mapping[str, Any]) -> str:
-    """Return the text of ``plan.json``.
-
-    Parameters
-    ----------
-    content : mapping
-        The plan as plain data, without format and digest.
-    """
+    """Return the text of ``plan.json`` for a plan as plain data, without format and digest."""
     document = {"format": FORMAT, "sha256": _UNSEALED, **content}
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text.replace(_UNSEALED, _digest(text), 1)
 
 
 def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
-    """Read ``plan.json``: its header, and the whole document.
+    """Read ``plan.json``: its checked header, and the document as written, which is not checked in format 1.
 
-    Parameters
-    ----------
-    text : str
-        Content of the file.
-
-    Returns
-    -------
-    (PlanHeader, dict)
-        The checked header, and the document as it was written. For a plan of format 1 only the header is checked.
-
-    Raises
-    ------
-    StoreError
-        If the file has another format, or was changed after it was written.
+    Raises StoreError if the file has another format, or was changed after it was written.
     """
     try:
         document = json.loads(text)
         if document["format"] not in (FORMAT, WITHOUT_DIGEST):
             formats = f"{WITHOUT_DIGEST} and {FORMAT}"
             raise StoreError(f"plan.json has format {document['format']!r:.20}; this version reads {formats}")
+        # a file of format 2 whose format was changed to 1, which has no digest, still has keys that format 1 never had
         if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
             _check_digest(text, document.get("sha256"))
         content = (document["campaign"], _title(document), _batches(document), _columns(document))

@@ -29,11 +29,6 @@ def usual_share(samples: int) -> float:
     """Return the share of the samples that a campaign repeats unless it asks for another.
 
     It is 3 %, raised to at most 5 % to get twenty repeats, and lowered so that there are at most 300.
-
-    Parameters
-    ----------
-    samples : int
-        Number of samples of the campaign.
     """
     return min(max(USUAL_SHARE, min(WANTED / samples, LARGEST_USUAL)), ENOUGH / samples)
 
@@ -43,7 +38,7 @@ def repeated_samples(samples: int, low: float, high: float) -> NDArray[np.int64]
     found = [np.zeros(0, np.int64)]
     for first in range(0, samples, _BLOCK) if high > low else ():
         sample = np.arange(first, min(first + _BLOCK, samples), dtype=np.uint64)
-        place = ((sample * _GOLDEN + _HALF) >> np.uint64(11)) * 2.0**-53
+        place = ((sample * _GOLDEN + _HALF) >> np.uint64(11)) * 2.0**-53  # 53 bits, which a float holds exactly
         found.append(sample[(place >= low) & (place < high)].astype(np.int64))
     return np.concatenate(found)
 
@@ -54,23 +49,12 @@ class RepeatPlan(PlanHeader):
 
     Each of its batches holds the repeats of one batch of the campaign; batches without a repeat are left out. Rows are
     counted from 0 as in a campaign, but their sample numbers are not successive.
-
-    Attributes
-    ----------
-    campaign : PlanHeader
-        The campaign whose samples are repeated.
-    number : int
-        Number of the set, from 1.
-    numbers : tuple of int
-        The sample of each row, in order.
-    campaign_batches : tuple of int
-        The batch of the campaign that each batch repeats.
     """
 
-    campaign: PlanHeader
-    number: int
-    numbers: tuple[int, ...]
-    campaign_batches: tuple[int, ...]
+    campaign: PlanHeader  # whose samples are repeated
+    number: int  # of the set, from 1
+    numbers: tuple[int, ...]  # sample of each row, in order
+    campaign_batches: tuple[int, ...]  # batch of the campaign that each batch repeats
 
     @property
     def folder(self) -> str:
@@ -102,15 +86,9 @@ class RepeatPlan(PlanHeader):
 
 
 def plan_repeats(campaign: PlanHeader, shares: Sequence[float]) -> tuple[RepeatPlan, ...]:
-    """Return the sets of repeats of a campaign.
+    """Return the sets of repeats of a campaign for rising shares of its samples.
 
-    Parameters
-    ----------
-    campaign : PlanHeader
-        The campaign.
-    shares : sequence of float
-        Rising shares of its samples; each set holds the repeats that its share adds to the share before it. Empty sets
-        are left out.
+    Each set holds the repeats that its share adds to the share before it; empty sets are left out.
     """
     firsts = [first for first, _ in campaign.batches]
     columns = [*campaign.columns, {"name": SETTINGS, "type": "string", "unit": "", "nullable": False}]

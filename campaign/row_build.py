@@ -22,13 +22,9 @@ UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of 
 def row_build() -> str:
     """Return the build of this installation.
 
-    Two machines with the same build and type of processor compute the same row.
-
-    Returns
-    -------
-    str
-        Hashes of the sources of `engine` and `campaign`, and versions of Python and the numerical libraries:
-        ``engine 5d0e..., campaign 9ab1..., python 3.11.7, numpy 2.4.1, ...``.
+    Two machines with the same build and type of processor compute the same row. It consists of hashes of the sources of
+    `engine` and `campaign`, and versions of Python and the numerical libraries: ``engine 5d0e..., campaign 9ab1...,
+    python 3.11.7, numpy 2.4.1, ...``.
     """
     ingredients = {
         "engine": engine_sources(),

@@ -25,17 +25,8 @@ ServerUrl = Annotated[
 def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | None":
     """Return the server that a verb uses; None if it uses a store.
 
-    Parameters
-    ----------
-    context : typer.Context
-        Context of the verb: an option on the command line takes precedence over an environment variable.
-    server : str or None
-        Value of the option that names the server.
-
-    Raises
-    ------
-    SpecError
-        If both a server and a store are named, or the server cannot be used.
+    An option on the command line takes precedence over an environment variable. Raises SpecError if both a server and a
+    store are named, or the server cannot be used.
     """
     from campaign.errors import SpecError
 

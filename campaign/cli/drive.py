@@ -31,14 +31,9 @@ def drive(
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
 
-    ``early`` are workers of the cluster that have already been started.
-
-    Raises
-    ------
-    TooManyFailed
-        If more runs failed than the campaign allows; the report of the finished rows is written.
-    typer.Exit
-        1 if no run succeeded, or fewer than the campaign requires; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+    ``early`` are workers of the cluster that have already been started. Raises TooManyFailed, after the report of the
+    finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or fewer
+    than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from campaign.cli.progress import display
     from campaign.coordinator.coordinate import coordinate

@@ -7,12 +7,9 @@ if TYPE_CHECKING:
 
 
 def named_mechanism(name: str) -> "Mechanism":
-    """Load a shipped mechanism or a mechanism file; SpecError if the name is that of a shipped campaign.
+    """Load a shipped mechanism or a mechanism file; raise SpecError if the name is that of a shipped campaign.
 
-    Raises
-    ------
-    MechanismError
-        If it cannot be found or read, or, with one line for each fault, if the file has faults.
+    Raises MechanismError if it cannot be found or read, or, with one line for each fault, if the file has faults.
     """
     from campaign.errors import SpecError
     from campaign.spec.load import campaign_names

@@ -112,10 +112,7 @@ def cluster_from(
 ) -> "Cluster":
     """Return the cluster that the options describe, after all checks that need no connection.
 
-    Raises
-    ------
-    SpecError
-        If options contradict each other, name files that cannot be used, or would send data without encryption.
+    Raises SpecError if options contradict each other, name files that cannot be used, or would send data unencrypted.
     """
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.connect import check_cluster

@@ -33,12 +33,7 @@ INVISIBLE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 def visible(text: str, keep: str = "") -> str:
     """Return a text with escapes in place of control characters and others that a terminal interprets or hides.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    keep : str
-        Characters to keep, such as the line feeds of a text of several lines.
+    The characters in `keep` stay, such as the line feeds of a text of several lines.
     """
     if text.isprintable():
         return text

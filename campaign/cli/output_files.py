@@ -15,21 +15,8 @@ TRAJECTORIES, PLOTS, ANIMATIONS = (".h5", ".hdf5"), (".png", ".svg", ".pdf"), ("
 def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
     """Check that a file can be written; no file remains.
 
-    Parameters
-    ----------
-    option : str
-        Option that names the file, for messages.
-    path : Path
-        The file.
-    endings : tuple of str
-        Allowed endings.
-
-    Raises
-    ------
-    SpecError
-        If the ending is not allowed, or if the folder does not exist or the user may not write to it.
-    StoreError
-        If the disk is full, read-only or out of reach.
+    Raises SpecError if the ending is not allowed, the folder does not exist or the user may not write to it; StoreError
+    if the disk is full, read-only or out of reach.
     """
     if path.suffix not in endings:
         raise SpecError(f"{option} {path}: unknown ending; allowed: {', '.join(endings)}; name a file with one of them")
@@ -49,20 +36,7 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside a file, with the same ending; at the end of the block it replaces the file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Yields
-    ------
-    Path
-        Path to write to.
-
-    Raises
-    ------
-    StoreError, SpecError
-        If it cannot be written; an earlier file stays unchanged.
+    Raises StoreError or SpecError if it cannot be written; an earlier file stays unchanged.
     """
     temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
     try:

@@ -34,13 +34,7 @@ def display(console: Console) -> Iterator["Show"]:
 
 
 class Lines:
-    """Print a line every ten seconds, and one when the state changes.
-
-    Parameters
-    ----------
-    console : Console
-        The console to print to.
-    """
+    """Print a line every ten seconds, and one when the state changes."""
 
     def __init__(self, console: Console) -> None:
         self._console = console

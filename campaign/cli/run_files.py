@@ -11,20 +11,10 @@ from campaign.cli.output import say
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The files that a user requests for one run.
+    """The files that a user requests for one run."""
 
-    Attributes
-    ----------
-    trajectory : Path or None
-        HDF5 file with the motion.
-    plot : Path or None
-        Figure of the curves over time, or of the hysteresis on a test bench.
-    animation : Path or None
-        Animation of the mechanism.
-    """
-
-    trajectory: Path | None
-    plot: Path | None
+    trajectory: Path | None  # HDF5 file with the motion
+    plot: Path | None  # curves over time, or hysteresis on a test bench
     animation: Path | None
 
     def named(self) -> dict[str, str]:
@@ -34,10 +24,7 @@ class RunFiles:
     def check(self) -> None:
         """Check, before the work begins, that the files can be written.
 
-        Raises
-        ------
-        SpecError
-            See `check_output`; also if writing an animation needs ffmpeg, which is not installed.
+        Raises the errors of `check_output`, and SpecError if an animation needs ffmpeg, which is not installed.
         """
         from campaign.cli.output_files import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
         from campaign.errors import SpecError

@@ -38,7 +38,7 @@ def terminated_in_order() -> Iterator[None]:
 
     def unraisable(swallowed: "sys.UnraisableHookArgs") -> None:
         if came and issubclass(swallowed.exc_type, SystemExit):
-            signal.signal(came[-1], terminate)
+            signal.signal(came[-1], terminate)  # `terminate` has made this process ignore it
             send_again(came[-1])
         else:
             hook(swallowed)
@@ -59,16 +59,10 @@ def terminated_in_order() -> Iterator[None]:
 
 
 def terminate_with_parent(parent: int) -> None:
-    """Send SIGTERM to this process once the process that started it has ended for any reason.
-
-    Parameters
-    ----------
-    parent : int
-        Process id of the parent, which may have ended before this is called.
-    """
+    """Send SIGTERM to this process once its parent has ended for any reason, even if it has ended before this call."""
 
     def watch() -> None:
-        while os.getppid() == parent:
+        while os.getppid() == parent:  # an orphan gets another parent
             time.sleep(LOOK_EVERY)
         os.kill(os.getpid(), signal.SIGTERM)
 

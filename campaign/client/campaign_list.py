@@ -16,16 +16,8 @@ GIVE_UP_AFTER = 60.0  # s without progress in that reading
 def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the list entry of each campaign, once the server has read all of its store.
 
-    Parameters
-    ----------
-    connection : ServerConnection
-    question : dict
-        ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API.
-
-    Raises
-    ------
-    UnreachableError
-        If the server makes no progress in reading its store for a minute.
+    `question` has ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API. Raises
+    UnreachableError if the server makes no progress in reading its store for a minute.
     """
     cursor: str | None = ""
     while cursor is not None:

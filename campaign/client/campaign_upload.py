@@ -14,18 +14,10 @@ LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.data_files`
 
 @dataclass(frozen=True)
 class CampaignUpload:
-    """A campaign as it is sent.
+    """A campaign as it is sent."""
 
-    Attributes
-    ----------
-    text : str
-        Content of the campaign file.
-    files : dict of str to bytes
-        Content of each file that the campaign names, by name.
-    """
-
-    text: str
-    files: dict[str, bytes]
+    text: str  # content of the campaign file
+    files: dict[str, bytes]  # content of each file that the campaign names, by name
 
     def to_json(self) -> dict[str, Any]:
         """Return the upload as JSON data for the API, with the files in base64."""
@@ -33,19 +25,11 @@ class CampaignUpload:
 
 
 def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
-    """Read a campaign file and the files that it names for an upload.
+    """Read a campaign file, a shipped campaign or tables, and the files that they name, for an upload.
 
-    Parameters
-    ----------
-    source : str, Path or mapping
-        Name of a shipped campaign, path of a campaign file, or its tables as Python data; paths in tables are relative
-        to the current folder.
-
-    Raises
-    ------
-    SpecError
-        If a file cannot be read, or lies outside the folder of the campaign file: otherwise a campaign file written by
-        somebody else could make this program send any file of this machine.
+    Paths in tables are relative to the current folder. Raises SpecError if a file cannot be read, or lies outside the
+    folder of the campaign file: otherwise a campaign file written by somebody else could make this program send any
+    file of this machine.
     """
     from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
@@ -77,6 +61,7 @@ def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
     for key, name in _names(tables):
         path = folder / name
         try:
+            # resolved, because a link beside the campaign file may lead anywhere
             is_within = path.resolve().is_relative_to(folder.resolve())
         except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL in the name
             is_within = False

@@ -15,31 +15,15 @@ PATIENCE = 600.0  # s that a server may be unreachable
 
 @dataclass
 class SentEvent:
-    """A server-sent event.
+    """A server-sent event."""
 
-    Attributes
-    ----------
-    kind : str
-        Name of the event.
-    data : str
-        Its content.
-    id : str
-        Its id, which a reconnecting client sends to say what it has seen; empty if the event has none.
-    """
-
-    kind: str = "message"
+    kind: str = "message"  # name of the event
     data: str = ""
-    id: str = ""
+    id: str = ""  # a reconnecting client sends it to say what it has seen; empty if the event has none
 
 
 def events_in(lines: Iterable[str]) -> Iterator[SentEvent]:
-    """Yield the events in the lines of a stream; an incomplete last event is left out.
-
-    Parameters
-    ----------
-    lines : iterable of str
-        The lines, without line ends.
-    """
+    """Yield the events in the lines, without line ends, of a stream; an incomplete last event is left out."""
     event, data = SentEvent(), list[str]()
     for line in lines:
         if not line:
@@ -61,18 +45,7 @@ def events_in(lines: Iterable[str]) -> Iterator[SentEvent]:
 def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[dict[str, Any]]:
     """Yield the progress of a campaign whenever it changes, until nothing more happens to the campaign.
 
-    Parameters
-    ----------
-    connection : ServerConnection
-    campaign_id : str
-        Full id of the campaign.
-
-    Raises
-    ------
-    UnreachableError
-        If the server cannot be reached for ten minutes.
-    CampaignError
-        If the server refuses the request.
+    Raises UnreachableError if the server cannot be reached for ten minutes, CampaignError if it refuses the request.
     """
     last, tried, heard = "", 0, time.monotonic()
     while True:
@@ -84,10 +57,11 @@ def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[
                     if event.kind == "end":
                         return
                     if event.kind == "progress":
-                        last = event.id or last
+                        last = event.id or last  # an event without an id does not change what to continue after
                         yield json.loads(event.data)
         except (UnreachableError, StoreError):  # also from a proxy whose server restarts
             if time.monotonic() - heard > PATIENCE:
                 raise
+        # also after a stream that ended without the event "end": a server that shuts down ends its streams so
         tried += 1
         connection.wait(tried)

@@ -11,15 +11,7 @@ from campaign.errors import SpecError
 def checked_address(url: str) -> str:
     """Return the address of a server as ``scheme://host[:port]``.
 
-    Parameters
-    ----------
-    url : str
-        The address as the user wrote it.
-
-    Raises
-    ------
-    SpecError
-        If the address is invalid, contains a secret, or would send a token over the network without TLS.
+    Raises SpecError if it is invalid, contains a secret, or would send a token over the network without TLS.
     """
     try:
         parts = urlsplit(url)
@@ -52,10 +44,7 @@ def is_loopback(host: str) -> bool:
 def checked_token(token: str | None) -> str:
     """Return a token, by default the value of the environment variable ``CLEARCAP_TOKEN``.
 
-    Raises
-    ------
-    SpecError
-        If there is no token, or it has characters that no token has. The message does not quote the token.
+    Raises SpecError, without quoting the token, if there is none or it has characters that no token has.
     """
     found = (os.environ.get(TOKEN, "") if token is None else token).strip()
     if not found:

@@ -30,22 +30,10 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class ServerConnection:
-    """A connection to one server.
+    """A connection to one server; ``http`` is allowed only for this machine.
 
-    Parameters
-    ----------
-    address : str
-        ``https://HOST[:PORT]``; ``http`` only for this machine.
-    token : str, optional
-        The token; by default the value of the environment variable ``CLEARCAP_TOKEN``.
-    ca : Path, optional
-        PEM file with the certificates of the authority that signed the server's certificate; by default the
-        authorities that the system trusts.
-
-    Raises
-    ------
-    SpecError
-        If the address, token or certificates cannot be used.
+    The token is by default that of ``CLEARCAP_TOKEN``, and `ca`, a PEM file, by default the authorities that the system
+    trusts. Raises SpecError if the address, token or certificates cannot be used.
     """
 
     def __init__(self, address: str, token: str | None = None, ca: Path | str | None = None) -> None:
@@ -82,22 +70,11 @@ class ServerConnection:
         return self.ask("GET", path, repeats=True, **more)
 
     def ask(self, method: str, path: str, *, repeats: bool = False, **more: Any) -> httpx.Response:
-        """Return the answer to a request.
+        """Return the answer to a request for a path below ``/api/v1``; raise the error of `error_of` if it is refused.
 
-        Parameters
-        ----------
-        method, path : str
-            Method and path; the path is below ``/api/v1``.
-        repeats : bool
-            Whether sending the request twice does no harm, so that it is sent again if the connection is lost or the
-            server says that it can answer later.
-        **more
-            ``params``, ``json`` and ``headers``, as in httpx.
-
-        Raises
-        ------
-        CampaignError
-            See `error_of`; `UnreachableError` if there is no answer.
+        With `repeats`, sending it twice does no harm, so it is sent again if the connection is lost or the server says
+        that it can answer later. `more` are ``params``, ``json`` and ``headers``, as in httpx. Raises UnreachableError
+        if there is no answer.
         """
         request = self._http.build_request(method, PREFIX + path, **more)
         for tried in range(1, TRIES + 1):

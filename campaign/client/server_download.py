@@ -15,10 +15,7 @@ PIECE = 1 << 20  # bytes
 def download(connection: ServerConnection, path: str, file: Path) -> Path:
     """Download a file and return its path; it appears there only when it is complete.
 
-    Raises
-    ------
-    CampaignError
-        If the server refuses, the connection is lost, or the file cannot be written.
+    Raises CampaignError if the server refuses, the connection is lost, or the file cannot be written.
     """
     partial = file.with_name(f"{file.name}.partial")
     with connection.stream(path) as response:
@@ -38,10 +35,7 @@ def download(connection: ServerConnection, path: str, file: Path) -> Path:
 def downloaded_table(connection: ServerConnection, path: str, params: dict[str, Any]) -> "pa.Table":
     """Return a table that a server sends as an Arrow stream.
 
-    Raises
-    ------
-    CampaignError
-        If the server refuses, the connection is lost, or the answer is not a table.
+    Raises CampaignError if the server refuses, the connection is lost, or the answer is not a table.
     """
     import pyarrow as pa
 

@@ -14,20 +14,10 @@ MOST_FAULTS = 100
 
 
 def error_of(address: str, response: "httpx.Response") -> CampaignError:
-    """Return the error for an answer that is not a success.
+    """Return the error for an answer with a status of 300 or more, whose body was read.
 
-    Parameters
-    ----------
-    address : str
-        Address of the server, for messages.
-    response : httpx.Response
-        An answer with a status of 300 or more, whose body was read.
-
-    Returns
-    -------
-    CampaignError
-        `SpecError` for an invalid request, with the faults of a file; `StoreError` if the server or its store cannot
-        answer now; `CampaignError` if the state of a campaign does not allow the request, or for too many requests.
+    It is SpecError for an invalid request, with the faults of a file; StoreError if the server or its store cannot
+    answer now; CampaignError if the state of a campaign does not allow the request, or for too many requests.
     """
     status, problem = response.status_code, _problem(response)
     detail = str(problem.get("detail") or f"answered with status {status}")[:LONGEST_DETAIL]

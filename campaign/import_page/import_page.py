@@ -30,35 +30,17 @@ KINDS = {
 
 @dataclass(frozen=True)
 class ImportFiles:
-    """The files that the page is about.
+    """The files that the page is about."""
 
-    Attributes
-    ----------
-    step, mechanism : str
-        Names of the CAD file and of the mechanism file.
-    drawing : bytes
-        Drawing of the parts and the joints found, as SVG.
-    """
-
-    step: str
-    mechanism: str
-    drawing: bytes
+    step: str  # name of the CAD file
+    mechanism: str  # name of the mechanism file
+    drawing: bytes  # SVG of the parts and the joints found
 
 
 def import_page(
     found: FoundGeometry, places: list[FoundPlace], questions: list[OpenQuestion], files: ImportFiles
 ) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    found : FoundGeometry
-    places : list of FoundPlace
-        Joints and candidates in `found`.
-    questions : list of OpenQuestion
-        Open questions of the mechanism file.
-    files : ImportFiles
-    """
+    """Return the page as HTML; `places` are joints and candidates, `questions` the open ones of the mechanism file."""
     vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in found.assembly.meshes)])
     low, high = (vertices.min(axis=0), vertices.max(axis=0)) if len(vertices) else (np.zeros(3), np.ones(3))
     centre = (low + high) / 2

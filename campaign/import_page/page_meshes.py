@@ -19,36 +19,19 @@ _STEPS = 40  # number of grids; in the last one a part is in one cell, and no tr
 
 @dataclass(frozen=True, eq=False)
 class PageMesh:
-    """The triangle mesh of a part.
+    """The triangle mesh of a part."""
 
-    Attributes
-    ----------
-    vertices : ndarray of float32, shape (n, 3)
-        Positions relative to the page's centre.
-    triangles : ndarray of uint32, shape (m, 3)
-        Indices of rows of `vertices`, counter-clockwise seen from outside, sorted by face.
-    stretches : dict
-        First triangle and number of triangles of each face, by the number of the face.
-    """
-
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.uint32]
-    stretches: dict[int, tuple[int, int]]
+    vertices: NDArray[np.float32]  # relative to the page's centre, (n, 3)
+    triangles: NDArray[np.uint32]  # rows of `vertices`, counter-clockwise seen from outside, sorted by face, (m, 3)
+    stretches: dict[int, tuple[int, int]]  # first triangle and number of triangles of each face, by its number
 
 
 def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tuple[list[PageMesh], float]:
     """Return the meshes of parts for a page, and their largest distance from the faces.
 
-    If there are too many triangles, the vertices in each cell of a grid are merged into their mean, with the finest
-    grid that leaves few enough triangles.
-
-    Parameters
-    ----------
-    meshes : iterable of TriangleMesh
-    centre : ndarray, shape (3,)
-        Origin of the page; it should be near the parts, where single precision is most accurate.
-    most : int
-        Largest number of triangles.
+    If there are more than `most` triangles, the vertices in each cell of a grid are merged into their mean, with the
+    finest grid that leaves few enough triangles. The origin of the page, `centre` (3,), should be near the parts, where
+    single precision is most accurate.
     """
     meshes = list(meshes)
     drawn, moved = meshes, 0.0
@@ -63,19 +46,9 @@ def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tup
 
 
 def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
-    """Return a mesh whose vertices in each cell of a grid are merged, without the triangles that collapse.
+    """Return a mesh whose vertices in each cell of a grid are merged, and the largest displacement of a vertex.
 
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    cell : float
-        Side length of a cell, > 0.
-
-    Returns
-    -------
-    mesh : TriangleMesh
-    moved : float
-        Largest displacement of a vertex.
+    Triangles that collapse are left out; `cell` is the side length of a cell, > 0.
     """
     if not len(mesh.triangles):
         return mesh, 0.0

@@ -27,16 +27,9 @@ SYMBOLS = {
 
 
 def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> None:
-    """Write an animation of a run.
+    """Write an animation of a run: ``.gif``, ``.html``, or with ffmpeg ``.mp4``.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    path : Path
-        File to write: ``.gif``, ``.html``, or with ffmpeg ``.mp4``.
-    frames : int, optional
-        Largest number of frames, by default 90; they are dense where much moves, see `poses.progress`.
+    It has at most `frames` frames, by default 90; they are dense where much moves, see `poses.progress`.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -22,17 +22,7 @@ TRAIL = 12  # frames for which the path of a journal stays visible
 
 
 class AnimationFigure:
-    """The figure of an animation; `show` moves it to a frame.
-
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure to draw in.
-    scene : Scene
-        The scene to draw.
-    trajectory : Trajectory
-        The run, for its name and units.
-    """
+    """The figure of an animation; `show` moves it to a frame. The trajectory supplies its name and units."""
 
     def __init__(self, figure: "Figure", scene: Scene, trajectory: Trajectory) -> None:
         self._scene, self._unit = scene, trajectory.units["time"]

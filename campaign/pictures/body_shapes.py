@@ -21,42 +21,19 @@ LEAST_PATCH = 0.05  # half a side of a plane's patch with a single contact point
 
 @dataclass(frozen=True)
 class BodyShape:
-    """The shape of a body in its own frame.
+    """The shape of a body in its own frame; all points have shape (k, 3)."""
 
-    Attributes
-    ----------
-    lines : tuple of ndarray, each of shape (k, 3)
-        Polylines of primitives and pins.
-    faces : tuple of ndarray, each of shape (5, 3)
-        Patches of planes with contacts.
-    joints : ndarray, shape (k, 3)
-        Positions of its joints.
-    outline : ndarray, shape (k, 3)
-        Outline from the file, or the corners of a hull around everything except the planes: a polygon, the two ends of
-        a line, a point, or none.
-    """
-
-    lines: tuple[Array, ...]
-    faces: tuple[Array, ...]
-    joints: Array
+    lines: tuple[Array, ...]  # polylines of primitives and pins
+    faces: tuple[Array, ...]  # patches of planes with contacts, each of shape (5, 3)
+    joints: Array  # positions of its joints
+    # From the file, or the corners of a hull around everything except the planes: a polygon, line, point, or none.
     outline: Array
 
 
 def body_shape(mechanism: Mechanism, body: str, view: View, touched: dict[str, Array], size: float) -> BodyShape:
-    """Return the shape of a body.
+    """Return the shape of a body as it is drawn on a view of a mechanism of some `size` [length].
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism of the body.
-    body : str
-        Name of the body.
-    view : View
-        The plane to draw it on.
-    touched : dict of str to ndarray, each of shape (m, 3)
-        Points of each contact during the run, in the frame of this body; NaN is ignored.
-    size : float
-        Size of the mechanism [length].
+    `touched` has the points of each contact during the run, (m, 3), in the frame of this body; NaN is ignored.
     """
     turn = start_rotation(mechanism, body)
     facing = turn.T @ view.normal

@@ -22,24 +22,12 @@ LINE = 130  # characters of a line of the heading
 
 @dataclass(frozen=True)
 class Panel:
-    """One graph over time.
-
-    Attributes
-    ----------
-    title : str
-        Title above the graph.
-    axis : str
-        Label of the vertical axis.
-    unit : str
-        Unit of the vertical axis.
-    curves : dict of str to ndarray, shape (n,)
-        Values over time, by name.
-    """
+    """One graph over time."""
 
     title: str
-    axis: str
-    unit: str
-    curves: dict[str, Array]
+    axis: str  # label of the vertical axis
+    unit: str  # of the vertical axis
+    curves: dict[str, Array]  # values over time by name, each of shape (n,)
 
     @property
     def counts(self) -> bool:
@@ -48,15 +36,7 @@ class Panel:
 
 
 def plot(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure; its metadata describe it in words.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write the figure, ``.png``, ``.svg`` or ``.pdf``; its metadata describe it in words."""
     from matplotlib.figure import Figure
 
     shown = panels(trajectory)

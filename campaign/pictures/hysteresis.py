@@ -17,12 +17,7 @@ STILL = 1e-6  # share of the range of x; a smaller change is not a motion
 def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
     """Write the figure of y against x, as named in the mechanism's ``plot``: forward strokes solid, backward dashed.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        A run on a test bench.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
+    The run is on a test bench; the file is ``.png``, ``.svg`` or ``.pdf``.
     """
     from matplotlib.figure import Figure
 
@@ -50,18 +45,7 @@ def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
 
 
 def strokes(x: Array) -> list[tuple[int, int, int]]:
-    """Return the strokes between the turning points of a reciprocating motion.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Position over time.
-
-    Returns
-    -------
-    list of (int, int, int)
-        Direction (1 forward, -1 back), first row and last row of each stroke.
-    """
+    """Return direction (1 forward, -1 back), first and last row of each stroke between turning points of x, (n,)."""
     still = STILL * float(np.ptp(x)) if x.size else 0.0
     turns, direction = [0], 0
     for i in range(1, x.size):

@@ -13,39 +13,17 @@ from engine.arrays import Array
 
 @dataclass(frozen=True)
 class JournalPositions:
-    """A journal in one ring of its bearing, or a ball in its socket, at the ends of ``n`` runs.
-
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    ring : int
-        Number of the ring along the axis, from 1.
-    eccentricities : ndarray, shape (n, 2)
-        Vector from the bearing's axis to the journal's, divided by the clearance; its length is 1 if they touch.
-    forces : ndarray, shape (n, 2)
-        Force of the journal on the bearing [force].
-    """
+    """A journal in one ring of its bearing, or a ball in its socket, at the ends of ``n`` runs."""
 
     joint: str
-    ring: int
+    ring: int  # along the axis, from 1
+    # (n, 2), from the bearing's axis to the journal's, divided by the clearance; length 1 if they touch.
     eccentricities: Array
-    forces: Array
+    forces: Array  # (n, 2), of the journal on the bearing [force]
 
 
 def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
-    """Return the positions of the journals at the end of one run.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run; only its last row is used.
-
-    Returns
-    -------
-    list of JournalPositions
-        One entry per ring, for one run.
-    """
+    """Return the positions of the journals at the end of one run, the trajectory's last row; one entry per ring."""
     from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do not need
 
     mechanism, last_row = trajectory.mechanism(), np.array([len(trajectory.time) - 1])

@@ -14,36 +14,18 @@ GAP = 2.0  # least distance between two labels
 
 
 class Label(NamedTuple):
-    """Words to place.
+    """Words to place."""
 
-    Attributes
-    ----------
-    anchor : ndarray, shape (2,)
-        The point that they name.
-    size : (float, float)
-        Width and height.
-    away : ndarray, shape (2,)
-        Preferred direction from the anchor.
-    """
-
-    anchor: Array
-    size: tuple[float, float]
-    away: Array
+    anchor: Array  # the point that they name, (2,)
+    size: tuple[float, float]  # width and height
+    away: Array  # preferred direction from the anchor, (2,)
 
 
 def place_labels(labels: Sequence[Label], marked: Array, canvas: Array) -> Array:
     """Return the centre of each label, shape (n, 2), such that no two of them overlap.
 
-    A label without room on the canvas is placed below it, under earlier labels without room.
-
-    Parameters
-    ----------
-    labels : sequence of Label
-        The labels, placed in this order.
-    marked : ndarray, shape (m, 2)
-        Points of lines that labels should not cover.
-    canvas : ndarray, shape (2,)
-        Width and height of the canvas.
+    A label without room on the canvas, whose size is (2,), is placed below it, under earlier labels without room. Lines
+    through the points ``marked``, (m, 2), should not be covered.
     """
     centres, halves = np.zeros((0, 2)), np.zeros((0, 2))
     for label in labels:

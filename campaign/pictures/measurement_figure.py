@@ -9,15 +9,7 @@ from engine import Mechanism
 
 
 def plot_measurements(mechanism: Mechanism, path: Path) -> None:
-    """Write a picture of the mechanism at its start pose, with what its responses measure.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism to draw.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write a picture (PNG, SVG or PDF) of the mechanism at its start pose, with what its responses measure."""
     sketch, title = sketch_mechanism(mechanism), mechanism.title or mechanism.name
     plot_sketch(sketch, f"{title}: what is measured", describe(mechanism, sketch), path)
 

@@ -12,53 +12,30 @@ from engine.arrays import Array
 
 
 class StartContact(NamedTuple):
-    """A contact at the start pose.
+    """A contact at the start pose."""
 
-    Attributes
-    ----------
-    gap : float
-        Distance between its sides [length].
-    point : ndarray, shape (3,)
-        Contact point in the world [length].
-    normal : ndarray, shape (3,)
-        Direction of the normal force on ``body``.
-    body : str
-        The first moving body of the two.
-    """
-
-    gap: float
-    point: Array
-    normal: Array
-    body: str
+    gap: float  # distance between its sides [length]
+    point: Array  # in the world [length], (3,)
+    normal: Array  # direction of the normal force on ``body``, (3,)
+    body: str  # the first moving body of the two
 
 
 @dataclass(frozen=True)
 class Measurement:
     """A response to be drawn.
 
-    Attributes
-    ----------
-    name, title : str
-        Name and title of the response.
-    kind : str
-        "length" from ``start`` to ``end``; "arrow", a force or speed at ``start`` towards ``end``; "turn" at ``start``
-        about the axis to ``end``; "point", a force without a single direction; "span", a spring from ``start`` to
-        ``end``; "none", a response without a place.
-    start, end : ndarray, shape (3,)
-        Ends of an arrow in the world that points in the positive direction.
-    point : ndarray, shape (3,)
-        The measured point, beside one end or at it.
-    value : str
-        For a length its value at the start pose with its unit; otherwise the measured quantity and its body.
+    The kinds are "length" from ``start`` to ``end``; "arrow", a force or speed at ``start`` towards ``end``; "turn" at
+    ``start`` about the axis to ``end``; "point", a force without a single direction; "span", a spring from ``start`` to
+    ``end``; "none", a response without a place.
     """
 
     name: str
     title: str
     kind: str
-    start: Array
+    start: Array  # start and end in the world, (3,); from one to the other is the positive direction
     end: Array
-    point: Array
-    value: str
+    point: Array  # the measured point, beside one end or at it, (3,)
+    value: str  # of a length at the start pose with its unit; otherwise the measured quantity and its body
 
     @property
     def force(self) -> bool:
@@ -67,20 +44,7 @@ class Measurement:
 
 
 def measurements(mechanism: Mechanism, contacts: dict[str, StartContact]) -> Iterator[Measurement]:
-    """Yield what each response measures, in the order of the file.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism with the responses.
-    contacts : dict of str to StartContact
-        See `contacts_at_start`.
-
-    Yields
-    ------
-    Measurement
-        One per response, at the start pose.
-    """
+    """Yield what each response measures at the start pose, in the order of the file; see `contacts_at_start`."""
     for name, response in mechanism.responses.items():
         kind, start, end, point, value = _measured(mechanism, response, contacts)
         yield Measurement(name, response.title, kind, start, end, point, value)

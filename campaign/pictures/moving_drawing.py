@@ -21,81 +21,44 @@ TURN_DECIMALS, PLAY_DECIMALS = 6, 3
 
 @dataclass(frozen=True)
 class BodyDrawing:
-    """A body at the last frame.
-
-    Attributes
-    ----------
-    name, colour : str
-        Name, and colour as written in SVG.
-    is_fixed, is_rod : bool
-        Whether it is ground, and whether its outline is a line.
-    parts : dict of str to str
-        ``outline``, ``lines``, ``faces`` and ``joints``: each the data of one SVG path, empty if there is none.
-    label : list of float
-        Position of its name.
-    """
+    """A body at the last frame."""
 
     name: str
-    colour: str
-    is_fixed: bool
-    is_rod: bool
-    parts: dict[str, str]
-    label: list[float]
+    colour: str  # as written in SVG
+    is_fixed: bool  # it is ground
+    is_rod: bool  # its outline is a line
+    parts: dict[str, str]  # SVG paths of ``outline``, ``lines``, ``faces`` and ``joints``; empty if there is none
+    label: list[float]  # position of its name
 
 
 @dataclass(frozen=True)
 class MovingDrawing:
     """A run as a drawing with y downwards; it shows the last frame until a page animates it.
 
-    Attributes
-    ----------
-    width, height : float
-        Size of the drawing; the larger side is 1000.
-    unit, length_unit : str
-        Units of time and length.
-    bodies : list of BodyDrawing
-        The bodies at the last frame.
-    springs, arrows : str
-        Path data of all springs, and of all contact forces.
-    common, key : str
-        A force, and the path of its arrow; empty without forces.
-    key_length, cut : float
-        Length of that arrow, and the multiple of it at which longer arrows are cut.
-    plays : list of dict
-        Each with ``joint``, ``clearance``, and ``rings``, each with the paths of a journal's ``trail`` and ``dot``.
-    frames : dict
-        The data to animate m frames: ``time`` (m), ``springs`` and ``arrows`` (m paths each); ``bodies``, each with
-        ``parts`` (polylines ``x, y, z, x, ...`` in the body's frame), ``middle``, and ``places`` (m lists ``a b c d e f
-        g h``: a point is drawn at ``a x + b y + c z + g, d x + e y + f z + h``); ``plays``, for each ring the m
-        positions of the axis in clearances; and the numbers of frames per ``second``, of a ``trail``, and of the
-        ``hold`` at the end.
+    ``frames`` has the data of m frames: ``time`` (m), ``springs`` and ``arrows`` (m paths each); ``bodies``, each with
+    ``parts`` (polylines ``x, y, z, x, ...`` in the body's frame), ``middle``, and ``places`` (m lists ``a b c d e f g
+    h``: a point is drawn at ``a x + b y + c z + g, d x + e y + f z + h``); ``plays``, for each ring the m positions of
+    the axis in clearances; and the numbers of frames per ``second``, of a ``trail``, and of the ``hold`` at the end.
     """
 
-    width: float
+    width: float  # the larger of width and height is 1000 (`LARGER_SIDE`)
     height: float
-    unit: str
-    length_unit: str
-    bodies: list[BodyDrawing]
-    springs: str
-    arrows: str
-    common: str
-    key: str
-    key_length: float
-    cut: float
+    unit: str  # of time
+    length_unit: str  # of length
+    bodies: list[BodyDrawing]  # at the last frame
+    springs: str  # path data of all springs
+    arrows: str  # path data of all contact forces
+    common: str  # a force, as text; empty without forces
+    key: str  # path of the arrow of that force
+    key_length: float  # length of that arrow
+    cut: float  # multiple of that length at which longer arrows are cut
+    # Each with ``joint``, ``clearance``, and ``rings``: paths of a journal's ``trail`` and ``dot``.
     plays: list[dict[str, Any]]
     frames: dict[str, Any]
 
 
 def moving_drawing(scene: Scene, trajectory: Trajectory) -> MovingDrawing:
-    """Return the drawing of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene to draw.
-    trajectory : Trajectory
-        The run, for its units.
-    """
+    """Return the drawing of a scene; the trajectory supplies its units."""
     mechanism = trajectory.mechanism()
     common, long = common_force(scene.forces), ARROW * float(np.linalg.norm(np.diff(scene.box, axis=0)))
     arrows = arrow_lengths(scene.forces, common, long)
@@ -155,7 +118,7 @@ def arrow_data(starts: Array, ends: Array) -> str:
     """Return arrows with their heads as the data of one SVG path; arrows shorter than one unit are left out."""
     lengths = np.linalg.norm(ends - starts, axis=1)
     starts, ends, lengths = (each[lengths > 1.0] for each in (starts, ends, lengths))
-    back = (starts - ends) * np.minimum(HEAD / lengths, 0.4)[:, None]
+    back = (starts - ends) * np.minimum(HEAD / lengths, 0.4)[:, None]  # of a short arrow, the head takes 0.4
     across = 0.5 * back[:, ::-1] * [1.0, -1.0]
     heads = np.stack([ends + back + across, ends, ends + back - across], axis=1)
     return path_data([*np.stack([starts, ends], axis=1), *heads])

@@ -14,43 +14,16 @@ from engine.arrays import Array
 
 @dataclass(frozen=True)
 class Play:
-    """The positions of a journal's axis in the rings of its bearing, or of a ball in its socket, at ``m`` instants.
-
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    clearance : float
-        Radius of the circle that limits the axis [length].
-    eccentricity : ndarray, shape (m, rings, 2)
-        Vector from the bearing's axis to the journal's, divided by the clearance, seen along the joint's axis.
-    across : ndarray, shape (m, 2, 3)
-        Unit vectors across the joint's axis in the world, to the right and up in the picture.
-    """
+    """The positions of a journal's axis in the rings of its bearing, or of a ball in its socket, at ``m`` instants."""
 
     joint: str
-    clearance: float
-    eccentricity: Array
-    across: Array
+    clearance: float  # radius of the circle that limits the axis [length]
+    eccentricity: Array  # (m, rings, 2), from the bearing's axis to the journal's, in clearances, along `across`
+    across: Array  # (m, 2, 3), unit vectors across the joint's axis in the world, to the right and up in the picture
 
 
 def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iterator[Play]:
-    """Yield the play of every joint with a circle of clearance, which excludes the block of a slot.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism with the joints.
-    body_poses : dict of str to Pose
-        Pose of every body at ``m`` instants.
-    view : View
-        The plane of the picture.
-
-    Yields
-    ------
-    Play
-        One per joint.
-    """
+    """Yield the play of every joint with a circle of clearance (not of the block of a slot) at ``m`` instants."""
     for name, joint in mechanism.joints.items():
         clearance = getattr(joint, joint.CLEARANCE) if joint.CLEARANCE and not joint.ideal else None
         stations = _stations(joint)

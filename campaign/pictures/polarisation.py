@@ -19,17 +19,7 @@ HEAD, FOOT = 0.6, 0.75  # inches
 
 
 def plot_polarisation(journals: list[JournalPositions], title: str, path: Path) -> None:
-    """Write a round panel for each ring of each joint.
-
-    Parameters
-    ----------
-    journals : list of JournalPositions
-        Positions from one run or many; at least one entry.
-    title : str
-        Name of the mechanism or campaign.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write a round panel for each ring of each joint, from one run or many, as ``.png``, ``.svg`` or ``.pdf``."""
     from matplotlib.figure import Figure
 
     joints = list(dict.fromkeys(journal.joint for journal in journals))

@@ -14,21 +14,10 @@ ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below i
 
 
 def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]:
-    """Return the polylines of a contact primitive; empty for a point or an unbounded plane.
+    """Return the polylines, each (k, 3) in the body's frame, of a primitive; none for a point or an unbounded plane.
 
-    Parameters
-    ----------
-    kind : str
-        Key of the primitive in the file, such as "arc".
-    primitive : object
-        The primitive as described in the file.
-    facing : ndarray, shape (3,)
-        Direction to the viewer; spheres and rings are drawn as circles perpendicular to it.
-
-    Returns
-    -------
-    list of ndarray, each of shape (k, 3)
-        Polylines in the frame of the body.
+    ``kind`` is its key in the file, such as "arc". Spheres and rings are drawn as circles perpendicular to ``facing``,
+    (3,), the direction to the viewer.
     """
     if kind in ("point", "plane"):
         return []
@@ -87,23 +76,9 @@ def _points(piece: Any) -> Array:
 
 
 def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_angle: float = np.pi) -> Array:
-    """Return an arc about ``middle``, or a full circle.
+    """Return an arc about the direction ``middle`` from the centre, or a full circle, as a polyline of shape (49, 3).
 
-    Parameters
-    ----------
-    centre, normal : array_like, shape (3,)
-        Centre and normal of the circle.
-    radius : float
-        Radius of the circle [length].
-    middle : array_like, shape (3,), optional
-        Direction from the centre to the middle of the arc.
-    half_angle : float
-        Half the angle of the arc [rad].
-
-    Returns
-    -------
-    ndarray, shape (49, 3)
-        Points of the polyline.
+    ``half_angle`` is half the angle of the arc [rad].
     """
     n = np.asarray(normal, float)
     e = _across(n, np.eye(3)[np.argmin(np.abs(n))] if middle is None else np.asarray(middle, float))
@@ -123,23 +98,9 @@ def square(centre: Any, a: Array, b: Array) -> Array:
 
 
 def patch(normal: Array, touched: Array, facing: Array, least: float) -> Array:
-    """Return a square on a plane that covers its contact points, with sides along and across the line of sight.
+    """Return a square on a plane that covers its contact points, with sides along and across the line of sight, (5, 3).
 
-    Parameters
-    ----------
-    normal : ndarray, shape (3,)
-        Normal of the plane.
-    touched : ndarray, shape (m, 3)
-        Contact points on the plane; NaN is ignored.
-    facing : ndarray, shape (3,)
-        Direction to the viewer.
-    least : float
-        Smallest half of a side [length].
-
-    Returns
-    -------
-    ndarray, shape (5, 3)
-        The closed polyline.
+    NaN in the points, ``touched`` (m, 3), is ignored; half a side is at least ``least`` [length].
     """
     middle = 0.5 * (np.nanmin(touched, axis=0) + np.nanmax(touched, axis=0))
     along = np.cross(facing, normal)

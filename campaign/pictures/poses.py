@@ -15,18 +15,10 @@ FAR = 1e100  # larger positions count as infinite, because their squares overflo
 
 @dataclass(frozen=True)
 class Pose:
-    """The frame of a body at ``m`` instants.
+    """The frame of a body at ``m`` instants."""
 
-    Attributes
-    ----------
-    origin : ndarray, shape (m, 3)
-        Its origin in the world [length].
-    rotation : ndarray, shape (m, 3, 3)
-        Rotation from the body's axes to those of the world.
-    """
-
-    origin: Array
-    rotation: Array
+    origin: Array  # in the world [length], (m, 3)
+    rotation: Array  # from the body's axes to those of the world, (m, 3, 3)
 
     def world(self, points: Array) -> Array:
         """Transform points of the body's frame, shape (k, 3), to the world, shape (m, k, 3)."""
@@ -42,17 +34,7 @@ class Pose:
 
 
 def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Integers) -> dict[str, Pose]:
-    """Return the pose of every body of the file, by name.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    mechanism : Mechanism
-        The mechanism of the run.
-    rows : ndarray of int, shape (m,)
-        Row numbers of the trajectory.
-    """
+    """Return the pose of every body of the file, by name, at some rows (m,) of the trajectory."""
     by_name = {}
     for name, body in mechanism.bodies.items():
         if body.fixed:
@@ -75,24 +57,10 @@ def finite_rows(trajectory: Trajectory) -> int:
 
 
 def progress(trajectory: Trajectory, mechanism: Mechanism, usable: int) -> Array:
-    """Return the progress of the motion at each of the first rows, from 0 to 1.
+    """Return the progress of the motion, from 0 to 1, at each of the first ``usable`` rows, whose poses can be drawn.
 
     A share of it is time. The rest is, in each step, the path of the body that moves most: the path of its centre of
     mass plus that of a point at its radius of gyration.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    mechanism : Mechanism
-        The mechanism of the run.
-    usable : int
-        Number of rows, from the first, whose poses can be drawn.
-
-    Returns
-    -------
-    ndarray, shape (usable,)
-        Increasing numbers.
     """
     paths = [np.zeros(max(usable - 1, 0))]
     for name, motion in trajectory.bodies.items():
@@ -111,19 +79,9 @@ def _lengths(vectors: Array) -> Array:
 
 
 def spread_rows(done: Array, count: int) -> Integers:
-    """Return at most ``count`` rows, including the first and the last, spread as evenly as possible.
+    """Return at most ``count`` increasing rows, with the first and the last, over which ``done`` (n,) is spread evenly.
 
-    Parameters
-    ----------
-    done : ndarray, shape (n,)
-        Increasing quantity to spread evenly: time, or `progress`.
-    count : int
-        Largest number of rows.
-
-    Returns
-    -------
-    ndarray of int
-        Row numbers, increasing.
+    ``done`` increases: it is time, or `progress`.
     """
     even = np.linspace(done[0], done[-1], count)
     return np.unique(np.searchsorted(0.5 * (done[1:] + done[:-1]), even))

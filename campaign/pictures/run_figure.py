@@ -8,14 +8,6 @@ from engine import Trajectory
 
 
 def plot_run(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure of a run.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write the figure of a run as ``.png``, ``.svg`` or ``.pdf``."""
     draw = plot_hysteresis if trajectory.description.get("plot") else plot
     draw(trajectory, path)

@@ -17,24 +17,12 @@ NEAR = 0.02  # gap, in sizes of the mechanism, below which a contact point count
 
 @dataclass(frozen=True)
 class BodyFrames:
-    """A body drawn in ``m`` frames; a point p of the body's own frame is drawn at ``turn @ p + origin``.
+    """A body drawn in ``m`` frames; a point p of the body's own frame is drawn at ``turn @ p + origin``."""
 
-    Attributes
-    ----------
-    fixed : bool
-        Whether it is part of the ground.
-    shape : BodyShape
-        Its shape in its own frame.
-    turn : ndarray, shape (m, 2, 3)
-        Projected rotation from the body's axes to right and up of the drawing.
-    origin : ndarray, shape (m, 2)
-        Position of its origin in the drawing.
-    """
-
-    fixed: bool
-    shape: BodyShape
-    turn: Array
-    origin: Array
+    fixed: bool  # it is part of the ground
+    shape: BodyShape  # in its own frame
+    turn: Array  # (m, 2, 3), projected rotation from the body's axes to right and up of the drawing
+    origin: Array  # (m, 2), in the drawing
 
     @cached_property
     def outline(self) -> Array:
@@ -62,32 +50,16 @@ class BodyFrames:
 
 @dataclass(frozen=True)
 class Scene:
-    """The content of ``m`` frames.
+    """The content of ``m`` frames."""
 
-    Attributes
-    ----------
-    rows, time : ndarray, shape (m,)
-        Row numbers of the trajectory, and their times.
-    bodies : dict of str to BodyFrames
-        Bodies by name.
-    springs : tuple of ndarray, each of shape (m, 2, 2)
-        Ends of linear springs and dampers.
-    points, forces : ndarray, shape (m, nc, 2)
-        Contact points, and mean forces since the frame before [force].
-    plays : tuple of Play
-        Plays of the joints with clearance, at all rows of the trajectory until it diverges.
-    box : ndarray, shape (2, 2)
-        Lower left and upper right corner of all bodies in all frames.
-    """
-
-    rows: Integers
-    time: Array
+    rows: Integers  # (m,), of the trajectory
+    time: Array  # (m,)
     bodies: dict[str, BodyFrames]
-    springs: tuple[Array, ...]
-    points: Array
-    forces: Array
-    plays: tuple[Play, ...]
-    box: Array
+    springs: tuple[Array, ...]  # ends of linear springs and dampers, each (m, 2, 2)
+    points: Array  # contact points, (m, nc, 2)
+    forces: Array  # mean since the frame before [force], (m, nc, 2)
+    plays: tuple[Play, ...]  # of the joints with clearance, at all rows of the trajectory until it diverges
+    box: Array  # lower left and upper right corner of all bodies in all frames, (2, 2)
 
 
 def scene_of(trajectory: Trajectory, frames: int) -> Scene:

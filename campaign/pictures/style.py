@@ -16,7 +16,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 
 STYLE: Any = {
     "svg.fonttype": "none",
-    "svg.hashsalt": "clearcap",
+    "svg.hashsalt": "clearcap",  # otherwise ids are random, and the same run would not give the same bytes
     "text.parse_math": False,  # a response may be called "F$1"
     "font.family": "sans-serif",
     "font.size": 9.0,

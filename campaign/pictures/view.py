@@ -13,17 +13,11 @@ _TIE_BREAK = np.diag([2e-3, 1e-3, 0.0])  # prefers z to y to x among equally goo
 
 @dataclass(frozen=True)
 class View:
-    """A plane of projection.
+    """A plane of projection."""
 
-    Attributes
-    ----------
-    right, up, normal : ndarray, shape (3,)
-        Unit vectors to the right, upwards, and towards the viewer.
-    """
-
-    right: Array
+    right: Array  # unit vector, (3,), as are the others
     up: Array
-    normal: Array
+    normal: Array  # towards the viewer
 
     def project(self, points: Array) -> Array:
         """Project points or vectors, shape (..., 3), onto the plane, shape (..., 2)."""

@@ -28,46 +28,19 @@ LEFT_OUT = ("stop", "grid", "table", "importance")
 
 @dataclass(frozen=True)
 class AimedCampaign:
-    """A campaign file that aims at rejects.
+    """A campaign file that aims at rejects."""
 
-    Attributes
-    ----------
-    tables : dict
-        Its content, as TOML tables.
-    targets : tuple of Target
-        Where rejects beyond each limit lie.
-    aims : tuple of Aim
-        The components.
-    variables : tuple of str
-        The variables that vary, in the order of the components' centres.
-    """
-
-    tables: dict[str, Any]
-    targets: tuple[Target, ...]
-    aims: tuple[Aim, ...]
-    variables: tuple[str, ...]
+    tables: dict[str, Any]  # its content, as TOML tables
+    targets: tuple[Target, ...]  # where rejects beyond each limit lie
+    aims: tuple[Aim, ...]  # the components
+    variables: tuple[str, ...]  # those that vary, in the order of the components' centres
 
 
 def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[str] = ()) -> AimedCampaign:
-    """Return the campaign file with importance sampling that the rows of a campaign suggest.
+    """Return the campaign file with importance sampling that the rows of a campaign suggest; by default for all limits.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign, whose samples are drawn from distributions or by importance sampling.
-    samples : int
-        Number of samples of the new campaign.
-    responses : sequence of str
-        The responses to aim at; by default all that have limits.
-
-    Raises
-    ------
-    SpecError
-        If the campaign cannot have importance sampling, or a response has no limits.
-    CampaignError
-        If it has too few rows.
+    Raises SpecError if the campaign, whose samples must be drawn from distributions or by importance sampling, cannot
+    have it, or a response has no limits; CampaignError if it has too few rows.
     """
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
     for name in responses:

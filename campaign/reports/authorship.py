@@ -35,10 +35,7 @@ def campaign_end(plan: Plan, store: Store | None) -> str:
 def report_date() -> str:
     """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit.
 
-    Raises
-    ------
-    SpecError
-        If SOURCE_DATE_EPOCH is not a number of seconds since 1970.
+    Raises SpecError if SOURCE_DATE_EPOCH is not a number of seconds since 1970.
     """
     given = os.environ.get(BUILD_DATE)
     if given is None:

@@ -14,17 +14,7 @@ from reporting.analysis import compare_rows
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
     """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds both campaigns.
-    plan, other : Plan
-        The campaign, and the one to compare it with.
-
-    Raises
-    ------
-    CampaignError
-        If one of them has no rows, if their samples are corners, or if they have no response in common.
+    Raises CampaignError if one of them has no rows, their samples are corners, or they have no response in common.
     """
     mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
     try:

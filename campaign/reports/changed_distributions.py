@@ -28,26 +28,10 @@ def check_drawn(spec: CampaignSpec) -> None:
 
 
 def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], columns: Mapping[str, Array]) -> Change:
-    """Return the effect of new distributions of some variables on samples; rank correlations stay the same.
+    """Return the effect of new distributions of some variables on samples (n,); rank correlations stay the same.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        The campaign.
-    new : mapping of str to distribution
-        New distributions by variable; variables that are not named stay the same.
-    columns : mapping of str to ndarray, each of shape (n,)
-        Values of the variables at the samples.
-
-    Returns
-    -------
-    Change
-        Logarithm of the ratio of densities at each sample, and the new probability outside the old distributions.
-
-    Raises
-    ------
-    SpecError
-        If the samples are not drawn from distributions.
+    The effect is the logarithm of the ratio of densities at each sample, and the new probability outside the old
+    distributions. Raises SpecError if the samples are not drawn from distributions.
     """
     check_drawn(spec)
     n = next(iter(columns.values())).size
@@ -64,6 +48,7 @@ def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], co
 
 def _outside(new: Distribution, low: float, high: float) -> float:
     """Return the probability of values below ``low`` or above ``high``."""
+    # just below the bound, because a discrete distribution may have a value on it
     below = float(new.cdf(np.array([np.nextafter(low, -np.inf)]))[0]) if isfinite(low) else 0.0
     above = 1.0 - float(new.cdf(np.array([high]))[0]) if isfinite(high) else 0.0
     return min(max(below + above, 0.0), 1.0)

@@ -91,20 +91,7 @@ class Costs(TableModel, strict=True):
 
 
 def read_costs(path: Path, plan: Plan) -> Costs:
-    """Read a cost file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    plan : Plan
-        The campaign whose variables it names.
-
-    Raises
-    ------
-    SpecError
-        With all faults of the file.
-    """
+    """Read a cost file for the variables of a campaign; raise SpecError with all its faults."""
     try:
         tables = read_toml(path)
     except OSError as error:
@@ -115,22 +102,7 @@ def read_costs(path: Path, plan: Plan) -> Costs:
 
 
 def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
-    """Return the costs in the tables of a cost file.
-
-    Parameters
-    ----------
-    tables : mapping
-        Content of the file.
-    plan : Plan
-        The campaign whose variables they name.
-    heading : str
-        Beginning of messages about them.
-
-    Raises
-    ------
-    SpecError
-        With all faults.
-    """
+    """Return the costs in the tables of a cost file; raise SpecError with all faults, which begin with `heading`."""
     try:
         costs = Costs.model_validate(tables)
     except ValidationError as error:

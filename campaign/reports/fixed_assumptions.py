@@ -35,13 +35,7 @@ _NAMES_SHOWN = 6  # number of joints and contacts listed for a material
 
 
 def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
-    """Return the assumptions that are the same in every run of a campaign, by group.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign, with its mechanism, its variables and the settings that replace those of the mechanism.
-    """
+    """Return the assumptions that are the same in every run of a campaign, by group."""
     mechanism = plan.mechanism
     varies = _varies(plan)
     found = [

@@ -14,20 +14,7 @@ ENDS = 10**9  # recording interval: only the first and the last row of a traject
 
 
 def campaign_journal_positions(campaign: Campaign, processes: int) -> list[JournalPositions]:
-    """Simulate a campaign of few samples, and return the positions of journals at the ends of the successful runs.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign, with the number of samples to simulate.
-    processes : int
-        Number of processes that share the work.
-
-    Returns
-    -------
-    list of JournalPositions
-        One entry per ring; empty if no run succeeds.
-    """
+    """Simulate a campaign of few samples; return the journals' positions, by ring, at the ends of successful runs."""
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]

@@ -13,11 +13,6 @@ def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
     """Return the drawing of a campaign's mechanism, or None and the reason why there is none.
 
     If drawing fails for any reason, the report is written without the drawing.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
     """
     try:
         sketch = sketch_mechanism(plan.mechanism)

@@ -13,24 +13,12 @@ from campaign.worker.repeat_row import RepeatedSample, repeated_sample
 
 @dataclass(frozen=True)
 class Replay:
-    """A replayed sample.
-
-    Attributes
-    ----------
-    campaign : str
-        Id of the campaign.
-    sample : int
-        Number of the sample.
-    again : RepeatedSample
-        Both rows, and whether they agree.
-    differences : str
-        How this program differs from the one that computed the campaign, in words; empty if it does not.
-    """
+    """A replayed sample."""
 
     campaign: str
     sample: int
-    again: RepeatedSample
-    differences: str
+    again: RepeatedSample  # both rows, and whether they agree
+    differences: str  # of this program from the one that computed the campaign, in words; empty if there are none
 
     @property
     def is_broken(self) -> bool:
@@ -52,25 +40,8 @@ def check_sample(plan: Plan, sample: int) -> None:
 def replay_sample(store: Store, plan: Plan, sample: int, motion: Path | None = None, *, halved: bool = False) -> Replay:
     """Compute a sample again in this process, and compare it with its stored row, bit for bit.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign.
-    sample : int
-        Number of the sample.
-    motion : Path, optional
-        HDF5 file to write its motion to.
-    halved : bool
-        Whether to compute its repeat with half the step instead.
-
-    Raises
-    ------
-    SpecError
-        If the campaign has no such sample.
-    MechanismError, TrajectoryError
-        As in `engine.simulate`.
+    `motion` names an HDF5 file to write its motion to; `halved` computes its repeat with half the step instead. Raises
+    SpecError if the campaign has no such sample, and the errors of `engine.simulate`.
     """
     check_sample(plan, sample)
     again = repeated_sample(store, plan, sample, motion, halved=halved)

@@ -45,30 +45,9 @@ _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_pe
 def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
     """Write the report of a campaign, or its comparison with another campaign, into the campaign's folder of the store.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign.
-    kinds : collection of str
-        Files to write; see `reporting.write.NAMES`.
-    against : str, optional
-        Id of another campaign of the store to compare with. The report then also compares the two, and is written into
-        a folder of its own (`campaign.store.report_folders`), so that it replaces neither the campaign's own report nor
-        another comparison.
-
-    Returns
-    -------
-    dict of str to str
-        Path or URL of each file by kind: ``html``, ``json``, ...
-
-    Raises
-    ------
-    CampaignError
-        If there is nothing to report on.
-    StoreError, SpecError
-        If the report cannot be written.
+    A comparison is written into a folder of its own (`campaign.store.report_folders`), so that it replaces neither the
+    campaign's own report nor another comparison. The result is the path or URL of each file by kind, one of
+    `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on.
     """
     other = None if against is None else store.plan(store.find(against))
     if other is not None and other.campaign_id == plan.campaign_id:
@@ -89,20 +68,7 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
 
 
 def analysis(store: Store, plan: Plan) -> Analysis:
-    """Return the content of a campaign's report as data.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign.
-
-    Raises
-    ------
-    CampaignError
-        If there is nothing to report on.
-    """
+    """Return the content of a campaign's report as data; raise CampaignError if there is nothing to report on."""
     spec = report_spec(plan, store)
     try:
         samples = read_samples(report_rows(store, plan), spec)
@@ -150,15 +116,7 @@ def _write(
 
 
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
-    """Return the data about a campaign that `reporting` needs.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    store : Store, optional
-        The store that holds its rows; without it, all its samples count as requested.
-    """
+    """Return the data about a campaign that `reporting` needs; without its store all its samples count as requested."""
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
     place = [] if store is None else store_option(store.files)
     drawing, note = mechanism_drawing(plan)
@@ -192,15 +150,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
 
 
 def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
-    """Return the data needed to reproduce the rows of a campaign.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    place : iterable of str
-        Command-line words that name the store.
-    """
+    """Return the data needed to reproduce the rows of a campaign; `place` names the store, as on the command line."""
     spec = plan.spec
     simulation = plan.mechanism.simulation
     unit = unit_of(plan.mechanism, "simulation.step")

@@ -6,21 +6,10 @@ from engine.mechanism import Mechanism
 
 
 def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
-    """Return the largest insignificant difference of a response.
+    """Return the largest insignificant difference of a response, in its unit and as a share of the largest value, or 0.
 
     A position is known to within the penetration that a step tolerates, an angle to within that penetration divided by
     the size of the mechanism, and a force or a torque to within the relative residual of the friction problems.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    response : str
-        Name of the response.
-
-    Returns
-    -------
-    (float, float)
-        The difference in the unit of the response, and as a share of the largest value; 0 if there is none.
     """
     unit, sim = mechanism.response_units()[response], mechanism.simulation
     if unit == mechanism.unit("length"):

@@ -24,18 +24,10 @@ Limits = dict[str, tuple[float | None, float | None]]
 
 @dataclass(frozen=True)
 class SampleColumns:
-    """Independently drawn samples as columns.
+    """Independently drawn samples as columns."""
 
-    Attributes
-    ----------
-    number : array of int64, shape (n,)
-        Sample numbers.
-    values : dict of str to ndarray, each of shape (n,)
-        Variables and responses by name; NaN if a run has no value.
-    """
-
-    number: NDArray[np.int64]
-    values: dict[str, Array]
+    number: NDArray[np.int64]  # of the sample, (n,)
+    values: dict[str, Array]  # variables and responses by name, each (n,); NaN if a run has no value
 
     def first(self, count: int) -> "SampleColumns":
         """Return at most the first ``count`` samples, without a copy."""
@@ -43,20 +35,7 @@ class SampleColumns:
 
 
 def independent_samples(store: Store, plan: Plan) -> SampleColumns:
-    """Return the variables and responses of all independently drawn samples.
-
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaign.
-    plan : Plan
-        The campaign.
-
-    Raises
-    ------
-    CampaignError
-        If there are no rows.
-    """
+    """Return variables and responses of all independently drawn samples; raise CampaignError if there are no rows."""
     columns = samples_in(plan, store.stream(plan, ["sample", *column_names(plan)]))
     if not columns.number.size:
         raise no_samples(plan)
@@ -66,12 +45,7 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
 def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
     """Return the variables and responses of the rows of independent samples, in the order of the rows.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    tables : iterable of pyarrow.Table
-        Its rows, with the columns ``sample`` and `column_names`.
+    The tables have the columns ``sample`` and `column_names`.
     """
     pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
     samples = [np.empty(0, np.int64)]

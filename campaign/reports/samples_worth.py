@@ -11,22 +11,13 @@ _LOGITS = np.linspace(-30.0, 30.0, 4001)  # probabilities from 1e-13 to 1 - 1e-1
 
 
 def samples_worth(changes: Sequence[tuple[Distribution, Distribution]]) -> float:
-    """Return how many new runs a sample is worth for estimating sigma, for the changed variable where this is least.
+    """Return how many new runs (at most 1) a sample is worth for estimating sigma, for the variable where it is least.
 
     The variance of a sample's contribution to the weighted estimate of a variance is ``E_old[w^2 (z^2 - 1)^2]``, with
-    the weight ``w`` and the value ``z`` in sigmas of the new distribution; that of a new run is
-    ``E_new[(z^2 - 1)^2]``. Their ratio is infinite if a normal distribution gets sqrt(2) times its sigma or more.
-
-    Parameters
-    ----------
-    changes : sequence of (Distribution, Distribution)
-        Old and new distribution of each changed variable.
-
-    Returns
-    -------
-    float
-        At most 1; 1 without a change.
+    the weight ``w`` and the value ``z`` in sigmas of the new distribution; that of a new run is ``E_new[(z^2 - 1)^2]``.
+    Their ratio is infinite if a normal distribution gets sqrt(2) times its sigma or more.
     """
+    # a grid even in the logit is fine in both tails, where the weights may be large; u (1 - u) are its widths
     u = 1.0 / (1.0 + np.exp(-_LOGITS))
     share = u * (1.0 - u)
     share /= share.sum()

@@ -37,35 +37,18 @@ _NATURAL = ("alpha", "beta", "shape", "scale", "log_mean", "log_std")
 
 @dataclass(frozen=True)
 class Spread:
-    """A distribution with another standard deviation.
-
-    Attributes
-    ----------
-    law : Distribution
-        The new distribution.
-    factor : float
-        Ratio of its standard deviation to the old one.
-    keys : dict of str to value
-        Keys to write into the variable's table to get it.
-    limit : str
-        Why the factor is nearer to 1 than the requested one; empty if it is the requested one.
-    """
+    """A distribution with another standard deviation."""
 
     law: Distribution
-    factor: float
-    keys: dict[str, Any] = field(default_factory=dict)
-    limit: str = ""
+    factor: float  # ratio of its standard deviation to the old one
+    keys: dict[str, Any] = field(default_factory=dict)  # to write into the variable's table to get it
+    limit: str = ""  # why the factor is nearer to 1 than the requested one; empty if it is the requested one
 
 
 class Spreads:
     """The variables of a campaign with other standard deviations.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        The campaign.
-    mechanism : Mechanism, optional
-        The mechanism, which refuses impossible values; without it, everything that the distributions allow is possible.
+    The mechanism refuses impossible values; without it, everything that the distributions allow is possible.
     """
 
     def __init__(self, spec: CampaignSpec, mechanism: Mechanism | None = None) -> None:
@@ -92,23 +75,9 @@ class Spreads:
     def change(self, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
         """Return the effect on samples of multiplying the standard deviations of some variables by factors.
 
-        Parameters
-        ----------
-        factors : mapping of str to float
-            Factors by variable.
-        columns : mapping of str to ndarray, each of shape (n,)
-            Values of the variables at the samples.
-
-        Returns
-        -------
-        Change
-            As in `change_distributions`, with the values of the variables at the same ranks, the settings to write, and
-            the factor nearest to 1 if one cannot be reached.
-
-        Raises
-        ------
-        SpecError
-            If the samples are not drawn from distributions.
+        `columns` has the values (n,) of the variables. The result is that of `change_distributions`, with the values of
+        the variables at the same ranks, the settings to write, and the factor nearest to 1 if one cannot be reached.
+        Raises SpecError if the samples are not drawn from distributions.
         """
         spreads = {name: self.of_variable(name, factor) for name, factor in factors.items()}
         change = change_distributions(self._spec, {name: each.law for name, each in spreads.items()}, columns)

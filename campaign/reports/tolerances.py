@@ -35,19 +35,8 @@ def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
 def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
     """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    columns : SampleColumns
-        Its samples.
-
-    Raises
-    ------
-    SpecError
-        If the samples are not drawn from distributions.
-    CampaignError
-        If no response has limits and values.
+    Raises SpecError if the samples are not drawn from distributions, CampaignError if no response has limits and
+    values.
     """
     check_drawn(plan.spec)
     samples, limits, lots = columns.values, _given_limits(plan), lots_of(plan, columns.number)
@@ -79,21 +68,8 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
 def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocation:
     """Return the cheapest standard deviations with which every response meets its target.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    columns : SampleColumns
-        Its samples.
-    costs : Costs
-        The target Cpk, and the cost of each variable.
-
-    Raises
-    ------
-    SpecError
-        If the samples are not drawn from distributions.
-    CampaignError
-        If no response has limits and values, or the costs are impossible.
+    Raises SpecError if the samples are not drawn from distributions, CampaignError if no response has limits and values
+    or the costs are impossible.
     """
     check_drawn(plan.spec)
     samples, limits = columns.values, _given_limits(plan)

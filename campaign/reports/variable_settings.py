@@ -37,34 +37,18 @@ _HALF_WIDTH: dict[type[Distribution], float] = {Uniform: sqrt(3.0), Triangular: 
 
 @dataclass(frozen=True)
 class ChangedVariables:
-    """The variables whose distribution settings change.
+    """The variables whose distribution settings change."""
 
-    Attributes
-    ----------
-    variables : dict of str to Distribution
-        New distributions by variable.
-    assumptions : tuple of str
-        For each variable concerned, which values were taken from the old distribution or no longer apply.
-    """
-
-    variables: dict[str, Distribution]
+    variables: dict[str, Distribution]  # new distributions
+    # For each variable, which values were taken from the old distribution or no longer apply.
     assumptions: tuple[str, ...]
 
 
 def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVariables:
     """Return the variables whose distribution settings change.
 
-    Parameters
-    ----------
-    spec : CampaignSpec
-        The campaign.
-    settings : sequence of str
-        Each ``VARIABLE.KEY=VALUE``: a key of the variable's table and a TOML value. An empty value removes the key.
-
-    Raises
-    ------
-    SpecError
-        If a setting does not name a variable and one of its keys, or if a distribution is impossible.
+    A setting is ``VARIABLE.KEY=VALUE``: a key of the variable's table and a TOML value; an empty one removes the key.
+    Raises SpecError if a setting does not name a variable and one of its keys, or if a distribution is impossible.
     """
     tables, written = dump_spec(spec), dict[str, set[str]]()
     for setting in settings:

@@ -17,21 +17,11 @@ from reporting.tolerance.whatif import WhatIf, what_if_all
 
 @dataclass(frozen=True)
 class Refused:
-    """Responses that share the reason why there is no answer.
+    """Responses that share the reason why there is no answer."""
 
-    Attributes
-    ----------
-    reason : str
-        Why the samples give no answer.
-    responses : tuple of str
-        The responses that this concerns.
-    runs : int
-        Number of new runs that give Cpk, or sigma without limits, of each of these responses to within 5 %.
-    """
-
-    reason: str
+    reason: str  # why the samples give no answer
     responses: tuple[str, ...]
-    runs: int
+    runs: int  # new runs that give Cpk, or sigma without limits, of each of these responses to within 5 %
 
 
 def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, WhatIf]:
@@ -42,28 +32,10 @@ def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, What
 
 
 def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> dict[str, WhatIf]:
-    """Return every response under changed distributions.
+    """Return every response under changed distributions; for the settings see `changed_variables`.
 
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    columns : SampleColumns
-        Its samples.
-    settings : sequence of str
-        See `campaign.reports.variable_settings.changed_variables`.
-
-    Returns
-    -------
-    dict of str to WhatIf
-        Answers by response.
-
-    Raises
-    ------
-    SpecError
-        If a setting is impossible, or the samples are not drawn from distributions.
-    CampaignError
-        If `reporting` refuses the samples.
+    Raises SpecError if a setting is impossible, or the samples are not drawn from distributions; CampaignError if
+    `reporting` refuses the samples.
     """
     change = change_of(plan, columns, settings)
     responses = {name: columns.values[name] for name in plan.mechanism.responses}

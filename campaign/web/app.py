@@ -32,13 +32,7 @@ Mechanisms, campaigns and their reports over HTTP. Log in as a browser does, or 
 
 
 def make_app(service: Service) -> FastAPI:
-    """Return the FastAPI application of a service.
-
-    Parameters
-    ----------
-    service : Service
-        The service that answers requests; it is closed when the application ends.
-    """
+    """Return the FastAPI application of a service, which is closed when the application ends."""
 
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
@@ -66,7 +60,9 @@ def make_app(service: Service) -> FastAPI:
         app.add_exception_handler(kind, _refuse)
     app.add_exception_handler(HTTPException, _refuse_http)
     app.add_exception_handler(RequestValidationError, _refuse_form)  # type: ignore[arg-type]  # narrower than Exception
-    # a request passes the middleware added last first
+    # A request passes the middleware added last first. Gate is the outermost: it refuses foreign hosts and large bodies
+    # before anything else is done for them, numbers the request for the log, and adds its headers to every answer, also
+    # to the 500 of Record. Record comes before Head, so that it logs HEAD as such, and a bug in Head as well.
     app.add_middleware(Head)
     app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
     settings = service.settings

@@ -42,23 +42,11 @@ class _Tables(BaseModel):
 
 
 def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[str, ...]]:
-    """Read the configuration file of a server.
+    """Return the limits, login service and hosts for webhooks in the server's own network; None selects the defaults.
 
-    Parameters
-    ----------
-    path : Path or None
-        A TOML file with the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``; None selects the defaults.
-
-    Returns
-    -------
-    (Limits, Oidc or None, tuple of str)
-        The limits, the login service, and the hosts in the server's own network that webhooks may address.
-
-    Raises
-    ------
-    SpecError
-        If the file cannot be read or is invalid, or if the secret of the login service is missing. The secret is not
-        part of the file: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``.
+    The TOML file has the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``. The secret of the login service is not
+    part of it: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``. Raises SpecError if the file cannot
+    be read or is invalid, or the secret is missing.
     """
     if path is None:
         return Limits(), None, ()

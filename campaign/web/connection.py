@@ -82,10 +82,7 @@ class BoundedConnection(HttpToolsProtocol):
     def _watch_reader(self, waiting: int) -> None:
         """Check periodically that the client reads a buffered answer fast enough; abort the connection if not.
 
-        Parameters
-        ----------
-        waiting : int
-            Size of the write buffer at the last check [bytes].
+        `waiting` is the size of the write buffer at the last check [bytes].
         """
         left, seconds = self.transport.get_write_buffer_size(), self._limits.read_seconds
         if waiting and not self._has_taken and left > waiting - SLOWEST_READER * seconds:

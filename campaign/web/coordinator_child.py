@@ -24,17 +24,11 @@ class CoordinatorChild:
 
     If another coordinator already serves the store, that one does the work, and this one waits until it ends. The
     coordinator ends with its server, even if the server is killed, so stopping a server stops all its computations.
-
-    Parameters
-    ----------
-    store : Store
-        The store that the coordinator serves.
-    options : sequence of str
-        Options of the command, which say where to compute.
     """
 
     def __init__(self, store: Store, options: Sequence[str]) -> None:
         self._words = [sys.executable, "-P", "-m", "campaign", "coordinate", "--parent", str(os.getpid()), *options]
+        # the URL may hold credentials, and other users of the machine can see a command line
         self._environment = {**python_environment(), STORE: store.files.full_url}
         self._over = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
@@ -71,7 +65,12 @@ class CoordinatorChild:
         while not self._over.is_set():
             begin = time.monotonic()
             self._process = subprocess.Popen(
-                self._words, stdin=subprocess.DEVNULL, cwd=os.sep, env=self._environment, start_new_session=True
+                # in a session of its own, because Ctrl-C in a terminal must reach the server only, which then stops it
+                self._words,
+                stdin=subprocess.DEVNULL,
+                cwd=os.sep,
+                env=self._environment,
+                start_new_session=True,
             )
             if self._over.is_set():  # the server ended while the coordinator started
                 self._process.send_signal(signal.SIGTERM)

@@ -16,12 +16,7 @@ LOCK = "server.lock"
 def only_server(settings: Settings) -> Iterator[None]:
     """Hold the lock of a data folder in the block; the end of the process releases it too, however it ends.
 
-    Raises
-    ------
-    SpecError
-        If another server uses the folder.
-    StoreError
-        If the folder's disk is read-only or broken.
+    Raises SpecError if another server uses the folder. Raises StoreError if the folder's disk is read-only or broken.
     """
     path = settings.data / LOCK
     with ExitStack() as stack:

@@ -32,13 +32,7 @@ class Server(uvicorn.Server):
 
 
 def check_settings(settings: Settings) -> None:
-    """Check that other machines can connect with TLS only, and that trusted proxies can be recognized.
-
-    Raises
-    ------
-    SpecError
-        If other machines could connect without TLS, or a proxy is not given as an address or network.
-    """
+    """Raise SpecError if other machines could connect without TLS, or a proxy is not given as an address or network."""
     for proxy in settings.proxies:
         try:
             ip_network(proxy)
@@ -56,10 +50,7 @@ def check_settings(settings: Settings) -> None:
 def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
     """Return a one-time login link for a user; create the first admin if there is no user yet.
 
-    Raises
-    ------
-    SpecError
-        If there is no such user, or the user is disabled.
+    Raises SpecError if there is no such user, or if the user is disabled.
     """
     if not service.users.all():
         service.users.add(FIRST_ADMIN, Role.ADMIN)
@@ -73,23 +64,14 @@ def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
 def serve_http(service: Service) -> None:
     """Answer requests until SIGTERM or Ctrl-C; running requests are finished first.
 
-    Raises
-    ------
-    SpecError
-        If the port is taken, or the certificate cannot be used.
+    Raises SpecError if the port is taken, or if the certificate cannot be used.
     """
     show_requests()
     http_server(service).run(sockets=[_listening(service.settings)])
 
 
 def http_server(service: Service) -> Server:
-    """Return the server of a service, ready to run.
-
-    Raises
-    ------
-    SpecError
-        If the certificate cannot be used.
-    """
+    """Return the server of a service, ready to run; raise SpecError if the certificate cannot be used."""
     settings = service.settings
     cert, key = settings.https or (None, None)
     config = uvicorn.Config(
@@ -101,7 +83,7 @@ def http_server(service: Service) -> Server:
         proxy_headers=settings.behind_proxy,
         forwarded_allow_ips=list(settings.proxies),
         log_config=None,
-        access_log=False,
+        access_log=False,  # `Record` writes the log
         server_header=False,
         timeout_graceful_shutdown=DRAIN,
         timeout_keep_alive=KEEP_ALIVE,
@@ -121,6 +103,7 @@ def http_server(service: Service) -> Server:
 def _listening(settings: Settings) -> socket.socket:
     """Return a socket that listens on the port of the settings."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    # not left to uvicorn, which would end the process if the port is taken, instead of raising
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

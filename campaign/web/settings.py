@@ -10,117 +10,53 @@ PORT = 8700
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the resources of one request and of one user.
+    """Limits on the resources of one request and of one user."""
 
-    Attributes
-    ----------
-    body : int
-        Largest body of a request [bytes].
-    body_seconds : float
-        Time in which a body must have arrived [s].
-    head_seconds : float
-        Time in which the first line and the headers of a request must have arrived [s].
-    read_seconds : float
-        Interval between checks of a client that reads an answer: it must have read 1 KiB for each second [s].
-    jobs, waiting : int
-        Jobs of a user that may be running, and waiting, at the same time.
-    job_seconds : float
-        Longest time of one job [s].
-    job_memory : int
-        Largest memory of one job [bytes].
-    streams : int
-        Event streams that a user may have open at the same time.
-    samples : int
-        Largest number of samples of a campaign submitted to this server.
-    running : int
-        Campaigns of a user that may be queued or running at the same time.
-    failures : int
-        Failed logins from one address, or for one name, that are allowed within `failures_within`.
-    failures_within : float
-        Time span of `failures` [s].
-    """
-
-    body: int = 64 * 1024**2
-    body_seconds: float = 60.0
-    head_seconds: float = 20.0
+    body: int = 64 * 1024**2  # largest body of a request [bytes]
+    body_seconds: float = 60.0  # a body must have arrived within this time
+    head_seconds: float = 20.0  # as must the first line and the headers of a request
+    # Interval between checks of a client that reads an answer: it must have read 1 KiB for each second.
     read_seconds: float = 60.0
-    jobs: int = 2
-    waiting: int = 32
+    jobs: int = 2  # running jobs of a user
+    waiting: int = 32  # waiting jobs of a user
     job_seconds: float = 300.0
-    job_memory: int = 4 * 1024**3
-    streams: int = 20
-    samples: int = 10_000_000
-    running: int = 20
-    failures: int = 10
-    failures_within: float = 300.0
+    job_memory: int = 4 * 1024**3  # of one job [bytes]
+    streams: int = 20  # event streams that a user may have open
+    samples: int = 10_000_000  # largest number of samples of a campaign submitted to this server
+    running: int = 20  # campaigns of a user, queued or running
+    failures: int = 10  # failed logins from one address, or for one name, within `failures_within`
+    failures_within: float = 300.0  # [s]
 
 
 @dataclass(frozen=True)
 class Oidc:
-    """A company's login service (OpenID Connect).
+    """A company's login service (OpenID Connect)."""
 
-    Attributes
-    ----------
-    issuer : str
-        Address of the login service; ``/.well-known/openid-configuration`` is read below it.
-    client_id, client_secret : str
-        Credentials of this server at the login service.
-    roles_claim : str
-        Claim of the identity token that lists the groups of a user.
-    roles : dict of str to str
-        Group -> role.
-    """
-
-    issuer: str
-    client_id: str
+    issuer: str  # URL; ``/.well-known/openid-configuration`` is read below it
+    client_id: str  # of this server at the login service, as is the secret
     client_secret: str = field(repr=False)
-    roles_claim: str = "groups"
-    roles: dict[str, str] = field(default_factory=dict)
+    roles_claim: str = "groups"  # of the identity token; lists the groups of a user
+    roles: dict[str, str] = field(default_factory=dict)  # group -> role
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings that a server is started with.
+    """The settings that a server is started with."""
 
-    Attributes
-    ----------
-    store : str
-        Folder or URL of the store.
-    data : Path
-        Folder of accounts, audit trail, sign-offs and index; only the user who runs the server may access it.
-    host, port
-        Where to listen.
-    names : tuple of str
-        Host names by which the server may be addressed, besides those of loopback.
-    https : tuple of Path or None
-        Files of the server's certificate and key.
-    behind_proxy : bool
-        Whether a proxy in front of the server ends TLS and passes the client's address in ``X-Forwarded-For``.
-    proxies : tuple of str
-        Addresses and networks of that proxy; the header is ignored if it comes from another address.
-    coordinate : tuple of str or None
-        Options of the ``clearcap coordinate`` that the server starts and keeps alive; None if it starts no coordinator.
-    processes : int
-        Number of processes for simulations, questions and reports, which need much processor time.
-    limits : Limits
-    oidc : Oidc or None
-    webhook_hosts : tuple of str
-        Hosts in the server's own network that webhooks may address.
-    """
-
-    store: str
-    data: Path
+    store: str  # folder or URL
+    data: Path  # accounts, audit trail, sign-offs and index; only the user who runs the server may access it
     host: str = "127.0.0.1"
     port: int = PORT
-    names: tuple[str, ...] = ()
-    https: tuple[Path, Path] | None = None
-    behind_proxy: bool = False
-    proxies: tuple[str, ...] = LOOPBACK[:2]
+    names: tuple[str, ...] = ()  # host names of the server, besides those of loopback
+    https: tuple[Path, Path] | None = None  # files of certificate and key
+    behind_proxy: bool = False  # a proxy ends TLS and passes the client's address in ``X-Forwarded-For``
+    proxies: tuple[str, ...] = LOOPBACK[:2]  # addresses and networks of that proxy; from others the header is ignored
+    # Options of the ``clearcap coordinate`` that the server keeps alive; None: it starts none.
     coordinate: tuple[str, ...] | None = None
-    processes: int = 2
+    processes: int = 2  # that compute simulations, questions and reports
     limits: Limits = Limits()
     oidc: Oidc | None = None
-    webhook_hosts: tuple[str, ...] = ()
+    webhook_hosts: tuple[str, ...] = ()  # hosts in the server's own network that webhooks may address
 
     @property
     def is_local(self) -> bool:

@@ -37,44 +37,19 @@ _MOST_DIGESTS = 200_000  # that are cached
 
 @dataclass(frozen=True)
 class KeptSignoff:
-    """A sign-off kept by this server.
+    """A sign-off kept by this server."""
 
-    Attributes
-    ----------
-    number : int
-        Its number among the sign-offs of its campaign, from 1.
-    digest : str
-        SHA-256 of its document.
-    signoff : Signoff
-    differences : list of str
-        Differences between the files as they are now and as they were signed.
-    """
-
-    number: int
-    digest: str
+    number: int  # among the sign-offs of its campaign, from 1
+    digest: str  # SHA-256 of its document
     signoff: Signoff
-    differences: list[str]
+    differences: list[str]  # between the files as they are now and as they were signed
 
 
 class Signatory:
     """Sign campaigns for approvers, and check whether the signed files have changed.
 
-    Parameters
-    ----------
-    database : Database
-        The database that keeps the sign-offs; the key is a file beside it.
-    store : Store
-        The store of the campaigns.
-
-    Attributes
-    ----------
-    key : Ed25519PrivateKey
-        The signing key of this server; it is generated if there is none.
-
-    Raises
-    ------
-    SpecError
-        If the key file holds no valid key, or other users can read it.
+    The key of this server is a file beside the database; it is generated if there is none. Raises SpecError if the file
+    holds no valid key, or if other users can read it.
     """
 
     def __init__(self, database: Database, store: Store) -> None:
@@ -84,18 +59,9 @@ class Signatory:
         self.key = _key(database.path.with_name(KEY_FILE))
 
     def content(self, campaign: str, *, anew: bool) -> dict[str, str]:
-        """Return the SHA-256 of each file that a sign-off covers.
+        """Return the SHA-256 of each file that a sign-off covers; unless `anew`, read only the files that have changed.
 
-        Parameters
-        ----------
-        campaign : str
-        anew : bool
-            Whether to read every file; otherwise only the files changed since they were last read are read.
-
-        Raises
-        ------
-        TimeoutError
-            If another request reads files for more than 20 s.
+        Raises TimeoutError if another request reads files for more than 20 s.
         """
         with self._reading():
             if anew:
@@ -121,35 +87,23 @@ class Signatory:
     def sign(self, campaign: str, who: Principal, comment: str, content: str) -> Signoff:
         """Sign the plan, rows and report of a campaign in the name of an approver.
 
-        An approver who repeats a request, because its answer was lost, gets the existing sign-off: the last one of the
-        campaign, if it has the same signer, comment and content.
-
-        Parameters
-        ----------
-        campaign : str
-        who : Principal
-            The approver.
-        comment : str
-        content : str
-            `content_digest` of the files that the approver has looked at.
-
-        Raises
-        ------
-        CampaignError
-            If the campaign is not completed, is damaged, or has changed since the approver looked at it.
-        TimeoutError
-            If another request reads files for more than 20 s.
+        `content` is the `content_digest` of the files that the approver has looked at. An approver who repeats a
+        request, because its answer was lost, gets the existing sign-off: the last one of the campaign, if it has the
+        same signer, comment and content. Raises CampaignError if the campaign is not completed, is damaged, or has
+        changed since the approver looked at it. For TimeoutError see `content`.
         """
         state = state_of(self._store, campaign)["state"]
         if state != "completed":
             raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
         check_whole(self._store, self._store.plan_header(campaign))
+        # read before the transaction, because no other request can write to the database during it
         files = self.content(campaign, anew=True)
         if content_digest(files) != content:
             raise CampaignError(f"{campaign} has changed since you looked at it; read the report again, then sign")
         submitter = self.submitter(campaign)
         plan, rows, report = digests_of(files)
         with self._database.write() as connection:
+            # in the same transaction as the insertion, so that two sign-offs cannot both follow the same one
             last = connection.execute(
                 "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", (campaign,)
             ).fetchone()
@@ -224,6 +178,8 @@ def _mark(store: Store, name: str) -> object:
 def _key(path: Path) -> Ed25519PrivateKey:
     """Return the key in a file; generate the file if it is missing."""
     if not path.exists():
+        # The file gets its name when it is complete and on the disk, so that a crash leaves no broken key. Others
+        # cannot read it at any moment.
         made, unfinished = Ed25519PrivateKey.generate(), path.with_suffix(".new")
         unfinished.unlink(missing_ok=True)
         with open(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:

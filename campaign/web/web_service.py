@@ -41,59 +41,26 @@ KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
 
 @dataclass
 class Service:
-    """All that the handlers of requests share.
-
-    Attributes
-    ----------
-    settings : Settings
-    store : Store
-        Campaigns, rows and reports: the truth. Each operation is tried only once, so that no request waits for it.
-    database : Database
-        The data that only the server keeps.
-    users, sessions, tokens, audit
-        Access to parts of the database.
-    webhooks : WebhookBook
-        Access to the webhooks in the database.
-    signatory : Signatory
-        Signs campaigns for approvers.
-    throttle : Throttle
-        Counts failed logins.
-    company : CompanyLogin or None
-        The company's login service.
-    watcher : Watcher
-        Reads the store once for all users.
-    statuses : CountedStatuses
-        The progress of campaigns.
-    streams : Counter of str
-        Number of open event streams by user.
-    submitting : Counter of str
-        Number of running submissions by user.
-    pool : JobPool
-        Processes for jobs that need much processor time.
-    answers : Answers
-        Answers questions about the rows of campaigns.
-    workload : Workload or None
-        The queue and workers as the administration page showed them last.
-    """
+    """All that the handlers of requests share."""
 
     settings: Settings
-    store: Store
-    database: Database
+    store: Store  # each operation is tried only once, so that no request waits for it
+    database: Database  # the data that only the server keeps
     users: Users = field(init=False)
     sessions: Sessions = field(init=False)
     tokens: Tokens = field(init=False)
     audit: AuditTrail = field(init=False)
     webhooks: WebhookBook = field(init=False)
     signatory: Signatory = field(init=False)
-    throttle: Throttle = field(init=False)
+    throttle: Throttle = field(init=False)  # counts failed logins
     company: CompanyLogin | None = field(init=False)
-    watcher: Watcher = field(init=False)
+    watcher: Watcher = field(init=False)  # reads the store once for all users
     statuses: CountedStatuses = field(init=False)
-    streams: Counter[str] = field(init=False)
-    submitting: Counter[str] = field(init=False)
-    pool: JobPool = field(init=False)
+    streams: Counter[str] = field(init=False)  # open event streams by user
+    submitting: Counter[str] = field(init=False)  # running submissions by user
+    pool: JobPool = field(init=False)  # for jobs that need much processor time
     answers: Answers = field(init=False)
-    workload: Workload | None = field(init=False, default=None)
+    workload: Workload | None = field(init=False, default=None)  # what the administration page showed last
 
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
@@ -103,6 +70,8 @@ class Service:
         self.streams, self.submitting = Counter(), Counter()
         self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
+        # a job may also wait for the store or for a busy machine, so its wall-clock time is three times its processor
+        # time
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
         quota = Quota(limits.jobs, limits.waiting)
         self.pool = JobPool(self.settings.processes, quota, taken, warm_up_trial, engine_is_compiled)
@@ -147,14 +116,7 @@ class Service:
     async def kept(self, user: str, job: Callable[..., bytes], *arguments: object) -> bytes:
         """Return the result of a job that depends on its arguments alone; recent results are cached.
 
-        Parameters
-        ----------
-        user : str
-            The user who asks.
-        job : callable
-            See `JobPool.run`.
-        *arguments
-            Arguments of the job; equal arguments must have the same ``repr``.
+        Equal arguments must have the same ``repr``, which is part of the key.
         """
         key = sha256(repr((job.__module__, job.__name__, arguments)).encode(errors="surrogatepass")).hexdigest()
         known = self._kept.get(key)
@@ -185,12 +147,8 @@ class Service:
 def open_service(settings: Settings) -> Service:
     """Open the store and the files of a server.
 
-    Raises
-    ------
-    FolderError
-        If other users could have changed the server's folder.
-    SpecError
-        If the store's URL or the database is invalid.
+    Raises FolderError if other users could have changed the server's folder. Raises SpecError if the store's URL or the
+    database is invalid.
     """
     from engine.private_folder import private_folder
 

@@ -70,6 +70,8 @@ def import_step(
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
+    # twice: the first text is the mechanism in which motions are sought that no load acts on; the second asks about
+    # them
     text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
     diameters = all_diameters(found)
     if diameters:

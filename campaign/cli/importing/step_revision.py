@@ -17,21 +17,9 @@ def bring_to_revision(
 ) -> None:
     """Update a mechanism file, and the campaign file of its limits, to a new STEP file, and print the changes.
 
-    Parameters
-    ----------
-    path : Path
-        The mechanism file.
-    step_file : str
-        The new revision.
-    recognition : float or None
-        Largest distance of a spline from the plane or cylinder it is recognized as [mm]; None for the value in the
-        mechanism file.
-    accept_damage : bool
-        Whether to use the readable part of a damaged file.
-    pictures : bool
-        Whether to draw both pictures anew.
-    json : bool
-        Whether to print the changes as JSON.
+    `recognition` is the largest distance of a spline from the plane or cylinder it is recognized as [mm]; None keeps
+    that of the mechanism file. `accept_damage` uses the readable part of a damaged file, `pictures` draws both pictures
+    anew.
     """
     from campaign.cli.importing.found_in_step import draw_found, found_in_step, picture_files
     from campaign.cli.output_files import check_output, replacing

@@ -15,12 +15,7 @@ LONGEST = 40  # characters of a value in the list
 def add_differences(store: "Store", entries: list[dict[str, Any]]) -> None:
     """Add to campaigns with the same title, as ``differs``, the keys in which their plans differ, with their values.
 
-    Parameters
-    ----------
-    store : Store
-        The store that holds the campaigns.
-    entries : list of dict
-        ``campaign`` and ``title`` of each campaign; the title is None if the campaign cannot be read.
+    Each entry has ``campaign`` and ``title``, which is None if the campaign cannot be read.
     """
     by_title = defaultdict(list)
     for entry in entries:

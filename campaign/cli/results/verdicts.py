@@ -11,17 +11,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """The conclusions of a report.
+    """The conclusions of a report."""
 
-    Attributes
-    ----------
-    headline : str
-        The outcome in a sentence or two; empty if no report was written and enough runs are ok.
-    words : dict of str to str
-        Verdict by response, such as "capable" or "capable, not certain"; empty if it is not known.
-    """
-
-    headline: str = ""
+    headline: str = ""  # a sentence or two; empty if no report was written and enough runs are ok
+    # By response, such as "capable, not certain"; empty if not known.
     words: dict[str, str] = field(default_factory=dict)
 
 

@@ -24,12 +24,7 @@ def view_of(found: FoundGeometry) -> View:
 def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
     """Return the sketch of an assembly with its joints and candidate stops, named as in the mechanism file.
 
-    Parameters
-    ----------
-    found : FoundGeometry
-        The geometry to draw.
-    places : list of FoundPlace
-        Places from `found_places`; those of kind "no joint" are left out.
+    Places from `found_places` of the kind "no joint" are left out.
     """
     view = view_of(found)
     largest = sorted(found.assembly.meshes, key=lambda mesh: -_size(mesh.vertices))[:MOST_DRAWN]

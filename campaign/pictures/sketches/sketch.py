@@ -16,13 +16,7 @@ LEAST_SEEN = 0.3  # projected length of a unit vector; a shorter one is along th
 
 
 def sketch_mechanism(mechanism: Mechanism) -> Sketch:
-    """Return the sketch of a mechanism with what its responses measure.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism to draw.
-    """
+    """Return the sketch of a mechanism with what its responses measure."""
     view, contacts = choose_view(mechanism), contacts_at_start(mechanism)
     drawn = list(measurements(mechanism, contacts))
     drawing = _bodies(mechanism, view, contacts, [m for m in drawn if m.kind != "none"])

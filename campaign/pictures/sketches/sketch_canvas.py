@@ -44,28 +44,16 @@ class Word(NamedTuple):
 
 @dataclass(frozen=True)
 class Sketch:
-    """A finished sketch.
-
-    Attributes
-    ----------
-    width, height, text : float
-        Size of the canvas and of its text.
-    areas : tuple of (points, colour)
-        Outlines of bodies.
-    strokes : tuple of Stroke
-    dots : tuple of (x, y, colour)
-    words : tuple of Word
-    legend : tuple of (name, title, value, colour)
-        One row per named item; the colour is empty if the item has no place in the picture.
-    """
+    """A finished sketch."""
 
     width: float
     height: float
-    text: float
-    areas: tuple[tuple[Points, str], ...]
+    text: float  # size of the text, in the unit of width and height
+    areas: tuple[tuple[Points, str], ...]  # outlines of bodies, with their colours
     strokes: tuple[Stroke, ...]
-    dots: tuple[tuple[float, float, str], ...]
+    dots: tuple[tuple[float, float, str], ...]  # x, y and colour
     words: tuple[Word, ...]
+    # Name, title, value and colour of each named item; the colour is empty if it has no place in the picture.
     legend: Legend
 
 
@@ -159,12 +147,7 @@ class SketchCanvas:
 def canvas_around(view: View, bodies: list[Array], ends: list[Array]) -> SketchCanvas:
     """Return an empty canvas with room for the bodies, and for the ends of measurements unless they are far away.
 
-    Parameters
-    ----------
-    view : View
-        The plane of projection.
-    bodies, ends : list of ndarray, each of shape (k, 2)
-        Points on that plane.
+    Both are lists of points on the plane of the view, each (k, 2).
     """
     corners = np.vstack(bodies or ends or [np.zeros((1, 2))])
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -17,17 +17,7 @@ WIDTHS = {"thin": 0.7, "dashed": 0.7, "thick": 2.5, "arrow": 1.3}
 
 
 def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> None:
-    """Write a sketch.
-
-    Parameters
-    ----------
-    sketch : Sketch
-        The sketch to draw.
-    heading, description : str
-        Heading above it, and description in the file for readers who cannot see it.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write a sketch, ``.png``, ``.svg`` or ``.pdf``, with a description for readers who cannot see it."""
     from matplotlib.figure import Figure
 
     inch = SHARE * WIDE / sketch.width  # per point of the canvas

@@ -22,17 +22,9 @@ class UnfitArchive(CampaignError):
 
 
 class Archive(Protocol):
-    """The files of an export; names are relative to the campaign's folder.
+    """The files of an export; names are relative to the campaign's folder."""
 
-    Attributes
-    ----------
-    campaign : str
-        Name of the campaign's folder.
-    names : frozenset of str
-        Names of the files.
-    """
-
-    campaign: str
+    campaign: str  # name of the campaign's folder
     names: frozenset[str]
 
     def read(self, name: str, at_most: int) -> bytes:
@@ -43,19 +35,10 @@ class Archive(Protocol):
 
 
 def open_archive(path: Path) -> Archive:
-    """Open an export.
+    """Open an export: a ZIP file, or the folder unpacked from it; raise SpecError if there is nothing.
 
-    Parameters
-    ----------
-    path : Path
-        A ZIP file, or the folder unpacked from it.
-
-    Raises
-    ------
-    SpecError
-        If there is no such file or folder.
-    UnfitArchive
-        If it is neither, or contains links, names that lead out of it, duplicate names, or too much data.
+    Raises UnfitArchive if it is neither, or contains links, names that lead out of it, duplicate names, or too much
+    data.
     """
     if path.is_dir():
         return FolderArchive(path)
@@ -104,13 +87,13 @@ class ZipArchive:
             with ZipFile(self._path) as archive, archive.open(self._entries[name]) as file:
                 while chunk := file.read(_CHUNK):
                     size += len(chunk)
-                    if size > at_most:
+                    if size > at_most:  # the size that the ZIP states may be wrong
                         raise UnfitArchive(f"{self._path}: {name} has more than {at_most} bytes")
                     yield chunk
         except (BadZipFile, OSError, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
             raise UnfitArchive(f"{self._path}: {name} is damaged ({error})") from error
         except Exception as error:
-            if type(error).__module__ != "zlib":
+            if type(error).__module__ != "zlib":  # zipfile lets zlib.error, a plain Exception, through
                 raise
             raise UnfitArchive(f"{self._path}: {name} is damaged ({error})") from error
 

@@ -17,13 +17,7 @@ KEY = f"{SIGNOFFS}/key.pem"
 
 @dataclass(frozen=True)
 class SignedDocument:
-    """A stored sign-off.
-
-    Attributes
-    ----------
-    document, signature : bytes
-        The canonical bytes of the document, and their signature.
-    """
+    """A stored sign-off: the canonical bytes of the document, and their signature."""
 
     document: bytes
     signature: bytes
@@ -42,29 +36,10 @@ def signature_name(number: int) -> str:
 def stream_export(
     store: Store, campaign: str, names: Sequence[str], signed: Sequence[SignedDocument], key: Ed25519PublicKey
 ) -> Iterator[bytes]:
-    """Yield the bytes of a ZIP with files of a campaign, its sign-offs, and the key that verifies them.
+    """Yield the bytes of a ZIP with files of a campaign, its sign-offs, oldest first, and the key that verifies them.
 
-    Parameters
-    ----------
-    store : Store
-    campaign : str
-        Id of the campaign; also the folder in the ZIP.
-    names : sequence of str
-        Its files, relative to its folder.
-    signed : sequence of SignedDocument
-        Its sign-offs, the oldest first.
-    key : Ed25519PublicKey
-        The server's public key.
-
-    Yields
-    ------
-    bytes
-        One file at a time, and the directory at the end.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file no longer exists; the ZIP is then incomplete, and no program can open it.
+    Each piece is one file, the last one the directory. Raises FileNotFoundError if a file no longer exists; the ZIP is
+    then incomplete, and no program can open it.
     """
     sink = _Sink()
     with ZipFile(sink, "w", ZIP_STORED) as archive:

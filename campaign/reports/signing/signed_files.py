@@ -12,13 +12,7 @@ from campaign.store.repeat_sets import repeat_plans
 
 
 def signed_names(store: Store, header: PlanHeader) -> list[str]:
-    """Return the names of all files that a sign-off would cover now, relative to the campaign's folder.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be read.
-    """
+    """Return the names of all files that a sign-off would cover now, relative to the campaign's folder."""
     campaign = header.campaign_id
     documents = [name for name in (STOPPED, REPEATS) if store.files.exists(f"{campaign}/{name}")]
     reports = [f"{REPORT}/{name}" for name in store.files.names(f"{campaign}/{REPORT}") if not name.endswith(TEMPORARY)]
@@ -35,13 +29,7 @@ def signed_files(
 ) -> dict[str, str]:
     """Return the SHA-256 of each file that a sign-off covers, in its current state in the store.
 
-    Parameters
-    ----------
-    store : Store
-    header : PlanHeader
-        The campaign.
-    digest : callable
-        Returns the digest of a file by store, campaign and name; by default it reads the file.
+    `digest` returns that of a file by store, campaign and name; by default it reads the file.
     """
     found = {}
     for name in signed_names(store, header):
@@ -53,13 +41,7 @@ def signed_files(
 
 
 def check_whole(store: Store, header: PlanHeader) -> None:
-    """Check before signing that a campaign has all its rows, that they are sound, and that it has a report.
-
-    Raises
-    ------
-    CampaignError
-        If not; the message says what is missing and gives the remedy.
-    """
+    """Raise CampaignError, with the remedy, unless a campaign has all its rows, all of them sound, and a report."""
     for table in (header, *repeat_plans(store, header)):
         survey = store.survey(table, verify=True)
         if survey.bad:

@@ -20,66 +20,29 @@ _DOCUMENT = re.compile(rf"{SIGNOFFS}/(\d{{4,}})\.json")
 
 @dataclass(frozen=True)
 class VerifiedSignoff:
-    """A sign-off of an export with a valid signature.
+    """A sign-off of an export with a valid signature."""
 
-    Attributes
-    ----------
-    number : int
-        Number from 1, the oldest first.
-    signoff : Signoff
-        The signed content.
-    differences : list of str
-        Differences between the files of the export and the signed files.
-    """
-
-    number: int
+    number: int  # from 1, the oldest first
     signoff: Signoff
-    differences: list[str]
+    differences: list[str]  # between the files of the export and the signed files
 
 
 @dataclass(frozen=True)
 class Verification:
-    """The result of verifying an export.
-
-    Attributes
-    ----------
-    campaign : str
-        Id of the campaign.
-    key : str
-        Fingerprint of the key in the export.
-    signoffs : list of VerifiedSignoff
-        Valid sign-offs, the oldest first.
-    faults : list of str
-        Why the export is not what was signed last; empty if it is.
-    """
+    """The result of verifying an export."""
 
     campaign: str
-    key: str
-    signoffs: list[VerifiedSignoff]
-    faults: list[str]
+    key: str  # fingerprint of the key in the export
+    signoffs: list[VerifiedSignoff]  # the valid ones, the oldest first
+    faults: list[str]  # why the export is not what was signed last; empty if it is
 
 
 def verify_export(archive: Archive, key: str | None = None) -> Verification:
-    """Verify an export.
+    """Verify an export; raise UnfitArchive if a file of it cannot be read.
 
-    Parameters
-    ----------
-    archive : Archive
-        The export.
-    key : str, optional
-        Fingerprint of the server's key from another source; without it, anybody could have made the export with a key
-        of their own.
-
-    Returns
-    -------
-    Verification
-        The export is sound if there are no faults: every signature is valid, each sign-off refers to the one before,
-        and the last one covers exactly these files.
-
-    Raises
-    ------
-    UnfitArchive
-        If a file of the export cannot be read.
+    It is sound if there are no faults: every signature is valid, each sign-off refers to the one before, and the last
+    one covers exactly these files. `key` is the fingerprint of the server's key from another source; without it,
+    anybody could have made the export with a key of their own.
     """
     public = _public_key(archive)
     found = {name: archive.digest(name) for name in archive.names if not name.startswith(f"{SIGNOFFS}/")}
@@ -96,6 +59,7 @@ def verify_export(archive: Archive, key: str | None = None) -> Verification:
             document, signoff = _signoff(archive, number, public)
         except CampaignError as error:
             faults.append(f"sign-off {number}: {error}")
+            # the next ones cannot be shown to follow it
             break
         if signed and signoff.campaign != signed[0].signoff.campaign:
             faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
@@ -128,10 +92,7 @@ def _public_key(archive: Archive) -> Ed25519PublicKey:
 def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff]:
     """Return the document of a sign-off as bytes and as a model.
 
-    Raises
-    ------
-    CampaignError
-        If it cannot be read, was not signed with the key, or is not a valid sign-off.
+    Raises CampaignError if it cannot be read, was not signed with the key, or is not a valid sign-off.
     """
     document = archive.read(document_name(number), LARGEST_SIGNOFF)
     if not is_signed(document, archive.read(signature_name(number), 64), key):

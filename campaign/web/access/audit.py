@@ -14,46 +14,22 @@ _PAGE = 1000  # entries read at a time, so that other queries can run in between
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry of the audit trail.
+    """One entry of the audit trail."""
 
-    Attributes
-    ----------
-    number : int
-        Consecutive number, from 1, without gaps.
-    time : float
-        Time of the action [s since 1970].
-    who, how, address : str
-        The user, the kind of login (session, token or share), and the client's address.
-    action, object : str
-        The action, as method and route, and the object it was applied to.
-    status : int
-        HTTP status of the answer; below 400 the action was carried out.
-    detail : str
-        Further details.
-    digest : str
-        SHA-256 of the previous entry's digest and of all fields above.
-    """
-
-    number: int
-    time: float
+    number: int  # consecutive, from 1, without gaps
+    time: float  # [s since 1970]
     who: str
-    how: str
-    address: str
-    action: str
-    object: str
-    status: int
+    how: str  # kind of login: session, token or share
+    address: str  # of the client
+    action: str  # method and route
+    object: str  # what the action was applied to
+    status: int  # of HTTP; below 400 the action was carried out
     detail: str
-    digest: str
+    digest: str  # SHA-256 of the previous entry's digest and of all fields above
 
 
 class AuditTrail:
-    """The audit trail of a server.
-
-    Parameters
-    ----------
-    database : Database
-        The database that keeps it.
-    """
+    """The audit trail of a server."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

@@ -26,6 +26,7 @@ LOGIN_WITHIN = 600  # s in which a login must be completed
 LEEWAY = 60  # s by which the clocks may differ
 TIMEOUT = 10.0  # s, for each answer of the login service
 METADATA_LIVES = 3600.0  # s
+# neither `none` nor shared secrets: only a key of the login service can sign
 ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA", "Ed25519")
 MOST_OF_A_NAME = 1000  # users whose names differ only by a number
 
@@ -33,11 +34,7 @@ MOST_OF_A_NAME = 1000  # users whose names differ only by a number
 class LoginFault(Exception):
     """A login through the company's service failed; the message is shown to the user.
 
-    Parameters
-    ----------
-    message : str
-    is_outage : bool
-        Whether the service is at fault, so that the same login may work later.
+    With `is_outage` the service is at fault, so that the same login may work later.
     """
 
     def __init__(self, message: str, *, is_outage: bool = False) -> None:
@@ -47,60 +44,29 @@ class LoginFault(Exception):
 
 @dataclass(frozen=True)
 class Identity:
-    """A person's identity according to the login service.
+    """A person's identity according to the login service."""
 
-    Attributes
-    ----------
-    subject : str
-        Issuer and its identifier of the person, which never changes.
-    name : str
-        User name, e-mail address or name of the person.
-    role : Role
-        The highest role of the person's groups; viewer if no group has a role.
-    """
-
-    subject: str
-    name: str
-    role: Role
+    subject: str  # issuer and its identifier of the person, which never changes
+    name: str  # user name, e-mail address or name of the person
+    role: Role  # highest role of the person's groups; viewer if no group has a role
 
 
 class CompanyLogin:
-    """Logins through a company's service.
-
-    Parameters
-    ----------
-    oidc : Oidc
-        The service, and this server's credentials there.
-    address : str
-        This server's address, without a path.
-    transport
-        HTTP transport of the requests; by default the network.
-    """
+    """Logins through a company's service; `address` is this server's, without a path."""
 
     def __init__(self, oidc: Oidc, address: str, transport: Any = None) -> None:
         self._oidc, self._transport = oidc, transport
         self._redirect = address + CALLBACK
+        # a new key at each start: only logins that are in progress at that moment have to begin again
         self._states = URLSafeTimedSerializer(secrets.token_bytes(32), salt="company login")
         self._tls = ssl.create_default_context()  # once: reading all certificate authorities takes 0.25 s
         self._metadata: tuple[float, dict[str, Any]] | None = None
 
     def begin(self, wanted: str) -> tuple[str, str]:
-        """Begin a login.
+        """Return the URL to send the browser to, and the content of a cookie that it keeps until it comes back.
 
-        Parameters
-        ----------
-        wanted : str
-            Path on this server to go to after the login.
-
-        Returns
-        -------
-        (str, str)
-            The URL to send the browser to, and the content of a cookie that it keeps until it comes back.
-
-        Raises
-        ------
-        LoginFault
-            If the service does not answer as OpenID Connect requires.
+        `wanted` is the path on this server to go to after the login. Raises LoginFault if the service does not answer
+        as OpenID Connect requires.
         """
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
         endpoint = self._read_metadata()["authorization_endpoint"]
@@ -110,25 +76,11 @@ class CompanyLogin:
         return str(url), kept if isinstance(kept, str) else kept.decode()
 
     def end(self, answer: Mapping[str, str], kept: str) -> tuple[Identity, str]:
-        """Complete a login.
+        """Return the identity that a login proves, and the path that the person wanted to go to.
 
-        Parameters
-        ----------
-        answer : mapping
-            Query parameters with which the service sent the browser back: ``code`` and ``state``, or ``error``.
-        kept : str
-            Content of the browser's cookie; see `begin`.
-
-        Returns
-        -------
-        (Identity, str)
-            The person's identity, and the path that they wanted to go to.
-
-        Raises
-        ------
-        LoginFault
-            If the answer does not belong to the login that this browser began, the service refuses, or its token does
-            not prove the identity.
+        `answer` has the query parameters with which the service sent the browser back: ``code`` and ``state``, or
+        ``error``; `kept` is the content of the browser's cookie from `begin`. Raises LoginFault if the answer does not
+        belong to the login that this browser began, the service refuses, or its token does not prove the identity.
         """
         try:
             begun = self._states.loads(kept, max_age=LOGIN_WITHIN)
@@ -136,7 +88,7 @@ class CompanyLogin:
             raise LoginFault("this login is too old, or began in another browser; log in again") from error
         if not hmac.compare_digest(begun["state"].encode(), answer.get("state", "").encode(errors="replace")):
             raise LoginFault("this is not the answer to the login that this browser began; log in again")
-        if answer.get("iss", self._oidc.issuer) != self._oidc.issuer:
+        if answer.get("iss", self._oidc.issuer) != self._oidc.issuer:  # optional in an answer (RFC 9207)
             raise LoginFault("this answer comes from another login service; log in again")
         if "error" in answer or not answer.get("code"):
             word = answer.get("error", "no code")
@@ -224,12 +176,7 @@ class CompanyLogin:
 def company_user(users: Users, identity: Identity) -> User:
     """Return the user of an identity; create the user at the first login, and update their role from their groups.
 
-    Raises
-    ------
-    LoginFault
-        If the user is disabled on this server.
-    CampaignError
-        If the user is the last admin and their groups no longer make them one.
+    Raises LoginFault if the user is disabled here, CampaignError if the last admin's groups no longer make them one.
     """
     user = users.by_subject(identity.subject)
     if user is None:
@@ -246,7 +193,7 @@ def company_user(users: Users, identity: Identity) -> User:
 
 def _free_name(users: Users, wanted: str) -> str:
     """Return an unused name similar to the wanted one, so that nobody takes over an account by choosing its name."""
-    base = re.sub(r"[^A-Za-z0-9._@-]", "-", wanted).lstrip("._@-")[:58] or "user"
+    base = re.sub(r"[^A-Za-z0-9._@-]", "-", wanted).lstrip("._@-")[:58] or "user"  # leaves room for the number
     names = [base, *(f"{base}-{number}" for number in range(2, MOST_OF_A_NAME))]
     return next(name for name in names if NAME.fullmatch(name) and users.get(name) is None)
 

@@ -75,17 +75,8 @@ VERSIONS = (SCHEMA, NUMBERED_WEBHOOKS)  # statements that upgrade each version o
 class Database:
     """An SQLite file shared by all threads of a server: one thread writes at a time, and readers wait for no writer.
 
-    Parameters
-    ----------
-    path : Path
-        The file; it is created if it is missing, readable by its owner only.
-
-    Raises
-    ------
-    SpecError
-        If the file was written by a later version, or is not a database.
-    StoreError
-        If the file's disk is full, read-only or broken; the methods raise it too.
+    A missing file is created, readable by its owner only. Raises SpecError if a later version wrote the file, or it is
+    not a database. Like the methods, it raises StoreError if the disk is full, read-only or broken.
     """
 
     def __init__(self, path: Path) -> None:

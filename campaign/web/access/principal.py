@@ -32,27 +32,13 @@ class Role(IntEnum):
 
 @dataclass(frozen=True)
 class Principal:
-    """The user or shared link in whose name a request is made.
+    """The user or shared link in whose name a request is made."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the user; ``share N`` for a shared link.
-    role : Role
-        What the principal may do.
-    kind : str
-        How the principal was identified: by a ``session``, ``token`` or ``share``.
-    campaign : str or None
-        The only campaign that the principal may see; None if they may see all.
-    csrf : str
-        CSRF token that forms and scripts of a session must send with each write; empty for tokens.
-    """
-
-    name: str
+    name: str  # of the user; ``share N`` for a shared link
     role: Role
-    kind: str
-    campaign: str | None = None
-    csrf: str = ""
+    kind: str  # identified by a ``session``, ``token`` or ``share``
+    campaign: str | None = None  # the only one that the principal may see; None if all
+    csrf: str = ""  # token that forms and scripts of a session send with each write; empty for tokens
 
     def may(self, role: Role) -> bool:
         """Return whether the principal may do what `role` may do."""

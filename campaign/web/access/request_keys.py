@@ -14,38 +14,16 @@ class KeyTaken(SpecError):
 
 
 class RequestKeys:
-    """The idempotency keys in a server's database; each user has their own.
-
-    Parameters
-    ----------
-    database : Database
-    """
+    """The idempotency keys in a server's database; each user has their own."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def claim(self, user: str, key: str, question: str, now: float | None = None) -> tuple[int, str] | None:
-        """Note that a request begins; return the status and text of its answer if it was answered before.
+        """Note that a request begins; return the status and text of its answer if it was answered before, else None.
 
-        A request that was begun but not answered, because the server was killed, may begin again.
-
-        Parameters
-        ----------
-        user, key : str
-        question : str
-            Digest of the request's content.
-        now : float, optional
-            Current time [s since 1970]; by default that of the system clock.
-
-        Returns
-        -------
-        (int, str) or None
-            None if the request is to be carried out.
-
-        Raises
-        ------
-        KeyTaken
-            If the key was sent with different content within the last day.
+        A request that was begun but not answered, because the server was killed, may begin again. `question` is a
+        digest of the request's content. Raises KeyTaken if the key was sent with different content within the last day.
         """
         at = time.time() if now is None else now
         with self._database.write() as connection:

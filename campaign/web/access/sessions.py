@@ -14,13 +14,7 @@ SEEN_EVERY = 60.0  # s between two updates of the time of a session's last reque
 
 
 class Sessions:
-    """The sessions of a server's users.
-
-    Parameters
-    ----------
-    database : Database
-        The database that keeps them.
-    """
+    """The sessions of a server's users."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -84,6 +78,7 @@ class Sessions:
         """Use up a one-time link and return its user; None if it was used, has expired, or the user is disabled."""
         with self._database.write() as connection:
             row = connection.execute(
+                # one statement, so that of two simultaneous uses only one succeeds
                 "DELETE FROM login_links WHERE digest = ? RETURNING expires, (SELECT name FROM users"
                 " WHERE name = login_links.user AND NOT disabled) AS name",
                 (digest(secret),),

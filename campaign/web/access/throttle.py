@@ -19,17 +19,7 @@ def place_of(address: str) -> str:
 
 
 class Throttle:
-    """Failures by key, a name or an address, kept in memory.
-
-    Parameters
-    ----------
-    failures : int
-        Number of failures within `seconds` after which a key has to wait.
-    seconds : float
-        Time span of `failures` [s].
-    clock : callable
-        Returns the current time [s].
-    """
+    """Failures by key, a name or an address, in memory: after `failures` within `seconds` a key has to wait."""
 
     def __init__(self, failures: int, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._most, self._seconds, self._clock = failures, seconds, clock

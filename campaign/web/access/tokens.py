@@ -15,28 +15,15 @@ USED_EVERY = 60.0  # s between two updates of the time of a token's last use
 
 @dataclass(frozen=True)
 class Token:
-    """A token as lists show it, without its secret.
-
-    Attributes
-    ----------
-    id : int
-    user, name : str
-        The user it belongs to, and the name that they gave it.
-    role : Role
-        Its role; it never permits more than the role of its user.
-    created, expires : float
-        Times of its creation and expiry [s since 1970].
-    used, revoked : float or None
-        Times of its last use and of its revocation [s since 1970].
-    """
+    """A token as lists show it, without its secret; times in seconds since 1970."""
 
     id: int
     user: str
-    name: str
-    role: Role
+    name: str  # given by the user
+    role: Role  # never permits more than the role of the user
     created: float
     expires: float
-    used: float | None
+    used: float | None  # last use
     revoked: float | None
 
     @property
@@ -47,25 +34,12 @@ class Token:
 
 @dataclass(frozen=True)
 class SharedLink:
-    """A shared link as lists show it, without its secret.
-
-    Attributes
-    ----------
-    id : int
-    campaign : str
-        The only campaign that it shows.
-    by, note : str
-        The user who shared it, and a note, such as for whom.
-    created, expires : float
-        Times of its creation and expiry [s since 1970].
-    revoked : float or None
-        Time of its revocation [s since 1970].
-    """
+    """A shared link as lists show it, without its secret; times in seconds since 1970."""
 
     id: int
-    campaign: str
-    by: str
-    note: str
+    campaign: str  # the only one that it shows
+    by: str  # who shared it
+    note: str  # such as for whom it is
     created: float
     expires: float
     revoked: float | None
@@ -77,13 +51,7 @@ class SharedLink:
 
 
 class Tokens:
-    """The tokens and shared links of a server.
-
-    Parameters
-    ----------
-    database : Database
-        The database that keeps them.
-    """
+    """The tokens and shared links of a server."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

@@ -20,35 +20,17 @@ CHECK_WITHIN = 2.0  # s that a further check waits for its turn
 
 @dataclass(frozen=True)
 class User:
-    """A user.
-
-    Attributes
-    ----------
-    name : str
-    role : Role
-    created : float
-        When the user was added [s since 1970].
-    is_disabled : bool
-        Whether the user can neither log in nor use tokens.
-    has_password : bool
-        Whether the user can log in with a password.
-    """
+    """A user."""
 
     name: str
     role: Role
-    created: float
-    is_disabled: bool
-    has_password: bool
+    created: float  # [s since 1970]
+    is_disabled: bool  # can neither log in nor use tokens
+    has_password: bool  # can log in with a password
 
 
 class Users:
-    """The users of a server.
-
-    Parameters
-    ----------
-    database : Database
-        The database that keeps them.
-    """
+    """The users of a server."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -64,24 +46,10 @@ class Users:
         return _user(row) if row else None
 
     def add(self, name: str, role: Role, password: str | None = None, subject: str | None = None) -> User:
-        """Add a user.
+        """Add a user, who without a password logs in by a link or the login service.
 
-        Parameters
-        ----------
-        name : str
-            Letters, digits and ``. _ @ -``, at most 64.
-        role : Role
-        password : str, optional
-            Without one the user logs in by a link or the login service.
-        subject : str, optional
-            Issuer and identifier of the user at the login service; see `Identity`.
-
-        Raises
-        ------
-        SpecError
-            If the name is not allowed, or the password is too short or too long.
-        CampaignError
-            If the name is taken.
+        A name has at most 64 letters, digits and ``. _ @ -``; `subject` is that of `Identity`. Raises SpecError if the
+        name is not allowed, or the password is too short or too long. Raises CampaignError if the name is taken.
         """
         if not NAME.fullmatch(name):
             raise SpecError(
@@ -106,14 +74,9 @@ class Users:
     ) -> User:
         """Change a user; an argument that is None leaves its property unchanged.
 
-        The user's sessions and one-time links end when the password changes or the user is disabled.
-
-        Raises
-        ------
-        SpecError
-            If there is no such user, or the password is too short or too long.
-        CampaignError
-            If no enabled admin would be left.
+        The user's sessions and one-time links end when the password changes or the user is disabled. Raises SpecError
+        if there is no such user, or the password is too short or too long. Raises CampaignError if no enabled admin
+        would be left.
         """
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: no user has this name")
@@ -138,15 +101,13 @@ class Users:
     def by_password(self, name: str, password: str) -> User | None:
         """Return the user with a name and a password; None if the password is wrong or there is no such user.
 
-        Raises
-        ------
-        TimeoutError
-            If too many other passwords are being checked.
+        Raises TimeoutError if too many other passwords are being checked.
         """
         row = self._database.row("SELECT * FROM users WHERE name = ? AND NOT disabled", name)
         if not self._turns.acquire(timeout=CHECK_WITHIN):
             raise TimeoutError
         try:
+            # also without such a user, so that the time taken does not tell which names exist
             is_right = is_password(password[: LONGEST_PASSWORD + 1], row["password"] if row else None)
         finally:
             self._turns.release()

@@ -36,18 +36,10 @@ _OF_A_QUESTION = 2.0  # the version of the rows is not checked again for this mu
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer as it is sent.
+    """An answer as it is sent."""
 
-    Attributes
-    ----------
-    content : bytes
-        The answer as JSON.
-    etag : str
-        ETag of the rows, the question and the version of the program, in quotes, as HTTP requires.
-    """
-
-    content: bytes
-    etag: str
+    content: bytes  # JSON
+    etag: str  # of the rows, the question and the version of the program; in quotes, as HTTP requires
 
 
 @dataclass
@@ -61,18 +53,8 @@ class _Version:
 class Answers:
     """Answer questions about the campaigns of a store, in one event loop.
 
-    Parameters
-    ----------
-    pool : JobPool
-        The processes that compute.
-    store : Store
-        The store of the campaigns.
-    folder : Path
-        Folder of the cached columns; see `campaign.web.answers.column_cache.columns_folder`.
-    at_most : int
-        Largest size of the files in the folder [bytes].
-    kept_bytes : int
-        Largest size of the cached answers [bytes].
+    `folder` holds the cached columns, in files of at most `at_most` bytes together; see
+    `campaign.web.answers.column_cache.columns_folder`. Cached answers take at most `kept_bytes`.
     """
 
     def __init__(
@@ -86,26 +68,10 @@ class Answers:
     async def what_if(self, user: str, campaign: str, settings: Sequence[str], *, preview: bool = False) -> Answer:
         """Return the document of ``clearcap whatif CAMPAIGN --set ... --json``, with the same numbers to the last bit.
 
-        Parameters
-        ----------
-        user : str
-            The user who asks.
-        campaign : str
-            Full id of the campaign.
-        settings : sequence of str
-            Changes of distributions, each ``VARIABLE.KEY=VALUE``.
-        preview : bool
-            Whether to use only the first 100,000 samples. If there are more, the document has
-            ``"preview": {"rows": 100000, "of": ...}``; without this key it is exact.
-
-        Raises
-        ------
-        SpecError
-            If a setting is not possible, or the samples are not drawn from distributions.
-        CampaignError, StoreError
-            If there are no samples, or the store cannot be read.
-        Busy, JobFailed
-            See `JobPool.run`.
+        With `preview` only the first 100,000 samples are used. If there are more, the document has ``"preview":
+        {"rows": 100000, "of": ...}``; without this key it is exact. Raises SpecError if a setting is not possible, or
+        the samples are not drawn from distributions. Raises CampaignError if there are no samples. For others see
+        `JobPool.run`.
         """
         return await self._ask(user, what_if_answer, [campaign], _checked(settings), preview)
 
@@ -143,15 +109,10 @@ class Answers:
         return await self._ask(user, samples_answer, [campaign], sort, status, cursor, count)
 
     async def version(self, campaign: str) -> str:
-        """Return the version of a campaign's rows.
+        """Return the version of a campaign's rows; raise StoreError if the store has no such campaign.
 
         It is looked up again after a second, or after twenty times the duration of the last look, if that is longer.
         After a question was computed, it is kept for at least twice the computing time.
-
-        Raises
-        ------
-        StoreError
-            If the store cannot be read, or has no such campaign.
         """
         known = self._versions.get(campaign)
         if known is None or known.until < monotonic():

@@ -27,10 +27,7 @@ logger = logging.getLogger(__name__)
 def columns_folder() -> Path:
     """Return the folder of the columns below the user's cache folder, which is ``XDG_CACHE_HOME`` or ``~/.cache``.
 
-    Raises
-    ------
-    SpecError
-        If another user could have written to it, or it cannot be created.
+    Raises SpecError if another user could have written to it, or if it cannot be created.
     """
     try:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
@@ -43,14 +40,9 @@ def columns_folder() -> Path:
 
 
 class ColumnCache:
-    """Cache of the columns of campaigns that questions read.
+    """Cache of the columns of campaigns that questions read, in a folder that only this user can access.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder that only this user can access; see `columns_folder`.
-    at_most : int
-        Largest size of all files together [bytes]; beyond it the least recently used files are removed.
+    Beyond `at_most` bytes the least recently used files are removed.
     """
 
     def __init__(self, folder: Path, at_most: int = USUAL_SIZE) -> None:
@@ -59,22 +51,8 @@ class ColumnCache:
     def columns(self, store: Store, plan: Plan, version: str) -> SampleColumns:
         """Return the columns of a campaign, from their file if there is an intact one, otherwise from the store.
 
-        Parameters
-        ----------
-        store : Store
-            The store of the campaign.
-        plan : Plan
-            The campaign.
-        version : str
-            Version of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is replaced;
-            rows whose parts have not changed are taken from it.
-
-        Raises
-        ------
-        CampaignError
-            If there are no rows.
-        StoreError
-            If the store cannot be read.
+        `version` is that of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is
+        replaced; rows whose parts have not changed are taken from it. Raises CampaignError if there are no rows.
         """
         place = hashlib.sha256(f"{store.url}\n{plan.campaign_id}".encode()).hexdigest()[:16]
         path = self._folder / f"{place}-{version[:32]}{_ENDING}"
@@ -96,7 +74,7 @@ class ColumnCache:
         """Return the columns in a file; None if the file is missing or damaged."""
         try:
             sourced = map_columns(path, version)
-            os.utime(path)
+            os.utime(path)  # its last use, by which `_remove_oldest` sorts
         except FileNotFoundError:
             return None
         except (OSError, ValueError) as error:

@@ -24,22 +24,7 @@ _KEY, _SOURCES = b"clearcap.columns", b"clearcap.sources"
 
 
 def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
-    """Write a file of columns atomically, replacing an earlier one.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    key : str
-        Identifies the columns; `map_columns` must be given the same key.
-    sourced : SourcedColumns
-        The columns and their sources.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
-    """
+    """Write a file of columns atomically, replacing an earlier one; `map_columns` must be given the same key."""
     columns = sourced.columns
     arrays = {_NUMBER: _as_it_is(pa.int64(), columns.number)}
     arrays |= {name: _as_it_is(pa.float64(), column) for name, column in columns.values.items()}
@@ -63,21 +48,8 @@ def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
 def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> SourcedColumns:
     """Map a file of columns into memory and return them; the arrays are read-only.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    key : str or None
-        Key that the columns must have; None accepts any.
-    just_written : bool
-        Whether this process has just written the file, so that its digest need not be checked.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    ValueError
-        If the file is damaged, or holds other columns.
+    The key None accepts any columns. The digest of a file that this process has `just_written` is not checked. Raises
+    ValueError if the file is damaged or holds other columns, OSError if it cannot be opened.
     """
     with pa.memory_map(str(path)) as source:
         content = source.read_buffer()

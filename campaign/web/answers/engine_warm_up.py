@@ -19,13 +19,7 @@ logger = logging.getLogger(__name__)
 
 
 class EngineCompiling(JobPostponed):
-    """A job cannot run yet, because the engine is being compiled.
-
-    Attributes
-    ----------
-    retry_after_s : int
-        Time after which to try again [s].
-    """
+    """A job cannot run yet, because the engine is being compiled; ask again after `retry_after_s`."""
 
     def __init__(self, seconds: float) -> None:
         self.retry_after_s = math.ceil(max(USUAL_S - seconds, LEAST_S))
@@ -38,12 +32,8 @@ class EngineCompiling(JobPostponed):
 class Compilation:
     """Warm processes up so that only one of them compiles the engine and the others load the compiled code.
 
-    Parameters
-    ----------
-    warm_up : callable or None
-        The job that compiles and loads the engine; None if processes need no warm-up.
-    is_compiled : callable or None
-        The job that returns whether warming up will only load compiled code; None if nothing is ever compiled.
+    Both arguments are jobs: `warm_up` compiles and loads the engine (None: no process needs it), and `is_compiled`
+    returns whether warming up will only load compiled code (None: nothing is ever compiled).
     """
 
     def __init__(self, warm_up: Callable[[], Any] | None, is_compiled: Callable[[], bool] | None) -> None:
@@ -70,13 +60,7 @@ class Compilation:
         await process.ask(self._warm_up, (), TO_WARM_UP)
 
     async def wait_warm(self, task: "asyncio.Task[JobProcess]") -> JobProcess:
-        """Return the process that a task warms up.
-
-        Raises
-        ------
-        EngineCompiling
-            If the engine is being compiled and the process is not warm yet.
-        """
+        """Return the process that a task warms up; raise EngineCompiling if compiling keeps it from being warm yet."""
         if task.done():
             return await task
         begun = asyncio.create_task(self._begun.wait())
@@ -87,7 +71,7 @@ class Compilation:
         seconds = self.seconds
         if not task.done() and seconds is not None:
             raise EngineCompiling(seconds)
-        return await asyncio.shield(task)
+        return await asyncio.shield(task)  # the pool keeps the process if this caller leaves
 
     async def _loads_only(self, process: JobProcess) -> bool:
         return self._is_compiled is None or await process.ask(self._is_compiled, (), TO_WARM_UP) == b"true"

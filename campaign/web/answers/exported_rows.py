@@ -24,36 +24,16 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class RowSelection:
-    """A selection of rows and columns.
+    """A selection of rows and columns."""
 
-    Attributes
-    ----------
-    columns : tuple of str
-        Names of the columns, in this order; empty selects all.
-    first, last : int or None
-        Smallest and largest sample number.
-    statuses : tuple of str
-        Statuses of the runs; empty selects all.
-    """
-
-    columns: tuple[str, ...] = ()
-    first: int | None = None
-    last: int | None = None
-    statuses: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()  # in this order; empty selects all
+    first: int | None = None  # smallest sample number
+    last: int | None = None  # largest sample number
+    statuses: tuple[str, ...] = ()  # of the runs; empty selects all
 
 
 def rows_etag(version: str, kind: str, selection: RowSelection) -> str:
-    """Return the ETag of an export, in quotes: a digest of rows, format, selection, and versions of the software.
-
-    Parameters
-    ----------
-    version : str
-        Version of the rows; see `campaign.web.answers.rows_version`.
-    kind : str
-        One of `FORMATS`.
-    selection : RowSelection
-        The exported rows and columns.
-    """
+    """Return the ETag of an export, in quotes: a digest of rows, format, selection, and versions of the software."""
     import hashlib
 
     made_of = repr((version, kind, selection, pa.__version__, clearcap_version()))
@@ -66,28 +46,12 @@ def export_rows(
     kind: str,
     selection: RowSelection = RowSelection(),  # it is immutable
 ) -> Iterator[bytes]:
-    """Return the bytes of a file of rows, in the order of the samples, as an iterator of pieces.
+    """Return the bytes of a file of rows, in the order of the samples, as an iterator of pieces; skip missing batches.
 
-    The first piece is generated before this function returns, so that errors are raised before anything is sent.
-
-    Parameters
-    ----------
-    store : Store
-        The store of the campaign.
-    plan : Plan
-        The campaign.
-    kind : str
-        ``arrow`` (a stream of batches, not a file), ``parquet`` or ``csv``. Arrow and Parquet keep the units in the
-        metadata of the columns.
-    selection : RowSelection
-        The rows and columns; missing batches are left out.
-
-    Raises
-    ------
-    SpecError
-        If there is no such format or column, a column is named twice, or the range is empty.
-    StoreError
-        If the store cannot be read; the iterator may raise it too.
+    The first piece is generated before this function returns, so that errors are raised before anything is sent; only
+    StoreError may come later. ``arrow`` is a stream of batches, not a file; it and ``parquet`` keep the units in the
+    metadata of the columns. Raises SpecError if there is no such format or column, a column is named twice, or the
+    range is empty.
     """
     if kind not in FORMATS:
         raise SpecError(f"format {kind}: unknown; allowed: {', '.join(FORMATS)}")

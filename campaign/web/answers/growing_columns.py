@@ -21,38 +21,16 @@ Sources = Mapping[int, str]  # for each batch with files, a digest of their name
 
 @dataclass(frozen=True)
 class SourcedColumns:
-    """Columns and their sources.
+    """Columns and their sources."""
 
-    Attributes
-    ----------
-    columns : SampleColumns
-        The samples, sorted by number.
-    sources : dict of int to str
-        See `sources_of`.
-    """
-
-    columns: SampleColumns
-    sources: Sources
+    columns: SampleColumns  # sorted by number of sample
+    sources: Sources  # see `sources_of`
 
 
 def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> SourcedColumns:
-    """Return the current columns of a campaign.
+    """Return the current columns of a campaign; take what has not changed from the result of an earlier call, if any.
 
-    Parameters
-    ----------
-    store : Store
-        The store of the campaign.
-    plan : Plan
-        The campaign.
-    earlier : SourcedColumns or None
-        Result of an earlier call; None if all rows are to be read.
-
-    Raises
-    ------
-    CampaignError
-        If there are no rows.
-    StoreError
-        If the store cannot be read.
+    Raises CampaignError if there are no rows.
     """
     sources = sources_of(store, plan)  # before the rows, so that batches replaced meanwhile are read again next time
     kept = {} if earlier is None or list(earlier.columns.values) != column_names(plan) else earlier.sources

@@ -56,7 +56,7 @@ def _read(requests: BinaryIO, jobs: "queue.SimpleQueue[Job]") -> None:
         while True:
             jobs.put(pickle.load(requests))
     except EOFError:
-        os._exit(0)
+        os._exit(0)  # sys.exit would end this thread only
     except BaseException:  # an error in a thread does not end the process by itself
         traceback.print_exc()
         os._exit(1)
@@ -82,6 +82,7 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
         message = f"it failed because of a bug in the program ({type(error).__name__}); the server's log says more"
         return _failure("JobFailed", message), b""
     finally:
+        # lifted, so that the system does not end the process while it sends the answer
         resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     if len(content) > limits.answer_mib * 2**20:
         return _failure("JobTooLarge", f"its answer has more than {limits.answer_mib:g} MiB; ask for less"), b""

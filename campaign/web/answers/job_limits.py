@@ -7,23 +7,11 @@ from campaign.errors import CampaignError
 
 @dataclass(frozen=True)
 class JobLimits:
-    """Resource limits of one job.
-
-    Attributes
-    ----------
-    processor_s : float
-        Processor time [s].
-    wall_s : float
-        Wall-clock time since its start [s].
-    memory_gib : float
-        Memory of its process, without mapped files [GiB].
-    answer_mib : float
-        Size of its answer [MiB].
-    """
+    """Resource limits of one job."""
 
     processor_s: float = 60.0
-    wall_s: float = 180.0
-    memory_gib: float = 4.0
+    wall_s: float = 180.0  # since its start
+    memory_gib: float = 4.0  # of its process, without mapped files
     answer_mib: float = 64.0
 
 

@@ -26,19 +26,8 @@ logger = logging.getLogger(__name__)
 class JobPool:
     """A pool of processes that compute one job each at a time; an asynchronous context manager in one event loop.
 
-    Parameters
-    ----------
-    processes : int
-        Number of processes.
-    quota : Quota
-        Number of jobs that each user may have at a time.
-    limits : JobLimits
-        Default limits of a job.
-    warm_up : callable, optional
-        Job that each process runs before its first job, such as `engine.warm_up`.
-    is_compiled : callable, optional
-        Job that returns whether warming up only loads compiled code; if it does not, one process compiles, and jobs are
-        refused meanwhile.
+    Each process runs the job `warm_up`, such as `engine.warm_up`, before its first job. The job `is_compiled` returns
+    whether that only loads compiled code; if it does not, one process compiles, and jobs are refused meanwhile.
     """
 
     def __init__(
@@ -66,7 +55,7 @@ class JobPool:
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
         """Kill all processes, even in the middle of a job."""
-        self._count = 0
+        self._count = 0  # so that `_replace` starts no more
         for task in list(self._all):
             await self._end(task)
 
@@ -93,37 +82,16 @@ class JobPool:
     async def run(self, user: str, job: Callable[..., Any], *arguments: Any, limits: JobLimits | None = None) -> bytes:
         """Compute a job in one of the processes when it is the user's turn; cancelling this call ends the job.
 
-        Parameters
-        ----------
-        user : str
-            The user who asks.
-        job : callable
-            A module-level function that returns plain data or bytes.
-        *arguments
-            Arguments of the function.
-        limits : JobLimits, optional
-            Limits of the job; by default those of the pool.
-
-        Returns
-        -------
-        bytes
-            The bytes that the job returned, or its plain data as JSON; numbers that are not finite are null.
-
-        Raises
-        ------
-        Busy
-            If too many jobs are waiting already; it says when to try again.
-        CampaignError
-            The error that the job raised; its attribute ``faults`` is None or the faults of an input as data.
-        JobFailed
-            If the job ended its process or has a bug; `JobTooLarge` if it exceeded its limits, `JobPostponed` if no
-            process could be started for it or it waited too long, `EngineCompiling` while the engine is being compiled.
+        The job is a module-level function. Its bytes are returned as they are, its plain data as JSON; numbers that are
+        not finite are null. Raises Busy if too many jobs wait already. Its own error is raised as CampaignError, whose
+        ``faults`` is None or the faults of an input as data. Raises JobFailed if it ended its process or has a bug, and
+        a subclass if it exceeded its limits, could not start, waited too long, or the engine is being compiled.
         """
         async with self._turns.turn(user):
             task = self._take()
             try:
                 process = await self._compilation.wait_warm(task)
-            except (asyncio.CancelledError, EngineCompiling):
+            except (asyncio.CancelledError, EngineCompiling):  # the process goes on warming up for the next job
                 self._idle.append(task)
                 raise
             except (CampaignError, OSError) as error:
@@ -140,6 +108,8 @@ class JobPool:
                 self._idle.append(task)
                 raise
             except BaseException:
+                # an answer that still comes would be taken for that of the next job, so the process is ended, shielded
+                # from a second cancellation
                 await asyncio.shield(self._end(task))
                 self._replace(task)
                 raise
@@ -162,6 +132,7 @@ class JobPool:
         try:
             await self._compilation.warm(process)
         except BaseException:
+            # shielded: cancelled again, this task would leave a process behind that nobody ends
             await asyncio.shield(process.end())
             raise
         return process
@@ -169,10 +140,7 @@ class JobPool:
     def _take(self) -> "asyncio.Task[JobProcess]":
         """Take an idle process, preferably a warm one; processes that have ended are replaced first.
 
-        Raises
-        ------
-        JobPostponed
-            If there is no process, because the pool has ended.
+        Raises JobPostponed if there is no process, because the pool has ended.
         """
         for task in [task for task in self._idle if task.done() and not _is_alive(task)]:
             self._idle.remove(task)

@@ -34,26 +34,14 @@ _LARGEST_HEAD = 2**20  # bytes of the line before an answer
 
 
 def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment of a job process, with only the variables that paths, locales, stores and numbers need.
-
-    Parameters
-    ----------
-    environment : mapping of str to str, optional
-        Environment of the service; by default that of this process.
-    """
+    """Return the environment of a job process, with only the variables that paths, locales, stores and numbers need."""
     given = python_environment() if environment is None else environment
     passed = {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)}
     return passed | numerical(given) | _ONE_THREAD | _REUSED_MEMORY
 
 
 class JobProcess:
-    """A process that computes one job at a time.
-
-    Parameters
-    ----------
-    process : asyncio.subprocess.Process
-        The process, started by `start`.
-    """
+    """A process that computes one job at a time; `start` starts it."""
 
     def __init__(self, process: Process) -> None:
         self._process = process
@@ -79,14 +67,9 @@ class JobProcess:
     async def ask(self, job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimits) -> bytes:
         """Compute a job and return its answer: bytes, or plain data as JSON.
 
-        After `JobFailed`, TimeoutError or a cancellation the process must be ended.
-
-        Raises
-        ------
-        CampaignError
-            The error that the job raised; its attribute ``faults`` is None or the faults of an input as data.
-        JobFailed
-            If the process ended; `JobTooLarge` if the job exceeded its limits, `JobPostponed` if it waited too long.
+        After `JobFailed`, TimeoutError or a cancellation the process must be ended. The job's own error is raised as
+        CampaignError, whose ``faults`` is None or the faults of an input as data. Raises JobFailed if the process
+        ended, JobTooLarge if the job exceeded its limits, JobPostponed if it waited too long.
         """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None

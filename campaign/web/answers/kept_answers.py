@@ -11,13 +11,7 @@ _OVERHEAD = 500  # bytes of the key and its entry
 
 
 class KeptAnswers:
-    """A cache of the most recently used answers.
-
-    Parameters
-    ----------
-    at_most : int
-        Largest size of all answers together [bytes].
-    """
+    """A cache of the most recently used answers, of at most `at_most` bytes together."""
 
     def __init__(self, at_most: int) -> None:
         self._at_most, self._size = at_most, 0
@@ -62,11 +56,7 @@ class SingleFlight:
     async def once(self, key: str, compute: Callable[[], Coroutine[None, None, bytes]]) -> bytes:
         """Return the result of ``compute``, or that of a computation in progress with the same key.
 
-        Raises
-        ------
-        Busy
-            If this call's own computation is refused. If another user's computation, which this call waited for, is
-            refused, this call tries again.
+        Raises Busy only if this call's own computation is refused; if that of another user is, this call tries again.
         """
         while True:
             flight = self._flights.get(key)
@@ -76,7 +66,7 @@ class SingleFlight:
                 flight.task.add_done_callback(lambda task: self._forget(key, task))
             flight.waiting += 1
             try:
-                return await asyncio.shield(flight.task)
+                return await asyncio.shield(flight.task)  # a caller that leaves must not cancel the others' answer
             except Busy:
                 if is_own:
                     raise

@@ -32,27 +32,13 @@ KEPT_CAMPAIGNS = 8  # plans and mapped columns that a worker keeps
 
 @dataclass(frozen=True)
 class AskedRows:
-    """The rows that a question is about.
+    """The rows that a question is about."""
 
-    Attributes
-    ----------
-    store : str
-        Path or URL of the store, including what is needed for access.
-    campaign : str
-        Id of the campaign.
-    version : str
-        Version of its rows; see `campaign.web.answers.rows_version`.
-    folder : str
-        Folder of the cache of columns.
-    at_most : int
-        Largest size of the cache [bytes].
-    """
-
-    store: str
+    store: str  # path or URL, including what is needed for access
     campaign: str
-    version: str
-    folder: str
-    at_most: int
+    version: str  # see `campaign.web.answers.rows_version`
+    folder: str  # of the cache of columns
+    at_most: int  # size of that cache [bytes]
 
 
 @dataclass(frozen=True)
@@ -73,17 +59,7 @@ def _opened(rows: AskedRows) -> _Opened:
 
 
 def what_if_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
-    """Return the document of ``clearcap whatif --json``.
-
-    Parameters
-    ----------
-    rows : AskedRows
-        The samples.
-    settings : tuple of str
-        Changes of distributions, each ``VARIABLE.KEY=VALUE``.
-    preview : bool
-        Whether to use only the first 100,000 samples. If there are more, the document says so under ``preview``.
-    """
+    """Return the document of ``clearcap whatif --json``; see `campaign.web.answers.answers.Answers.what_if`."""
     opened = _opened(rows)
     columns, mark = _asked(opened.columns, preview)
     answers = what_if_from(opened.plan, columns, settings)
@@ -93,13 +69,9 @@ def what_if_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) ->
 def histogram_answer(rows: AskedRows, response: str, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
     """Return the bins of a response, as sampled and under changed distributions.
 
-    Returns
-    -------
-    dict
-        ``response``, ``unit``, ``lsl``, ``usl``; ``edges`` (k + 1); ``before``, the number of samples in each bin (k);
-        ``after``, the same with the weights of the new distributions, null without settings or if no weights are
-        possible, with the reason in ``refusal``. Both ``before`` and ``after`` add up to the number of samples with a
-        value. ``mean``, ``std`` and ``cpk`` are those of the samples without weights.
+    Keys: ``response``, ``unit``, ``lsl``, ``usl``, ``edges`` (k + 1), ``before`` (k counts of samples), ``after`` (k
+    weighted counts; null without settings, or if no weights are possible, for the reason in ``refusal``), and ``mean``,
+    ``std`` and ``cpk`` without weights. ``before`` and ``after`` both add up to the number of samples with a value.
     """
     opened = _opened(rows)
     plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)

@@ -12,23 +12,6 @@ def rows_version(store: Store, campaign: str) -> str:
 
     The manifest lists each file with its size and digest. Files that it does not list yet are identified by name and
     size, as in a survey. Merging files changes the version, although the rows stay the same.
-
-    Parameters
-    ----------
-    store : Store
-        The store of the campaign.
-    campaign : str
-        Full id of the campaign.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be read, or has no such campaign.
     """
     digest = hashlib.sha256()
     for name in (PLAN, MANIFEST, STOPPED):

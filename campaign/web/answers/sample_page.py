@@ -21,34 +21,12 @@ STATUSES = (OK, FAILED, *FailedStatus)  # "failed" stands for all that are not o
 
 
 def samples_answer(rows: AskedRows, sort: str, status: str | None, cursor: int, count: int) -> dict[str, Any]:
-    """Return some samples of a campaign.
+    """Return `count` samples of a campaign after the first `cursor`, of one of `STATUSES` or, for None, of all.
 
-    Parameters
-    ----------
-    rows : AskedRows
-        The samples.
-    sort : str
-        ``margin``, smallest first and samples without a margin last, or ``sample``, by number.
-    status : str or None
-        One of `STATUSES`; None selects all samples.
-    cursor, count : int
-        Number of samples to skip, and largest number of samples to return.
-
-    Returns
-    -------
-    dict
-        ``samples``, each with ``sample``, ``status``, ``message``, ``responses``, ``margin`` and ``nearest``;
-        ``total``, the number of samples with this status; ``next``, the cursor of the next page or None. The margin is
-        the smallest distance of a response from its limit, in standard deviations of that response over the samples,
-        negative outside the limits; ``nearest`` is that response. Without a response that has a limit and a value, the
-        margin is NaN (null as JSON) and ``nearest`` is None.
-
-    Raises
-    ------
-    SpecError
-        If there is no such sort order or status.
-    StoreError
-        If the store cannot be read.
+    `sort` is ``margin``, smallest first and samples without a margin last, or ``sample``, by number. The margin is the
+    smallest distance of a response from its limit, in standard deviations of that response over the samples, negative
+    outside the limits; ``nearest`` is that response. Without a response that has a limit and a value they are NaN (null
+    as JSON) and None. ``next`` is the cursor of the next page or None.
     """
     _check(sort, status)
     store = open_store(rows.store, QUICK)

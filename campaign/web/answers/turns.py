@@ -15,13 +15,7 @@ _MEMORY = 0.2  # weight of the last job in the mean duration of a job
 
 
 class Busy(CampaignError):
-    """A user, or all users together, have as many jobs waiting as is allowed.
-
-    Attributes
-    ----------
-    retry_after_s : int
-        Time after which to try again [s], at least 1.
-    """
+    """A user, or all users together, have as many jobs waiting as is allowed; `retry_after_s` is at least 1."""
 
     def __init__(self, message: str, retry_after_s: int) -> None:
         super().__init__(message)
@@ -33,21 +27,11 @@ class Busy(CampaignError):
 
 @dataclass(frozen=True)
 class Quota:
-    """Limits on the number of jobs at a time.
+    """Limits on the number of jobs at a time."""
 
-    Attributes
-    ----------
-    at_once : int
-        Running jobs of a user.
-    waiting : int
-        Waiting jobs of a user.
-    waiting_in_all : int
-        Waiting jobs of all users.
-    """
-
-    at_once: int = 2
-    waiting: int = 16
-    waiting_in_all: int = 200
+    at_once: int = 2  # running jobs of a user
+    waiting: int = 16  # waiting jobs of a user
+    waiting_in_all: int = 200  # waiting jobs of all users
 
 
 @dataclass
@@ -59,15 +43,7 @@ class _UserJobs:
 
 
 class Turns:
-    """Give turns to the jobs of users, in one event loop.
-
-    Parameters
-    ----------
-    places : int
-        Number of jobs that run at the same time.
-    quota : Quota
-        Limits of each user.
-    """
+    """Give turns to the jobs of users, in one event loop; `places` jobs run at the same time."""
 
     def __init__(self, places: int, quota: Quota) -> None:
         self._free, self._places, self._quota = places, places, quota
@@ -91,13 +67,7 @@ class Turns:
 
     @asynccontextmanager
     async def turn(self, user: str) -> AsyncIterator[None]:
-        """Wait for a user's turn and hold it while the block runs.
-
-        Raises
-        ------
-        Busy
-            If too many jobs are waiting already.
-        """
+        """Wait for a user's turn and hold it while the block runs; raise Busy if too many jobs are waiting already."""
         jobs = self._users.setdefault(user, _UserJobs())
         ready = asyncio.get_running_loop().create_future()
         if self._free == 0 or jobs.running >= self._quota.at_once:

@@ -47,12 +47,8 @@ def end_sessions(service: TheService, who: Viewer) -> Response:
 def change_password(request: Request, service: Service, who: Principal, present: str, password: str) -> None:
     """Change the password of the user who asks; all their sessions end.
 
-    Raises
-    ------
-    Refusal
-        403 for a token or a wrong present password, 429 after many wrong ones.
-    SpecError
-        If the new password is too short or too long.
+    The refusal is 403 for a token or a wrong present password, 429 after many wrong ones. Raises SpecError if the new
+    password is too short or too long.
     """
     needs_session(who)
     if known_user(service, who.name).has_password and checked_user(request, who.name, present) is None:

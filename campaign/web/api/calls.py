@@ -44,14 +44,9 @@ def _all_of(dependant: Dependant) -> Iterator[object]:
 
 
 def calls(tag: str, *, with_login: bool = True) -> APIRouter:
-    """Return a router for the calls of one kind.
+    """Return a router for the calls of one kind, which the documentation shows under `tag`.
 
-    Parameters
-    ----------
-    tag : str
-        Name of the kind in the documentation.
-    with_login : bool
-        Whether the calls need a login, and so have the path prefix and the common refusals.
+    Calls with a login have the path prefix and the common refusals.
     """
     refusals = described(400, 401, 403, 413, 422, 429, 500, 503) if with_login else {}
     return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)

@@ -77,6 +77,7 @@ def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: Fai
     count = sum(n for status, n in failed.items() if not wanted.statuses or status in wanted.statuses)
     if not count:
         return Done(campaign=campaign, before=before, note="no run failed with this status; nothing to compute")
+    # the request first: a coordinator may take the campaign as soon as its state is queued
     request_rerun(store, campaign, wanted.statuses, who.name)
     store.remove(campaign, CANCEL)
     write_state(store, campaign, "queued", f"{count} failed rows will be computed again")

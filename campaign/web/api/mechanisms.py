@@ -128,13 +128,7 @@ def shipped_text(name: str) -> bytes:
 
 
 async def source_of(service: Service, name: str, **more: Any) -> MechanismSource:
-    """Return the source of a mechanism for a job: a shipped one, or the newest saved version.
-
-    Raises
-    ------
-    Refusal
-        404 if there is no mechanism of this name.
-    """
+    """Return the source of a mechanism for a job: shipped, or the newest saved version; refuse (404) other names."""
     if name in library_names():
         return MechanismSource(name, **more)
     saved = await run_in_threadpool(read_mechanism, service.store, name)

@@ -100,12 +100,8 @@ POSTED = {
 async def posted_campaign(request: Request) -> CampaignRequest:
     """Return the campaign that a request posts, as a dependency of a call.
 
-    Raises
-    ------
-    Refusal
-        415 for a body of another type, 422 for a form with a duplicate file or one that is not text.
-    RequestValidationError
-        If a value is not allowed.
+    The refusal is 415 for a body of another type, 422 for a form with a duplicate file or one that is not text. Raises
+    RequestValidationError if a value is not allowed.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     try:

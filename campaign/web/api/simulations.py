@@ -78,13 +78,7 @@ async def motion(
 
 
 def values_of(settings: list[str]) -> dict[str, float]:
-    """Return the values of ``KEY=VALUE`` texts by key.
-
-    Raises
-    ------
-    Refusal
-        422 if a text is not of this form with a number.
-    """
+    """Return the values of ``KEY=VALUE`` texts by key; refuse (422) a text that is not of this form with a number."""
     values: dict[str, float] = {}
     for setting in settings:
         key, _, text = setting.partition("=")

@@ -122,14 +122,9 @@ async def submit_campaign(
 
 
 async def submitted(service: Service, who: Principal, wanted: CampaignRequest) -> SubmittedCampaign:
-    """Submit a campaign.
+    """Submit a campaign; refuse (429) if the user has as many unfinished campaigns as is allowed.
 
-    Raises
-    ------
-    Refusal
-        429 if the user has as many unfinished campaigns as is allowed.
-    CampaignError
-        If the campaign has faults, or the store cannot be written.
+    Raises CampaignError if the campaign has faults, or if the store cannot be written.
     """
     labels = LabelChange(who.name if wanted.owner is None else wanted.owner, tuple(wanted.tags))
     return await _made(service, who, submit_text, source_of_request(service, wanted), labels, who.name)
@@ -160,6 +155,7 @@ async def extended(service: Service, campaign: str, who: Principal, samples: int
 
 async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> SubmittedCampaign:
     """Let a job plan a campaign, unless the user has too many unfinished ones."""
+    # counted before the check, so that simultaneous submissions cannot exceed the limit together
     service.submitting[who.name] += 1
     try:
         await _check_unfinished(service, who)

@@ -102,10 +102,8 @@ def revoke_token(
 def make_token(service: Service, who: Principal, new: NewToken) -> tuple[Token, str]:
     """Create a token; return it and its secret.
 
-    Raises
-    ------
-    Refusal
-        403 if the request itself uses a token, or for a role above the user's own; 409 if the user has too many tokens.
+    The refusal is 403 if the request itself uses a token, or for a role above the user's own; 409 if the user has too
+    many tokens.
     """
     needs_session(who)
     role = Role.of(new.role)

@@ -19,10 +19,7 @@ async def the_campaign(
 ) -> str:
     """Return the id of a campaign after checking that it exists and that the principal may see it.
 
-    Raises
-    ------
-    Refusal
-        404 if there is no such campaign, or it may not be seen, so that nobody learns which campaigns exist.
+    Either failure is refused with 404, so that nobody learns which campaigns exist.
     """
     if principal.may_see(campaign):
         is_known = service.watcher.index.entry(campaign) is not None

@@ -46,12 +46,11 @@ async def answering(request: Request) -> Service:
 async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
     """Return the principal of a request, as a dependency of a call.
 
-    Raises
-    ------
-    Refusal
-        401 without a valid session or token, 403 for a write that comes from another site, 429 after many wrong tokens.
+    The refusal is 401 without a valid session or token, 403 for a write that comes from another site, 429 after many
+    wrong tokens.
     """
     principal = known(request)
+    # only cookies are sent by a browser on its own, so only they need protection against forged requests
     if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
         request.state.who, request.state.how = principal.name, "a page in their name"  # to audit a refusal
         check_origin(request)
@@ -63,10 +62,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
 def known(request: Request) -> Principal:
     """Return the principal of a request's session or token, without reading the body.
 
-    Raises
-    ------
-    Refusal
-        401 without a valid session or token, 429 after many wrong tokens.
+    The refusal is 401 without a valid session or token, 429 after many wrong tokens.
     """
     service = service_of(request)
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
@@ -75,6 +71,7 @@ def known(request: Request) -> Principal:
         if principal is None:
             _refuse_token(service, address_of(request))
     else:
+        # the user's own session first: who is logged in stays so after opening a shared link
         secrets = [request.cookies[name] for name in (COOKIE, SHARE_COOKIE) if name in request.cookies]
         principal = next(filter(None, map(service.sessions.principal, secrets)), None)
     if principal is None:
@@ -104,6 +101,7 @@ def _refuse_token(service: Service, address: str) -> None:
 
 def check_origin(request: Request) -> None:
     """Refuse with 403 a browser's write that does not come from this server's own pages."""
+    # old browsers and programs send neither header; for them the CSRF token of `check_form` alone must suffice
     site, origin = request.headers.get("sec-fetch-site", "same-origin"), request.headers.get("origin")
     is_own = site in ("same-origin", "none") and (origin is None or _host_of(origin) == request.headers.get("host"))
     if not is_own:
@@ -136,13 +134,7 @@ def lacks_role(principal: Principal, role: Role, what: str) -> Refusal:
 
 @dataclass(frozen=True)
 class RoleNeeded:
-    """A dependency that refuses, with 403, principals below a role; for use with ``Depends``.
-
-    Attributes
-    ----------
-    role : Role
-        The lowest role that is accepted.
-    """
+    """A dependency that refuses, with 403, principals below a role; for use with ``Depends``."""
 
     role: Role
 

@@ -12,23 +12,15 @@ from campaign.web.http.asking import is_still_known
 
 
 class EventStream(StreamingResponse):
-    """An answer that sends events as they come.
+    """An answer that sends events as they come, until the request's session or token ends.
 
     It is counted when it is created, not when it starts, so that simultaneous requests cannot exceed the limit.
-
-    Parameters
-    ----------
-    request : Request
-        The request; when its session or token ends, no further event is sent.
-    events : async generator of bytes
-    counts : Counter of str
-        Number of open streams by user.
-    user : str
-        The user who follows the events.
+    `counts` holds the number of open streams by user.
     """
 
     def __init__(self, request: Request, events: AsyncGenerator[bytes], counts: Counter[str], user: str) -> None:
         sent = _while_known(request, events)
+        # X-Accel-Buffering keeps nginx from holding events back
         super().__init__(sent, media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
         self._counts, self._user = counts, user
         counts[user] += 1

@@ -35,16 +35,8 @@ _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
 class Gate:
     """Refuse requests for other hosts or with too large or too slow bodies; add the headers common to all answers.
 
-    Parameters
-    ----------
-    app : ASGI application
-        The application behind the gate.
-    names : iterable of str
-        Host names by which the server may be addressed, besides those of loopback. Requests for other names are
-        refused, which also stops a foreign site whose own name resolves to this machine (DNS rebinding).
-    limits : Limits
-    secure : bool
-        Whether browsers connect by TLS.
+    Besides the names of loopback only `names` are accepted as host, which also stops a foreign site whose own name
+    resolves to this machine (DNS rebinding). `secure` says that browsers connect by TLS.
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str], limits: Limits, secure: bool) -> None:
@@ -75,6 +67,7 @@ class Gate:
 
         headers = dict(scope["headers"])
         try:
+            # several Host headers are joined, so that they match no name
             hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
             self._check_host(hosts[0] if len(hosts) == 1 else ", ".join(hosts))
             most = self._largest_body(scope["path"])
@@ -130,7 +123,7 @@ class Gate:
 
 def _check_length(length: bytes, most: int) -> None:
     """Refuse a body whose Content-Length is too large or is not a number."""
-    if not length.isdigit() or int(length[:20]) > most:
+    if not length.isdigit() or int(length[:20]) > most:  # int() refuses more than 4300 digits
         raise _body_too_large(most)
 
 

@@ -6,14 +6,9 @@ ONCE = ("/login/", "/shared/")  # paths where GET is not safe: it begins a sessi
 
 
 class Head:
-    """Answer HEAD like GET, but without the body (RFC 9110, section 9.3.2).
+    """Answer HEAD like GET, but without the body (RFC 9110, section 9.3.2); the application handles only GET.
 
     Paths with one-time links are left out, so that a program that previews a link does not use it up.
-
-    Parameters
-    ----------
-    app : ASGI application
-        The application, which handles GET but not HEAD.
     """
 
     def __init__(self, app: ASGIApp) -> None:

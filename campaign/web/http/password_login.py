@@ -11,10 +11,8 @@ from campaign.web.http.problems import Refusal
 def checked_user(request: Request, name: str, password: str) -> User | None:
     """Return the user with a name and a password; None if the password is wrong or there is no such user.
 
-    Raises
-    ------
-    Refusal
-        429 after many failures for this name or from this address, 503 if too many passwords are being checked.
+    The refusal is 429 after many failures for this name or from this address, 503 if too many passwords are being
+    checked.
     """
     service = service_of(request)
     by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"
@@ -27,6 +25,7 @@ def checked_user(request: Request, name: str, password: str) -> User | None:
         service.throttle.take_back(by_name, by_address)
         raise Refusal(503, "many log in now; try again in some seconds", headers={"Retry-After": "5"}) from error
     if user is not None:
+        # only this attempt: somebody with one valid password must not clear the failures of their guesses at others
         service.throttle.take_back(by_address)
         service.throttle.succeeded(by_name)
     return user

@@ -21,20 +21,9 @@ WITHOUT_PROBLEM = (206, 304, 416)  # statuses of answers that are not refusals o
 
 
 class Refusal(Exception):
-    """The refusal of a request.
+    """The refusal of a request: HTTP status, explanation for the user, faults of what was sent, more headers.
 
-    Parameters
-    ----------
-    status : int
-        HTTP status of the answer.
-    detail : str
-        Explanation for the user.
-    faults : list of dict
-        Faults of the content that was sent, each with its key.
-    headers : dict of str to str
-        Additional headers of the answer.
-    reload_after_s : int, optional
-        Time after which a page that shows the refusal reloads itself [s].
+    A page that shows it reloads itself after `reload_after_s`; None if it does not.
     """
 
     def __init__(
@@ -104,10 +93,7 @@ def refusal_of(error: Exception) -> Refusal | None:
 def faults_of(error: Exception) -> list[dict[str, Any]]:
     """Return the faults that an error lists; faults of a file follow the fault of the text that refers to the file.
 
-    Parameters
-    ----------
-    error : Exception
-        Its ``faults`` are `engine.faults.fault.Fault` objects, or dicts of their fields if another process sent them.
+    Its ``faults`` are `engine.faults.fault.Fault` objects, or dicts of their fields if another process sent them.
     """
     faults = getattr(error, "faults", None) or ()
     return _listed([asdict(each) if isinstance(each, Fault) else each for each in faults], None)

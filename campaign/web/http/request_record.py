@@ -47,12 +47,6 @@ class Record:
     """Log and count each request, audit each write before it is answered, and answer with 500 after a bug.
 
     Only the first unauthenticated writes from each place are audited, so that strangers cannot fill the disk.
-
-    Parameters
-    ----------
-    app : ASGI application
-    audit : AuditTrail
-    metrics : Metrics
     """
 
     def __init__(self, app: ASGIApp, audit: AuditTrail, metrics: Metrics) -> None:
@@ -71,6 +65,7 @@ class Record:
             if message["type"] == "http.response.start":
                 begun = True
                 try:
+                    # before the first byte is sent, so that no answer reports a write that is not in the audit trail
                     await self._record(scope, message["status"], time.perf_counter() - start)
                 except StoreError as error:  # a write that cannot be audited is not reported as done
                     refused = True

@@ -16,13 +16,6 @@ class ServiceGauges(Collector):
     """Count campaigns by state, running and waiting jobs, and open event streams.
 
     It may only be queried in the event loop of the service, because no lock keeps the counts from changing meanwhile.
-
-    Parameters
-    ----------
-    watcher : Watcher
-        Holds the campaigns and streams.
-    pool : JobPool
-        Holds the jobs.
     """
 
     def __init__(self, watcher: Watcher, pool: JobPool) -> None:

@@ -13,18 +13,9 @@ _RANGE = re.compile(r"bytes=(\d{0,15})-(\d{0,15})")
 
 
 def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, str] | None = None) -> Response:
-    """Return an answer with its ETag.
+    """Return an answer with its ETag: 304 without a body if the request's ``If-None-Match`` has it.
 
-    Parameters
-    ----------
-    request : Request
-        If its ``If-None-Match`` has the ETag, the answer is 304 without a body. If its ``Range`` asks for a part of the
-        body, the answer is 206 with that part, or 416 if there is no such part.
-    body : bytes
-        The whole body.
-    media_type : str
-    headers : dict of str to str, optional
-        Additional headers.
+    If the ``Range`` asks for a part of the body, the answer is 206 with that part, or 416 if there is no such part.
     """
     tag = f'"{sha256(body).hexdigest()[:32]}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Accept-Ranges": "bytes", **(headers or {})}

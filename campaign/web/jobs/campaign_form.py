@@ -54,21 +54,9 @@ STATISTICS = [str(each) for each in Stop.model_json_schema()["properties"]["stat
 def composed(source: CampaignSource, form: Tables | None = None, tries_runs: bool = False) -> Tables:
     """Return the text and the form of a campaign, one derived from the other, and their faults.
 
-    Parameters
-    ----------
-    source : CampaignSource
-        The text, and the files and mechanisms that it may name.
-    form : dict, optional
-        Content of the form, as `form_tables` returns it; it overrides the text.
-    tries_runs : bool
-        Whether to estimate the cost from some runs.
-
-    Returns
-    -------
-    dict
-        ``text``; ``form`` (None if the text is not valid TOML); ``mechanism`` (None if the named one is missing or has
-        faults); ``densities`` by variable; ``checked``, the result of the check (None if it failed); ``faults`` and
-        ``detail``, empty if it passed.
+    A `form`, as `form_tables` returns it, overrides the text; `tries_runs` estimates the cost from some runs. Keys:
+    ``text``; ``form`` (None if the text is not valid TOML); ``mechanism`` (None if missing or faulty); ``densities`` by
+    variable; ``checked``, the result of the check (None if it failed); ``faults`` and ``detail``, empty if it passed.
     """
     store = open_store(source.store, QUICK)
     try:
@@ -122,19 +110,8 @@ def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
 def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None) -> Tables:
     """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign.
 
-    Parameters
-    ----------
-    store, campaign_id : str
-        Path or URL of the store, including what is needed for access; id of the campaign.
-    settings : sequence of str
-        Changes of its distributions, each ``VARIABLE.KEY=VALUE``.
-    samples : int, optional
-        Number of samples of the new campaign; by default the same.
-
-    Raises
-    ------
-    SpecError
-        If a setting is not possible.
+    Settings, each ``VARIABLE.KEY=VALUE``, change its distributions; raises SpecError if one is not possible. Without
+    `samples` the number of samples stays the same.
     """
     import tomli_w
 

@@ -31,28 +31,14 @@ from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 @dataclass(frozen=True)
 class CampaignSource:
-    """The text of a campaign, and the files and mechanisms that it may name.
+    """The text of a campaign, and the files and mechanisms that it may name."""
 
-    Attributes
-    ----------
-    store : str
-        Address of the store, whose saved mechanisms the text may name.
-    text : str
-        Content of the campaign file.
-    files : mapping of str to bytes
-        Content of the files that came with it, by name.
-    samples, seed : int or None
-        Values that replace those of the text.
-    most_samples : int
-        Largest number of samples that is accepted.
-    """
-
-    store: str
+    store: str  # address of the store; the text may name its saved mechanisms
     text: str
-    files: Mapping[str, bytes] = field(default_factory=dict)
-    samples: int | None = None
+    files: Mapping[str, bytes] = field(default_factory=dict)  # content by name
+    samples: int | None = None  # replaces that of the text, as does the seed
     seed: int | None = None
-    most_samples: int = 100_000_000
+    most_samples: int = 100_000_000  # largest number of samples that is accepted
 
     def load(self, store: Store) -> Campaign:
         """Return the checked campaign; raise SpecError with its faults if it is invalid."""
@@ -83,17 +69,9 @@ def check_size(spec: CampaignSpec, most: int) -> None:
 def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dict[str, Any]:
     """Check a campaign, and estimate its cost from runs in the store or, with `tries_runs`, from a few runs of its own.
 
-    Returns
-    -------
-    dict
-        ``campaign`` (the id that it would have), ``exists`` (whether the store has it), ``name``, ``title``,
-        ``mechanism``, ``samples``, ``repeats`` (share of the samples), ``variables`` and ``responses`` (names),
-        ``cautions``, and ``seconds_per_run`` (None if it is not known).
-
-    Raises
-    ------
-    SpecError
-        If the text has faults; it lists them.
+    Keys: ``campaign`` (the id that it would have), ``exists`` (in the store), ``name``, ``title``, ``mechanism``,
+    ``samples``, ``repeats`` (share of the samples), ``variables`` and ``responses`` (names), ``cautions``, and
+    ``seconds_per_run`` (None if it is not known). Raises SpecError with the faults of the text.
     """
     store = open_store(source.store, QUICK)
     campaign = source.load(store)
@@ -114,10 +92,7 @@ def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dic
 def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[str, Any]:
     """Plan a campaign in the store and queue it, without simulating anything; an existing campaign stays unchanged.
 
-    Returns
-    -------
-    dict
-        ``campaign``, ``is_new``, ``owner``, ``samples``, ``repeats``, ``seconds_per_run``, ``reuse``.
+    Keys: ``campaign``, ``is_new``, ``owner``, ``samples``, ``repeats``, ``seconds_per_run``, ``reuse``.
     """
     store = open_store(source.store, QUICK)
     return _submitted(store, source.load(store), labels, by)
@@ -126,28 +101,8 @@ def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[st
 def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: str) -> dict[str, Any]:
     """Plan and queue a campaign with the same spec but more samples; rows that the store has are reused.
 
-    Parameters
-    ----------
-    store : str
-        Address of the store.
-    campaign_id : str
-        Full id of the campaign to extend.
-    samples : int
-        Total number of samples.
-    most : int
-        Largest number of samples that is accepted.
-    by : str
-        The user who asks and becomes the owner.
-
-    Returns
-    -------
-    dict
-        See `submit_text`.
-
-    Raises
-    ------
-    SpecError
-        If the campaign has that many samples already, or cannot have that many.
+    `samples` is the total and at most `most`; the user `by` becomes the owner. The result is that of `submit_text`.
+    Raises SpecError if the campaign has that many samples already, or cannot have that many.
     """
     opened = open_store(store, QUICK)
     plan = opened.plan(campaign_id)

@@ -28,35 +28,19 @@ MOST_STEPS = 2000  # steps that are recorded of a run that a page draws
 
 @dataclass(frozen=True)
 class MechanismSource:
-    """The mechanism of a job.
+    """The mechanism of a job."""
 
-    Attributes
-    ----------
-    name : str
-        Name of a shipped mechanism, or a name for the text in messages.
-    text : str or None
-        Content of its file; None for a shipped one.
-    bench, preset : str or None
-        One of its test benches, and one of its sets of values.
-    values : dict of str to float
-        Values of keys, which override those of the preset.
-    """
-
-    name: str
-    text: str | None = None
-    bench: str | None = None
-    preset: str | None = None
-    values: Mapping[str, float] = field(default_factory=dict)
+    name: str  # of a shipped mechanism, or for the text in messages
+    text: str | None = None  # content of its file; None for a shipped one
+    bench: str | None = None  # one of its test benches
+    preset: str | None = None  # one of its sets of values
+    values: Mapping[str, float] = field(default_factory=dict)  # by key; they override those of the preset
 
     def load(self) -> Mechanism:
         """Return the mechanism on its bench, without applying preset and values.
 
-        Raises
-        ------
-        MechanismError
-            If the mechanism has faults, or no such bench.
-        SpecError
-            If no mechanism of this name is shipped.
+        Raises MechanismError if it has faults, or no such bench. Raises SpecError if no mechanism of this name is
+        shipped.
         """
         if self.text is None and self.name not in library_names():
             raise SpecError(f"mechanism {self.name!r:.100}: none of this name; shipped: {', '.join(library_names())}")

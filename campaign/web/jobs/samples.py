@@ -22,17 +22,7 @@ def replay_document(store: str, campaign: str, sample: int) -> dict[str, Any]:
 
 
 def draw_sample(store: str, campaign: str, sample: int, kind: str) -> bytes:
-    """Repeat a sample and return a picture of it.
-
-    Parameters
-    ----------
-    store, campaign : str
-        Path or URL of the store, including what is needed for access; id of the campaign.
-    sample : int
-        Number of the sample.
-    kind : str
-        ``svg``, its curves over time, or ``gif``, its motion.
-    """
+    """Repeat a sample and return a picture of it: ``svg``, its curves over time, or ``gif``, its motion."""
     from campaign.pictures.animation import animate
     from campaign.pictures.run_figure import plot_run
 

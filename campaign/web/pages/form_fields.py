@@ -19,36 +19,20 @@ _TEXTS = ("name", "title", "mechanism", "bench", "preset", "sampler", "distribut
 
 @dataclass(frozen=True)
 class FormField:
-    """One field of the form.
+    """One field of the form."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the field in the form, which is also its id in the page.
-    key : str
-        Its last key in the campaign file.
-    value : str
-    faults : tuple of str
-        Faults of its value.
-    hint : str
-        Description of the key.
-    """
-
-    name: str
-    key: str
+    name: str  # in the form, which is also its id in the page
+    key: str  # last key in the campaign file
     value: str
-    faults: tuple[str, ...] = ()
-    hint: str = ""
+    faults: tuple[str, ...] = ()  # of its value
+    hint: str = ""  # description of the key
 
 
 def tables_of(sent: Mapping[str, str]) -> Tables:
     """Return the campaign's tables from a sent form.
 
-    Parameters
-    ----------
-    sent : mapping of str to str
-        Text of each field by name. The fields of row ``i`` are named ``v{i}.KEY`` for variables and ``r{i}.KEY`` for
-        responses; the fields of the stopping rule are named ``stop.KEY``.
+    The fields of row ``i`` are named ``v{i}.KEY`` for variables and ``r{i}.KEY`` for responses; the fields of the
+    stopping rule are named ``stop.KEY``.
     """
     tables: Tables = {key: value for key in TOP_KEYS if (value := _typed(key, sent.get(key, ""))) != ""}
     for letter, table in (("v", "variables"), ("r", "responses")):
@@ -73,14 +57,8 @@ def digest(content: Any) -> str:
 class CampaignForm:
     """The fields of a campaign's form, with the faults of each.
 
-    Parameters
-    ----------
-    tables : dict
-        The campaign's tables; see `tables_of`.
-    faults : sequence of mapping
-        The faults; see `campaign.web.http.problems.faults_of`.
-    found : mapping
-        The result of `campaign.web.jobs.campaign_form.composed`.
+    The arguments are results of `tables_of`, `campaign.web.http.problems.faults_of` and
+    `campaign.web.jobs.campaign_form.composed`.
     """
 
     def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:

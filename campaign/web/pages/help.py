@@ -31,18 +31,7 @@ def help_page(request: Request) -> Response:
 
 
 def calls_by_kind(document: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
-    """Return the calls that an OpenAPI document describes, grouped by kind.
-
-    Parameters
-    ----------
-    document : dict
-        The OpenAPI document; only ``paths`` is used.
-
-    Returns
-    -------
-    dict of str to list of dict
-        For each kind its calls, each with ``method``, ``path``, ``summary`` and ``who``.
-    """
+    """Return the calls of an OpenAPI document by kind, each with ``method``, ``path``, ``summary`` and ``who``."""
     kinds: dict[str, list[dict[str, str]]] = {}
     for path, methods in document["paths"].items():
         for method in METHODS:

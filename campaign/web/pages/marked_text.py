@@ -9,32 +9,15 @@ AROUND = 2  # lines shown before and after one with a fault
 
 @dataclass(frozen=True)
 class MarkedLine:
-    """A line of a text.
+    """A line of a text."""
 
-    Attributes
-    ----------
-    number : int
-        Line number, from 1.
-    text : str
-    faults : tuple of str
-        Faults of the line.
-    """
-
-    number: int
+    number: int  # from 1
     text: str
     faults: tuple[str, ...]
 
 
 def marked_lines(text: str, faults: Sequence[Mapping[str, Any]]) -> list[MarkedLine]:
-    """Return the lines of a text that have faults, with some lines around each.
-
-    Parameters
-    ----------
-    text : str
-        The text that was checked.
-    faults : sequence of mapping
-        Its faults; see `campaign.web.http.problems.faults_of`. Faults of other files are left out.
-    """
+    """Return the lines of a text that have faults, with some lines around each; faults of other files are left out."""
     by_line: dict[int, list[str]] = {}
     for fault in faults:
         if fault.get("line") and not fault.get("file"):

@@ -114,29 +114,19 @@ async def editor_form(
     version: Annotated[int, Form(ge=0, lt=10**6)] = 0,
 ) -> Response:
     """Check a text, or save it as a new version."""
-    seen = version if save_as == name else None
+    seen = version if save_as == name else None  # another name has versions of its own
     edit = MechanismEdit(save_as, unix_lines(text), seen, is_saved=action == "save")
     return await _edited(request, service, who, edit, name)
 
 
 @dataclass(frozen=True)
 class MechanismEdit:
-    """The text of a mechanism that a user has edited, and what to do with it.
-
-    Attributes
-    ----------
-    save_as, text : str
-        Name to save it under, and the text.
-    version : int or None
-        The newest version that the user has seen; None if that does not matter.
-    is_saved : bool
-        Whether to save the text if it has no faults; otherwise it is only checked.
-    """
+    """The text of a mechanism that a user has edited, and what to do with it."""
 
     save_as: str
     text: str
-    version: int | None
-    is_saved: bool = False
+    version: int | None  # newest version that the user has seen; None if that does not matter
+    is_saved: bool = False  # save the text if it has no faults; otherwise it is only checked
 
 
 async def _edited(request: Request, service: Service, who: Principal, edit: MechanismEdit, name: str = "") -> Response:

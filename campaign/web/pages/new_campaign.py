@@ -41,27 +41,13 @@ BOTH_CHANGED = (
 
 @dataclass(frozen=True)
 class Draft:
-    """A campaign that a user is writing.
-
-    Attributes
-    ----------
-    text : str
-        Text of the campaign file.
-    form : dict or None
-        The form as it was sent; None if there is none yet.
-    form_was, text_was : str
-        Digests of form and text when the page was last rendered.
-    files : dict of str to str
-        Texts of the files that the campaign names.
-    owner, tags : str
-        Labels of the campaign.
-    """
+    """A campaign that a user is writing."""
 
     text: str
-    form: Tables | None = None
-    form_was: str = ""
-    text_was: str = ""
-    files: dict[str, str] = field(default_factory=dict)
+    form: Tables | None = None  # as it was sent; None if there is none yet
+    form_was: str = ""  # digest of the form when the page was last rendered
+    text_was: str = ""  # digest of the text at that time
+    files: dict[str, str] = field(default_factory=dict)  # texts of the files that the campaign names
     owner: str = ""
     tags: str = ""
 
@@ -191,6 +177,7 @@ async def _shown(
     values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"]}
     values["cost"] = cost_of(service, found["checked"]) if found["checked"] else None
     values["lines"] = marked_lines(draft.text, found["faults"])
+    # of a draft that is shown as it was sent, form and text count as changed until one is derived from the other
     values["form_was"] = draft.form_was if is_as_sent else digest(_as_sent_again(form))
     values["text_was"] = draft.text_was if is_as_sent else digest(draft.text)
     values["mechanisms"] = [*library_names(), *saved, *draft.files]

@@ -17,20 +17,9 @@ _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 def page(
     request: Request, name: str, status: int = 200, /, *, refusal: Refusal | None = None, **values: Any
 ) -> HTMLResponse:
-    """Return a page.
+    """Return a page from the template `name`, given without ``.html.j2``.
 
-    Parameters
-    ----------
-    request : Request
-        The request that the page answers; the page shows its principal.
-    name : str
-        Name of the template, without ``.html.j2``.
-    status : int
-        HTTP status of the answer.
-    refusal : Refusal, optional
-        A refusal that the template shows; the answer then has its status and headers.
-    values
-        Further values for the template.
+    If the template shows a refusal, the answer has its status and headers.
     """
     principal: Principal | None = getattr(request.state, "principal", None)
     reloads = refusal.reload_after_s if refusal and request.method == "GET" else None  # a form would be lost

@@ -58,15 +58,7 @@ class _Thresholds(BaseModel):
 
 
 class Conclusions(BaseModel):
-    """The conclusions of a report, read from its ``capability.json``.
-
-    Attributes
-    ----------
-    headline : str
-        The conclusion in words.
-    responses, product, thresholds
-        Parts of the report's document.
-    """
+    """The conclusions of a report, read from its ``capability.json``."""
 
     headline: str
     responses: list[_Response]
@@ -96,13 +88,7 @@ class Conclusions(BaseModel):
 
 
 def weakest_of(indices: Mapping[str, tuple[float | None, Interval | None]]) -> Weakest | None:
-    """Return the response with the smallest Cpk; None if no response has a Cpk.
-
-    Parameters
-    ----------
-    indices : dict of str to (float or None, (float, float) or None)
-        Cpk and its interval, by response.
-    """
+    """Return the response with the smallest Cpk of those given with their intervals; None if no response has a Cpk."""
     known = [(cpk, name, interval) for name, (cpk, interval) in indices.items() if cpk is not None]
     if not known:
         return None

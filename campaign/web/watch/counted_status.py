@@ -16,15 +16,7 @@ RESTING = ("completed", "incomplete", "cancelled", "failed", "planned")  # state
 
 
 class CountedStatuses:
-    """Count the rows of campaigns; thread-safe.
-
-    Parameters
-    ----------
-    store : Store
-        The store of the campaigns.
-    clock : callable
-        Returns the current time [s]; only differences matter.
-    """
+    """Count the rows of campaigns; thread-safe."""
 
     def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock, self._lock = store, clock, Lock()
@@ -33,12 +25,8 @@ class CountedStatuses:
     def status(self, campaign: str) -> dict[str, Any]:
         """Return the `progress_report` of a campaign, with the faults of its files as ``remarks``.
 
-        The counts of a running campaign are those of its coordinator, at most some seconds old.
-
-        Raises
-        ------
-        StoreError
-            If the store cannot be read, or has no such campaign.
+        The counts of a running campaign are those of its coordinator, at most some seconds old. Raises StoreError if
+        the store cannot be read, or has no such campaign.
         """
         token = change_token(self._store, campaign)
         with self._lock:

@@ -52,12 +52,7 @@ class CampaignEntry(BaseModel):
 def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
     """Read the list entry of a campaign; the entry of a broken campaign says what is wrong with it.
 
-    Parameters
-    ----------
-    store : Store
-        A store that does not wait; see `Store.hasty`.
-    campaign_id : str
-        Full id of the campaign.
+    The store is one that does not wait; see `Store.hasty`.
     """
     try:
         return _entry(Store(store.files.listed(campaign_id)), campaign_id)
@@ -81,6 +76,8 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
     entry.owner, entry.tags, entry.note = labels.owner, list(labels.tags), labels.note
     entry.archived, entry.labels_version = labels.archived, labels.version
     if seen.state == "running" and seen.heartbeat is not None:
+        # a running campaign is read at each look, so its counts are those of the heartbeat and not of a survey of all
+        # files
         beat = seen.heartbeat
         entry.samples, entry.done, entry.ok = beat.samples, beat.done, beat.ok
         entry.failed, entry.left = beat.failed, beat.left

@@ -22,18 +22,7 @@ AT_ONCE = 50  # campaigns that are read between two writes
 
 
 class CampaignIndex:
-    """The index of a store.
-
-    Parameters
-    ----------
-    path : Path
-        The file of the index.
-
-    Raises
-    ------
-    CampaignError
-        If the file can be neither read nor created.
-    """
+    """The index of a store, in a file; raise CampaignError if the file can be neither read nor created."""
 
     def __init__(self, path: Path) -> None:
         self._lock, self._is_closed = threading.Lock(), False
@@ -56,12 +45,7 @@ class CampaignIndex:
         """Drop the campaigns that are gone, and find those that must be read again because they have changed.
 
         Queued and running campaigns are always read, because neither their progress nor the death of their coordinator
-        changes their token.
-
-        Parameters
-        ----------
-        tokens : dict of str to str
-            Change token of each campaign; see `campaign.store.change_tokens`.
+        changes their token; see `campaign.store.change_tokens`.
         """
         gone = set(self._entries) - set(tokens)
         with self._lock:

@@ -53,21 +53,9 @@ def cursor_after(entry: CampaignEntry, order: str) -> str:
 
 
 def after_cursor(found: Sequence[Listed], order: str, cursor: str) -> Sequence[Listed]:
-    """Return the campaigns that come after the end of the previous page.
+    """Return the campaigns, sorted by `order`, after a cursor from `cursor_after`; an empty cursor is the first page.
 
-    Parameters
-    ----------
-    found : sequence of (CampaignEntry, object)
-        All campaigns, sorted by `order`.
-    order : str
-        One of the `ORDERS`.
-    cursor : str
-        A cursor from `cursor_after`; empty for the first page.
-
-    Raises
-    ------
-    SpecError
-        If the cursor does not belong to a list in this order.
+    Raises SpecError if the cursor does not belong to a list in this order.
     """
     if not cursor:
         return found

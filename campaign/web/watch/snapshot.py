@@ -14,24 +14,12 @@ PRELIMINARY = "normal theory for independent samples; the report looks at their 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The progress of a campaign at one moment.
+    """The progress of a campaign at one moment."""
 
-    Attributes
-    ----------
-    state : str
-        See `Observation`.
-    is_over : bool
-        Whether nothing more happens unless somebody requests it.
-    data : str
-        The whole progress as JSON on one line.
-    id : str
-        Digest of the data; a follower that reconnects sends it to say what it has seen.
-    """
-
-    state: str
-    is_over: bool
-    data: str
-    id: str
+    state: str  # see `Observation`
+    is_over: bool  # nothing more happens unless somebody requests it
+    data: str  # the whole progress as JSON on one line
+    id: str  # digest of the data; a follower that reconnects sends it to say what it has seen
 
     @property
     def event(self) -> bytes:
@@ -50,13 +38,8 @@ def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     """Return the progress that an observation shows, as plain data; counts are None before the first heartbeat.
 
     Each Cpk has an interval by normal theory, which narrows as rows arrive and may differ from that of the report.
-
-    Parameters
-    ----------
-    seen : Observation
-    is_served : bool
-        Whether a coordinator of the store is kept alive, so that interrupted campaigns are continued and reports are
-        still written.
+    `is_served` says that a coordinator of the store is kept alive, so that interrupted campaigns are continued and
+    reports are still written.
     """
     beat = seen.heartbeat
     document: dict[str, Any] = {"campaign": seen.campaign, "state": seen.state, "message": seen.message}

@@ -61,15 +61,7 @@ class Feed:
 
 
 class Watcher:
-    """Watch the store, keep the index up to date, and tell followers about changes.
-
-    Parameters
-    ----------
-    store : Store
-    index : CampaignIndex
-    is_served : bool
-        See `progress_of`.
-    """
+    """Watch the store, keep the index up to date, and tell followers about changes; see `progress_of`."""
 
     def __init__(self, store: Store, index: CampaignIndex, *, is_served: bool = False) -> None:
         self._store, self.index, self.is_served = store.hasty, index, is_served
@@ -117,19 +109,14 @@ class Watcher:
             if self.fault != str(error):
                 logger.warning("%s", error)
             self.fault = str(error)
-        except Exception:
+        except Exception:  # a bug in one look must not end all later ones
             logger.exception("the store could not be looked at")
 
     async def list_campaigns(self, changed: str | None = None) -> None:
         """Update the index now with the campaigns that this server has changed, and every five seconds with all.
 
-        If many campaigns have changed, only the first ones are read; `run` continues with the others, and
-        `CampaignIndex.unread` counts the campaigns that have no entry yet.
-
-        Parameters
-        ----------
-        changed : str, optional
-            A campaign that this server has changed, in addition to those passed to `hurry`.
+        `changed` is added to the campaigns passed to `hurry`. If many have changed, only the first ones are read; `run`
+        continues with the others, and `CampaignIndex.unread` counts the campaigns that have no entry yet.
         """
         campaigns, hurries = {*self._changed, *([changed] if changed else [])}, self._hurries
         is_whole = not campaigns or self._is_whole_due()
@@ -192,12 +179,7 @@ class Watcher:
     async def follow(self, campaign: str, last: str = "") -> AsyncGenerator[bytes]:
         """Yield the events of a campaign until nothing more happens, the follower leaves, or the server ends.
 
-        Parameters
-        ----------
-        campaign : str
-            Full id of the campaign.
-        last : str
-            Id of the last event that the follower has seen; that event is not sent again.
+        The event with the id `last`, which the follower has seen, is not sent again.
         """
         feed = self._feeds.setdefault(campaign, Feed(is_served=self.is_served))
         feed.followers += 1

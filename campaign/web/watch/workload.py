@@ -16,59 +16,31 @@ UNSETTLED = ("queued", "running", "interrupted")  # states from which a campaign
 
 @dataclass(frozen=True)
 class ServingProcess:
-    """The process that coordinates the queued campaigns of a store.
-
-    Attributes
-    ----------
-    pid, machine : str
-        Number of the process, and the machine it runs on.
-    seconds : float or None
-        Time that it has served, by its heartbeats [s]; None before the first heartbeat.
-    sign : SignOfLife
-        Whether the process is alive.
-    """
+    """The process that coordinates the queued campaigns of a store."""
 
     pid: str
     machine: str
-    seconds: float | None
-    sign: SignOfLife
+    seconds: float | None  # time that it has served, by its heartbeats; None before the first
+    sign: SignOfLife  # whether the process is alive
 
 
 @dataclass(frozen=True)
 class UnsettledCampaign:
-    """A campaign that runs or waits for a coordinator.
+    """A campaign that runs or waits for a coordinator."""
 
-    Attributes
-    ----------
-    entry : CampaignEntry
-        Its entry in the list of campaigns.
-    seen : Observation
-        Its current state by its own files.
-    pid, machine : str
-        The process that coordinates it; empty if there is none.
-    """
-
-    entry: CampaignEntry
-    seen: Observation
-    pid: str
+    entry: CampaignEntry  # in the list of campaigns
+    seen: Observation  # current state by its own files
+    pid: str  # of the process on `machine` that coordinates it; both empty if there is none
     machine: str
 
 
 @dataclass(frozen=True)
 class Workload:
-    """The running and waiting campaigns of a store, and the process that serves it.
+    """The running and waiting campaigns of a store, and the process that serves it."""
 
-    Attributes
-    ----------
-    serving : ServingProcess or None
-        The process that serves the store; None if there is none, or it has shut down properly.
-    running, waiting : list of UnsettledCampaign
-        Campaigns; the waiting ones are in the order in which the serving process takes them.
-    """
-
-    serving: ServingProcess | None
+    serving: ServingProcess | None  # None if there is none, or it has shut down properly
     running: list[UnsettledCampaign]
-    waiting: list[UnsettledCampaign]
+    waiting: list[UnsettledCampaign]  # in the order in which the serving process takes them
 
     @property
     def workers(self) -> int:
@@ -77,21 +49,9 @@ class Workload:
 
 
 def look_at_work(store: Store, entries: Iterable[CampaignEntry], earlier: Workload | None = None) -> Workload:
-    """Return the current workload of a store; the files are read once, without waiting.
+    """Return the current workload of a store that does not wait (`Store.hasty`); the files are read once.
 
-    Parameters
-    ----------
-    store : Store
-        A store that does not wait; see `Store.hasty`.
-    entries : iterable of CampaignEntry
-        The list entries of all campaigns.
-    earlier : Workload, optional
-        Result of the previous look; two looks are needed to tell whether a process on another machine is alive.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be read.
+    `earlier` is the result of the previous look: two are needed to tell whether a process on another machine is alive.
     """
     before = {} if earlier is None else {each.entry.campaign: each.seen for each in earlier.running}
     found = []

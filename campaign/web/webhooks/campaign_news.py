@@ -12,37 +12,18 @@ REPORT_WITHIN = 600.0  # s after the end of a completed campaign that its news w
 
 @dataclass(frozen=True)
 class CampaignNews:
-    """Something that happened to a campaign.
+    """Something that happened to a campaign."""
 
-    Attributes
-    ----------
-    key : str
-        Identifies the event, its time and the campaign; news with the same key is sent only once.
-    campaign : str
-        Id of the campaign.
-    people : frozenset of str
-        Users who own or submitted the campaign.
-    content : dict
-        The content of the news, as plain data.
-    """
-
-    key: str
+    key: str  # identifies event, time and campaign; news with the same key is sent only once
     campaign: str
-    people: frozenset[str]
-    content: dict[str, Any]
+    people: frozenset[str]  # users who own or submitted the campaign
+    content: dict[str, Any]  # plain data
 
 
 def campaign_news(entry: CampaignEntry, address: str, now: float | None = None) -> list[CampaignNews]:
     """Return the news that follows from the state of a campaign; as the state is in the store, no restart loses news.
 
-    Parameters
-    ----------
-    entry : CampaignEntry
-        The campaign's entry in the list.
-    address : str
-        Address of the server, for the link.
-    now : float, optional
-        Current time [s since 1970]; by default that of the system clock.
+    `address` is that of the server, for the link; `now` is in seconds since 1970.
     """
     if entry.state not in ENDED:
         return []
@@ -57,6 +38,7 @@ def campaign_news(entry: CampaignEntry, address: str, now: float | None = None) 
         mode="json", include={"since", "samples", "done", "failed", "share_ok", "weakest", "headline"}
     )
     people = frozenset({entry.owner, entry.submitted_by} - {""})
+    # with the time, so that a campaign that is resumed and ends again is news again; a low Cpk is news only once
     news = [CampaignNews(f"ended {entry.campaign} {entry.state} {since:.3f}", entry.campaign, people, ended)]
     for below in entry.below_target:
         content = {"event": "cpk.below", **about, **below.model_dump(mode="json")}

@@ -17,28 +17,14 @@ PAST = "past"  # status of news from before the webhook was created
 
 @dataclass(frozen=True)
 class Webhook:
-    """An address that a user wants news sent to.
-
-    Attributes
-    ----------
-    id : int
-    user : str
-        The user it belongs to.
-    campaign : str or None
-        The campaign it gets news of; None for all campaigns that the user owns or submitted.
-    url : str
-    secret : str
-        Key that the bodies are signed with.
-    created : float
-        Time of its creation [s since 1970].
-    """
+    """An address that a user wants news sent to."""
 
     id: int
     user: str
-    campaign: str | None
+    campaign: str | None  # None for all that the user owns or submitted
     url: str
-    secret: str = field(repr=False)
-    created: float
+    secret: str = field(repr=False)  # key that the bodies are signed with
+    created: float  # [s since 1970]
 
     def wants(self, news: CampaignNews) -> bool:
         """Return whether the webhook is to get a piece of news."""
@@ -47,43 +33,19 @@ class Webhook:
 
 @dataclass(frozen=True)
 class Delivery:
-    """The delivery of news to a webhook.
-
-    Attributes
-    ----------
-    id, webhook : int
-        Numbers of the delivery and of its webhook.
-    event : str
-        Key of the news.
-    body : str
-        The news as JSON.
-    attempts : int
-        Number of attempts so far.
-    next : float or None
-        Time of the next attempt [s since 1970]; None if there is none.
-    status : str
-        ``waiting``, ``delivered``, ``given up`` with the reason, or why the last attempt failed.
-    """
+    """The delivery of news to a webhook."""
 
     id: int
-    webhook: int
-    event: str
-    body: str
-    attempts: int
-    next: float | None
-    status: str
+    webhook: int  # id
+    event: str  # key of the news
+    body: str  # JSON
+    attempts: int  # so far
+    next: float | None  # time of the next attempt [s since 1970]; None if there is none
+    status: str  # ``waiting``, ``delivered``, ``given up`` with the reason, or why the last attempt failed
 
 
 class WebhookBook:
-    """The webhooks of a server.
-
-    Parameters
-    ----------
-    database : Database
-        The database that keeps them.
-    clock : callable
-        Returns the current time [s since 1970].
-    """
+    """The webhooks of a server; `clock` returns the time in seconds since 1970."""
 
     def __init__(self, database: Database, clock: Callable[[], float] = time.time) -> None:
         self._database, self._clock = database, clock
@@ -138,6 +100,7 @@ class WebhookBook:
         """Return at most `count` deliveries that are due now, oldest first."""
         webhooks = {webhook.id: webhook for webhook in self.all()}
         statement = "SELECT * FROM deliveries WHERE next <= ? ORDER BY next LIMIT ?"
+        # more than `count`, because those of disabled users are left out below and must not block the others
         rows = self._database.rows(statement, self._clock(), 10 * count)
         found = [_delivery(row) for row in rows]
         return [(webhooks[each.webhook], each) for each in found if each.webhook in webhooks][:count]

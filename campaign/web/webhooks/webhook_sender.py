@@ -24,17 +24,9 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class WebhookSender:
-    """Send news about campaigns to webhooks.
+    """Send news about campaigns to webhooks, in the server's own network only to the hosts `allowed`.
 
-    Parameters
-    ----------
-    book : WebhookBook
-    news : callable
-        Returns the news that follows from the states of all campaigns.
-    allowed : iterable of str
-        Hosts in the server's own network to which news may be sent.
-    clock : callable
-        Returns the current time [s since 1970].
+    `news` returns what follows from the states of all campaigns, `clock` the time in seconds since 1970.
     """
 
     def __init__(
@@ -102,7 +94,7 @@ class WebhookSender:
                     f"{target.scheme}://{shown}:{target.port}{target.rest}",
                     content=body,
                     headers=headers,
-                    extensions={"sni_hostname": target.host},
+                    extensions={"sni_hostname": target.host},  # the URL has the address; the certificate, the name
                 ) as response,
             ):
                 return None if response.is_success else f"answered with status {response.status_code}"
@@ -117,18 +109,8 @@ class WebhookSender:
 def signature(secret: str, body: bytes, at: int) -> str:
     """Return the signature of a body: ``t=SECONDS,v1=HEX``.
 
-    Parameters
-    ----------
-    secret : str
-        Secret of the webhook.
-    body : bytes
-    at : int
-        Current time [s since 1970]; receivers refuse old signatures, so that nobody can replay a body.
-
-    Returns
-    -------
-    str
-        SECONDS is `at`; HEX is the HMAC-SHA256 of ``SECONDS.BODY`` with the secret as key.
+    SECONDS is `at`; HEX is the HMAC-SHA256 of ``SECONDS.BODY`` with the secret as key. Receivers refuse old signatures,
+    so that nobody can replay a body.
     """
     digest = hmac.new(secret.encode(), f"{at}.".encode() + body, hashlib.sha256).hexdigest()
     return f"t={at},v1={digest}"

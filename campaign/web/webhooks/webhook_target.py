@@ -15,23 +15,13 @@ _TRANSLATED = [ipaddress.ip_network(each) for each in ("64:ff9b::/96", "64:ff9b:
 
 @dataclass(frozen=True)
 class WebhookTarget:
-    """The parts of a webhook's address.
-
-    Attributes
-    ----------
-    scheme, host : str
-    port : int
-    rest : str
-        Path and query.
-    is_allowed : bool
-        Whether the configuration names the host, so that it may be in the server's own network.
-    """
+    """The parts of a webhook's address."""
 
     scheme: str
     host: str
     port: int
-    rest: str
-    is_allowed: bool
+    rest: str  # path and query
+    is_allowed: bool  # the configuration names the host, so that it may be in the server's own network
 
     @property
     def authority(self) -> str:
@@ -41,18 +31,9 @@ class WebhookTarget:
 
 
 def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
-    """Check the address of a webhook, without looking up its host.
+    """Check the address of a webhook, without looking up its host; the configuration names the hosts `allowed`.
 
-    Parameters
-    ----------
-    url : str
-    allowed : iterable of str
-        Hosts that the configuration names in ``[webhooks]``.
-
-    Raises
-    ------
-    SpecError
-        If the URL is invalid, or news may not be sent there.
+    Raises SpecError if the URL is invalid, or if news may not be sent there.
     """
     try:
         parts = urlsplit(url)
@@ -73,10 +54,8 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
 def target_addresses(target: WebhookTarget) -> list[str]:
     """Look up the addresses of a target and check that news may be sent to each.
 
-    Raises
-    ------
-    SpecError
-        If the host has no address, or one in the server's own network that the configuration does not allow.
+    Raises SpecError if the host has no address, or one in the server's own network that the configuration does not
+    allow.
     """
     try:
         found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)

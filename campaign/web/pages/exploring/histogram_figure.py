@@ -9,25 +9,14 @@ WIDTH, HEIGHT = 320.0, 110.0  # size of the drawing, in its own units
 
 @dataclass(frozen=True)
 class Figure:
-    """The drawing of a histogram.
+    """The drawing of a histogram."""
 
-    Attributes
-    ----------
-    bars : list of (x, y, width, height)
-        The present histogram; heights are counts divided by bin widths, so that areas are proportional to counts.
-    after : str
-        Points of the outline under the new distributions; empty without them.
-    limits : list of (x, str)
-        Places and names of the limits that lie within the drawing.
-    lower, upper : float
-        Ends of the axis, in the unit of the response.
-    """
-
+    # (x, y, width, height); heights are counts divided by bin widths, so that areas are proportional to counts.
     bars: list[tuple[float, float, float, float]]
-    after: str
-    limits: list[tuple[float, str]]
-    lower: float
-    upper: float
+    after: str  # points of the outline under the new distributions; empty without them
+    limits: list[tuple[float, str]]  # places and names of the limits within the drawing
+    lower: float  # left end of the axis, in the unit of the response
+    upper: float  # right end
 
 
 def histogram_figure(bins: Mapping[str, Any]) -> Figure | None:

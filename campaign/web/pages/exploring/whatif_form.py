@@ -13,39 +13,20 @@ REACH, STRETCH = 2.0, 0.8  # reach of a slider to each side: sigmas for keys of 
 
 @dataclass(frozen=True)
 class KeyField:
-    """A key of a distribution that can be set.
+    """A key of a distribution that can be set."""
 
-    Attributes
-    ----------
-    setting : str
-        Left side of its setting: ``VARIABLE.KEY``.
-    key : str
-    now : float
-        Value in the campaign.
-    text : str
-        Value in the question, as text.
-    low, high, step : float
-        Ends and step of the slider.
-    """
-
-    setting: str
+    setting: str  # ``VARIABLE.KEY``, without ``=VALUE``
     key: str
-    now: float
-    text: str
-    low: float
+    now: float  # value in the campaign
+    text: str  # value in the question
+    low: float  # end of the slider, as is `high`
     high: float
     step: float
 
 
 @dataclass(frozen=True)
 class VariableFields:
-    """The keys of a variable's distribution that can be set.
-
-    Attributes
-    ----------
-    name, unit, distribution : str
-    keys : list of KeyField
-    """
+    """The keys of a variable's distribution that can be set."""
 
     name: str
     unit: str
@@ -54,15 +35,7 @@ class VariableFields:
 
 
 def variable_fields(plan: Plan, settings: Sequence[str]) -> list[VariableFields]:
-    """Return the fields of the variables with a nonzero sigma, filled with the settings of a question.
-
-    Parameters
-    ----------
-    plan : Plan
-        The campaign.
-    settings : sequence of str
-        Settings of the question, each ``VARIABLE.KEY=VALUE``.
-    """
+    """Return the fields of the variables with a nonzero sigma, filled with the settings of a question."""
     asked = dict(setting.partition("=")[::2] for setting in settings)
     found = []
     for name, table in dump_spec(plan.spec)["variables"].items():
@@ -84,14 +57,7 @@ def other_settings(fields: Iterable[VariableFields], settings: Sequence[str]) ->
 def settings_of(fields: Iterable[VariableFields], given: Mapping[str, str], others: str) -> list[str]:
     """Return the settings of a sent form: those of numbers that differ from the campaign's, then the others.
 
-    Parameters
-    ----------
-    fields : iterable of VariableFields
-        The fields of the form.
-    given : mapping of str to str
-        Texts of its numbers, by the name of the field.
-    others : str
-        Other settings, one on each line.
+    `given` has the texts of the numbers, by the name of the field; `others` has one setting on each line.
     """
     changed = []
     for key in (key for each in fields for key in each.keys):
