@@ -73,6 +73,7 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     run, spec = response.running, response.spec
     if run is None:
         return None
+    # The wide band of the first few values would flatten the rest of the figure.
     first = next((i for i, count in enumerate(run.n) if count >= FEWEST_FOR_A_VERDICT), 0)
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
     low, high = min(run.low[first:]), max(run.high[first:])

@@ -21,13 +21,7 @@ _REPEATED = ("lsl", "usl", "target")  # inside a capability these only repeat it
 
 
 def document(analysis: Analysis) -> dict[str, Any]:
-    """Return the analysis as plain data; numbers that are undefined are None.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    """
+    """Return the analysis as plain data; numbers that are undefined are None."""
     body = asdict(analysis)
     spec = body.pop("spec")
     for response in body["responses"]:
