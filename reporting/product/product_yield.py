@@ -136,6 +136,7 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
     if not independent_samples:
         return "Samples of a production lot fail together, so the difference does not show whether responses do."
     rolled = math.prod(1 - matrix.mean(axis=1))
+    # Both directions are tested, each with half of the permitted chance.
     repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
     if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
         return (

@@ -125,6 +125,7 @@ class _Model:
 
     def rejects(self) -> tuple[Array, Array, float]:
         """Return standard scores and weights of simulated rejects, and their share of production."""
+        # A fixed seed: the same runs always give the same targets.
         rng, d = np.random.Generator(np.random.PCG64(0)), self._dimensions
         found, weights = [np.zeros((0, d))], [np.zeros(0)]
         for _ in range(IMAGINED // _PIECE):

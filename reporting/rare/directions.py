@@ -34,6 +34,7 @@ def directions(points: Array, weights: Array) -> Parts:
             centres = np.vstack([centres, x[np.argmax(w * distance)]])
             shares = np.append(shares * (k - 1) / k, 1.0 / k)
         centres, shares, likelihood = _fitted(x, w, centres, shares)
+        # Parameters: k centres, k - 1 shares and the common variance.
         criterion = -2.0 * effective * likelihood + k * (d + 1) * np.log(effective)
         if criterion < least:
             best, least = (centres, shares), criterion

@@ -78,6 +78,7 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
     low, high = min(run.low[first:]), max(run.high[first:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
+    # An axis must not be empty if there is only one point.
     x, y = (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near])
     frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
     n = [math.log10(count) for count in run.n[first:]]

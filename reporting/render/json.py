@@ -62,6 +62,7 @@ def report_schema() -> dict[str, Any]:
     for name in _POINTS:
         del models["Scatter"]["properties"][name]
         models["Scatter"]["required"].remove(name)
+    # A copy: in a comparison the limits are not repeated elsewhere, so its capabilities keep the keys deleted below.
     models["ComparedCapability"] = json.loads(json.dumps(models["Capability"]))
     for name in _REPEATED:
         del models["Capability"]["properties"][name]

@@ -126,6 +126,7 @@ def _worths(scores: Array, out: NDArray[np.bool_], p: float) -> tuple[Array, Arr
     ridge = np.where((np.arange(terms.shape[1]) < k), _RIDGE_LINEAR, _RIDGE_QUADRATIC)
     rejects, others = np.count_nonzero(out), np.count_nonzero(~out)
     shift = math.log(rejects / others) - math.log(p / (1 - p))
+    # Rejects are overrepresented among the fitted rows: the weights restore their share of all samples.
     weight = np.where(out, p / rejects, (1 - p) / others)
     fold = np.empty(y.size, np.int64)
     fold[out], fold[~out] = np.arange(rejects) % _FOLDS, np.arange(others) % _FOLDS

@@ -69,6 +69,7 @@ def sensitivity(
         complete &= np.isfinite(column)
     rows = {name: complete & np.isfinite(column) for name, column in outputs.items()}
     done: dict[str, ResponseSensitivity] = {}
+    # Responses with values in the same rows share one pass over them.
     for names in _same_rows(rows):
         at = rows[names[0]]
         columns = {name: column[at] for name, column in inputs.items()}

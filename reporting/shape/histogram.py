@@ -46,6 +46,7 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
     if usl is not None:
         edges = np.where(edges == usl, np.nextafter(usl, math.inf), edges)
     edges = np.unique(edges)
+    # By rounding the outermost edges may lie inside the values.
     edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
     counts, _ = np.histogram(x, edges)
     return Histogram(tuple(edges.tolist()), tuple(counts.tolist()))

@@ -40,6 +40,7 @@ def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
         reach = np.minimum(_BEYOND / np.sqrt(np.maximum(steepness, 1e-12)), _FARTHEST)
         scores = _even_normals(_DRAWS, theta.size)
         drawn = theta + (scores * reach) @ axes.T
+        # The likelihood over the normal density of the scores from which the parameters are drawn.
         log_weights = worth * loglik(drawn) + 0.5 * np.sum(scores**2, axis=1)
     log_weights = np.where(np.isfinite(log_weights), log_weights, -np.inf)
     weights = np.exp(log_weights - np.max(log_weights)) if np.any(np.isfinite(log_weights)) else np.ones(_DRAWS)

@@ -109,6 +109,7 @@ def survival_interval(excesses: Array, y: float, fit: ParetoFit, confidence: flo
     """
     from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
 
+    # At the ends of the interval the log-likelihood has fallen by half the chi-square quantile (likelihood ratio).
     drop = float(chdtri(1, 1 - confidence)) / 2
     estimate = fit.survival(y)
     centre = min(math.log(max(estimate, math.exp(_LEAST_LOG_SHARE))), -1e-6)

@@ -110,6 +110,7 @@ def moved_cpk(
     by_coefficient = surface.inverse[:, columns] @ np.einsum("ij,i->j", difference, slope)
     of_coefficients = np.einsum("ij,j->i", surface.terms, by_coefficient) * surface.residual
     low, high = mean_interval(index, by_lot(own + of_coefficients, lots), confidence)
+    # A larger sigma moves an index towards 0: it would raise a lower end that is below 0.
     grown = max(factor**2 - 1, 0.0) * surface.unexplained * float(np.var(surface.y, ddof=1))
     return float(index), (low / math.sqrt(1 + grown / std**2) if low > 0 else low, high)
 

@@ -92,6 +92,7 @@ def tolerance_advice(
         of = {name: values[name] for name in names}
         return asked(of, samples.limits, dict.fromkeys(of, target), samples.columns, rows, confidence, samples.lots)
 
+    # Variables whose spread can shrink as far as the search goes; one row is enough to ask.
     free = [v for v in samples.varied if rescale({v: LEAST_FACTOR}, rows[:1]).spread in (None, LEAST_FACTOR)]
     together = [ALL_TOGETHER] if len(free) > 1 else []
     alone: dict[str, list[Advice]] = {name: [] for name in below}

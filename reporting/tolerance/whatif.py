@@ -149,6 +149,7 @@ def _under(
         **numbers,
         ppm_expected=expected_normal(mean.value, std.value, *limits).get("total") if std else None,
         pareto_k_sigma=k,
+        # Exactly 0 if every row has a value: the weights add up to 1 only within rounding.
         missing=max(1.0 - with_value, 0.0) if n < y.size else 0.0,
         runs=runs_for(cpk.value) if cpk else usual_runs,
         notes=tuple(_notes(std is not None, limited, k)),
