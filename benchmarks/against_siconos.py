@@ -58,6 +58,7 @@ def solve_with_siconos(problems: list[FrictionProblem]) -> dict[str, np.ndarray]
     """Solve the problems with Siconos in its own Python; see `siconos_solvers.main`."""
     arrays: dict[str, Any] = {"count": len(problems)}
     for i, problem in enumerate(problems):
+        # Siconos' solvers take the problem reduced to the contacts; the reduction is not in their times.
         arrays[f"W{i}"] = problem.H @ np.linalg.solve(problem.M, problem.H.T)
         arrays[f"q{i}"], arrays[f"mu{i}"] = problem.q, problem.mu
     with tempfile.TemporaryDirectory(prefix="clearcap-siconos-") as folder:

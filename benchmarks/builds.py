@@ -77,7 +77,7 @@ def _runs(build: Path, campaign: str, first: int) -> list[dict[str, Any]]:
 
 
 def _cost(name: str, rows: list[dict[str, Any]], before: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the median costs of the runs of a build, and their speed relative to the earlier build."""
+    """Return means and medians of the costs of a build's runs, and their speed relative to the earlier build."""
     return {
         "build": name,
         "ok": f"{sum(row['ok'] for row in rows)} of {len(rows)}",

@@ -10,12 +10,9 @@ ACROSS = [0.0, 1.0, 0.0]
 def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: float = 0.5) -> dict[str, Any]:
     """Describe a straight chain on joints with play, released at rest.
 
-    Parameters
-    ----------
-    links : number of bars, each hanging on a pin of the one above; the first on the ground
-    clearance : radial clearance of every joint [m]; 0 makes the joints ideal
-    friction : coefficient in every joint
-    angle : initial angle of the whole chain from the vertical [rad]
+    Each of the `links` bars hangs on a pin of the one above, the first on the ground. A radial `clearance` [m] of 0
+    makes the joints ideal; `friction` is the coefficient in every joint, `angle` [rad] that of the whole chain from the
+    vertical.
     """
     joint = (
         {"type": "clearance_revolute", "rings": [-HALF_WIDTH, HALF_WIDTH], "radial_clearance": clearance}

@@ -55,6 +55,7 @@ def build_heap(shape: str, bodies: int, seed: int = 0) -> Heap:
     boxes = shape == "boxes"
     spacing, rise = (1.1, 1.0) if boxes else (1.0, np.sqrt(0.5))
     side = 1
+    # Layers have 1, 4, 9, ... places: the sum of the squares up to `side`.
     while side * (side + 1) * (2 * side + 1) // 6 < bodies:
         side += 1
     places = [(layer, i, j) for layer in range(side) for i in range(side - layer) for j in range(side - layer)][:bodies]
@@ -83,6 +84,7 @@ def build_heap(shape: str, bodies: int, seed: int = 0) -> Heap:
     mass = rng.uniform(0.5, 2.0, bodies)
     pairs, points = np.array(pair), np.array(point)
     arm = points[:, None] - np.where(pairs[:, :, None] < 0, points[:, None], centre[pairs])
+    # Inertia of a cube of edge 1 and of a ball of diameter 1.
     return Heap(mass, mass / (6 if boxes else 10), pairs, np.array([_frame(np.array(n)) for n in normal]), arm)
 
 

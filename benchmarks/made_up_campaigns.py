@@ -15,18 +15,9 @@ from campaign.store.layout import PLAN
 
 
 def made_up_campaign(store: Store, loaded: Campaign, samples: int, batch: int, name: str = "") -> Plan:
-    """Write a campaign with all its rows and their manifest; return its plan.
+    """Write a campaign that imitates another, with `batch` rows in a file and their manifest; return its plan.
 
-    Parameters
-    ----------
-    store : Store
-        Store to write to.
-    loaded : Campaign
-        Campaign to imitate.
-    samples, batch : int
-        Number of rows, and number of rows per file.
-    name : str
-        Name of the campaign; by default derived from the number of rows.
+    Its name is by default derived from the number of rows.
     """
     named = {"samples": samples, "name": name or f"{loaded.spec.name}-{samples}", "stop": None}
     plan = make_plan(replace(loaded, spec=loaded.spec.model_copy(update=named)), batch)

@@ -21,30 +21,14 @@ ROOT = Path(__file__).parents[1]
 
 @dataclass
 class ServerLoad:
-    """A server under load.
-
-    Attributes
-    ----------
-    client : httpx.AsyncClient
-        Client that sends the requests.
-    process : psutil.Process
-        The serving process; its child processes are not measured.
-    idle : float
-        Share of a core that the process uses without requests; 0 until it is measured.
-    statuses : Counter of int
-        Number of answers by status.
-    waits : list of float
-        Time until each answer [s].
-    events : int
-        Number of events of all streams.
-    """
+    """A server under load."""
 
     client: httpx.AsyncClient
-    process: psutil.Process
-    idle: float = 0.0
-    statuses: Counter[int] = field(default_factory=Counter)
-    waits: list[float] = field(default_factory=list)
-    events: int = 0
+    process: psutil.Process  # the serving one; its child processes are not measured
+    idle: float = 0.0  # share of a core that the process uses without requests; 0 until it is measured
+    statuses: Counter[int] = field(default_factory=Counter)  # answers by status
+    waits: list[float] = field(default_factory=list)  # until each answer [s]
+    events: int = 0  # of all streams
 
     async def ask(self, path: str, method: str = "GET", **options: Any) -> httpx.Response:
         """Send a request and return the answer, which is counted."""

@@ -43,6 +43,7 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
     The answers are computed by a process with the environment of the service's computing processes.
     """
     command = [sys.executable, "-m", "benchmarks.web_answers"]
+    # The service's processes do not import from the current folder; this one must, to find `benchmarks`.
     environment = {**job_environment(), "PYTHONSAFEPATH": ""}
     done = subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True, text=True)
     return [{**row, "in_solves": 1e3 * row["processor_ms"] / unit_us} for row in json.loads(done.stdout)]

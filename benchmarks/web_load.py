@@ -155,14 +155,7 @@ async def _measure_questions(load: ServerLoad, table: _Table, changed: str, camp
 async def _mixed(load: ServerLoad, paths: list[str], bare_wait: float) -> dict[str, float]:
     """Request all paths repeatedly with several concurrent callers; return memory of the process and waiting times.
 
-    Parameters
-    ----------
-    load : ServerLoad
-        The server.
-    paths : list of str
-        Paths to request.
-    bare_wait : float
-        Waiting time for a bare answer [s].
+    `bare_wait` is the waiting time for a bare answer [s].
     """
     at_first = load.memory_mib
     await _ask_all(load, paths, FIRST_MIXED)  # until each thread of the server has allocated its working memory

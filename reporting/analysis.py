@@ -46,73 +46,31 @@ Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
 
 @dataclass(frozen=True)
 class Analysis:
-    """Everything that a report contains.
-
-    Attributes
-    ----------
-    spec : ReportSpec
-    headline : str
-        The outcome in a sentence or two: failures first where they decide, then what is bad.
-    design : Design
-        How the samples were drawn, and what follows for the report.
-    finished, ok, failed : int
-        Number of finished samples, of ok samples and of failed samples.
-    used : int
-        Number of ok samples in the statistics: all, or those of A and B in Saltelli's design.
-    run_seconds : float or None
-        Total time of the runs [s].
-    statuses : tuple of StatusCount
-    trust : tuple of Check
-        The trust card.
-    responses : tuple of ResponseAnalysis
-    rare : RareRejects or None
-        Shares of a few ppm, estimated from the weighted runs of importance sampling; None for other samplers.
-    product : ProductYield or None
-        Share of samples that keep all limits together; None without limits, or if samples are not production.
-    variables : tuple of VariableAnalysis
-    correlations : tuple of CorrelationAnalysis
-        The requested correlations, and the largest of the others.
-    never_critical : tuple of str
-        Variables that are not critical for any response.
-    advice : tuple of Advice
-        How much each variable's spread may grow while the responses `kept` keep Cpk 1.33; may be empty.
-    kept : tuple of str
-        Responses that have Cpk 1.33 now.
-    shortfalls : tuple of Shortfall
-        Responses with a lower Cpk, the worst first, and what must shrink for each.
-    advice_note : str
-        Why there is no advice; empty if there is.
-    failures : tuple of FailedSample
-        The first failed samples.
-    comparison : Comparison or None
-        Comparison with another campaign.
-    confidence : float
-        Confidence of all intervals.
-    """
+    """Everything that a report contains."""
 
     spec: ReportSpec
-    headline: str
-    design: Design
-    finished: int
-    ok: int
-    failed: int
-    used: int
-    run_seconds: float | None
+    headline: str  # the outcome in a sentence or two: failures first where they decide, then what is bad
+    design: Design  # how the samples were drawn, and what follows for the report
+    finished: int  # samples
+    ok: int  # of the finished samples
+    failed: int  # of the finished samples
+    used: int  # ok samples in the statistics: all, or those of A and B in Saltelli's design
+    run_seconds: float | None  # total time of the runs [s]
     statuses: tuple[StatusCount, ...]
-    trust: tuple[Check, ...]
+    trust: tuple[Check, ...]  # the trust card
     responses: tuple[ResponseAnalysis, ...]
-    rare: RareRejects | None
-    product: ProductYield | None
+    rare: RareRejects | None  # shares of a few ppm from the weighted runs of importance sampling; None for others
+    product: ProductYield | None  # samples that keep all limits together; None without limits, or if not production
     variables: tuple[VariableAnalysis, ...]
-    correlations: tuple[CorrelationAnalysis, ...]
-    never_critical: tuple[str, ...]
-    advice: tuple[Advice, ...]
-    kept: tuple[str, ...]
-    shortfalls: tuple[Shortfall, ...]
-    advice_note: str
-    failures: tuple[FailedSample, ...]
-    comparison: Comparison | None
-    confidence: float
+    correlations: tuple[CorrelationAnalysis, ...]  # the requested ones, and the largest of the others
+    never_critical: tuple[str, ...]  # variables that are not critical for any response
+    advice: tuple[Advice, ...]  # how much each spread may grow while the responses `kept` keep Cpk 1.33; may be empty
+    kept: tuple[str, ...]  # responses that have Cpk 1.33 now
+    shortfalls: tuple[Shortfall, ...]  # responses with a lower Cpk, the worst first, and what must shrink for each
+    advice_note: str  # why there is no advice; empty if there is
+    failures: tuple[FailedSample, ...]  # the first failed samples
+    comparison: Comparison | None  # with another campaign
+    confidence: float  # of all intervals
 
 
 def analyse(
@@ -122,31 +80,12 @@ def analyse(
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
 ) -> Analysis:
-    """Return the analysis of a finished or running campaign.
+    """Return the analysis of a finished or running campaign; raise ReportError if rows or limits are wrong.
 
-    Parameters
-    ----------
-    samples : Samples
-        The checked rows of the campaign.
-    spec : ReportSpec
-        Limits, requested distributions and provenance.
-    rescale : callable (factors by variable, columns) -> Change, optional
-        The change of the density at each sample, given by the columns of all variables, when the standard deviations
-        of some variables are multiplied by factors. Without it there is no tolerance advice.
-    against : (rows, ReportSpec), optional
-        Another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
-        statistics of this one.
-    repeats : Repeats, optional
-        Samples that were simulated a second time with half the step.
-
-    Returns
-    -------
-    Analysis
-
-    Raises
-    ------
-    ReportError
-        The rows of the other campaign do not fit its spec, or the limits of a response are crossed.
+    `rescale` (factors by variable, columns of all variables) gives the change of the density at each sample when the
+    standard deviations of some variables are multiplied by factors. Without it there is no tolerance advice. `against`
+    is another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
+    statistics of this one. `repeats` are samples that were simulated a second time with half the step.
     """
     samples, rounding = leveled_samples(samples, spec)
     other = None if against is None else _drawn(*against)
@@ -216,19 +155,8 @@ def compare_rows(
 ) -> Comparison:
     """Return only the comparison that `analyse` makes with another campaign.
 
-    Parameters
-    ----------
-    rows, spec
-        Rows and spec of the campaign; see `reporting.samples.read_samples`.
-    other_rows, other_spec
-        Rows and spec of the other campaign.
-    confidence : float
-        Confidence of the intervals, two-sided.
-
-    Raises
-    ------
-    ReportError
-        The rows do not fit their spec, the campaigns have no response in common, or the samples of one are corners.
+    ReportError: the rows do not fit their spec, the campaigns have no response in common, or the samples of one are
+    corners.
     """
     corners = next((each.campaign for each in (spec, other_spec) if each.corners), None)
     if corners is not None:

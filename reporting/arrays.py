@@ -14,31 +14,12 @@ def random_rows(n: int) -> NDArray[np.intp]:
 
     Consecutive samples of a Sobol' sequence or a grid are not independent; rows in random order can be split into
     groups that each represent all rows.
-
-    Parameters
-    ----------
-    n : int
-        Number of rows.
-
-    Returns
-    -------
-    array of int, shape (min(n, 200000),)
     """
     return np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS]
 
 
 def centred_ranks(values: Array) -> Array:
-    """Return the ranks of values less their mean; equal values have their middle rank.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Finite.
-
-    Returns
-    -------
-    array, shape (n,)
-    """
+    """Return the ranks of finite values less their mean, shape (n,); equal values have their middle rank."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     middle = np.cumsum(counts) - 0.5 * (counts - 1)  # of the ranks that equal values share; the first rank is 1
     return np.asarray(middle[place] - 0.5 * (values.size + 1))

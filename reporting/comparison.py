@@ -33,88 +33,44 @@ _OF_LOTS = "Values of a production lot are not independent. The intervals allow 
 
 @dataclass(frozen=True)
 class ResponseComparison:
-    """One response in this campaign and in the other; a number is None where it is undefined.
-
-    Attributes
-    ----------
-    response, unit : str
-    n, n_other : int
-        Number of values.
-    capability, capability_other : Capability
-        Each campaign's capability with its own limits.
-    mean_difference, mean_interval : float, (float, float)
-        This campaign minus the other, in the unit of the response (Welch).
-    t_p : float
-        p-value of Welch's test of equal means.
-    effect : float
-        Cohen's d: the difference of the means in pooled standard deviations.
-    effect_word : str
-        "negligible", "small", "medium", "large".
-    std_ratio, std_ratio_interval : float, (float, float)
-        This campaign divided by the other; the interval holds for any distribution with a fourth moment.
-    f_p, levene_p : float
-        p-values of the F test and of the test of Brown and Forsythe.
-    superiority : float
-        Probability that a value of this campaign exceeds one of the other; 0.5 without a difference.
-    mann_whitney_p : float
-    cpk_difference, cpk_interval : float, (float, float)
-        This campaign minus the other (delta method).
-    histogram, histogram_other : Histogram or None
-        Histograms with the same edges.
-    notes : tuple of str
-        Why numbers are None, and cautions.
-    """
+    """One response in this campaign and in the other; a number is None where it is undefined."""
 
     response: str
     unit: str
-    n: int
+    n: int  # values
     n_other: int
-    capability: Capability
+    capability: Capability  # each campaign's capability has its own limits
     capability_other: Capability
-    mean_difference: float | None = None
+    mean_difference: float | None = None  # this campaign minus the other, in the unit of the response (Welch)
     mean_interval: Interval | None = None
-    t_p: float | None = None
-    effect: float | None = None
-    effect_word: str = ""
-    std_ratio: float | None = None
-    std_ratio_interval: Interval | None = None
+    t_p: float | None = None  # Welch's test of equal means
+    effect: float | None = None  # Cohen's d: the difference of the means in pooled standard deviations
+    effect_word: str = ""  # "negligible", "small", "medium", "large"
+    std_ratio: float | None = None  # this campaign divided by the other
+    std_ratio_interval: Interval | None = None  # holds for any distribution with a fourth moment
     f_p: float | None = None
-    levene_p: float | None = None
-    superiority: float | None = None
+    levene_p: float | None = None  # around the medians (Brown and Forsythe)
+    superiority: float | None = None  # probability that a value of this campaign exceeds one of the other; 0.5: alike
     mann_whitney_p: float | None = None
-    cpk_difference: float | None = None
+    cpk_difference: float | None = None  # this campaign minus the other
     cpk_interval: Interval | None = None
-    histogram: Histogram | None = None
+    histogram: Histogram | None = None  # both histograms have the same edges
     histogram_other: Histogram | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # why numbers are None, and cautions
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of a campaign with another one.
+    """Comparison of a campaign with another one."""
 
-    Attributes
-    ----------
-    campaign, title : str
-        Id and title of the other campaign.
-    samples, failed : int
-        Number of finished and of failed samples of the other campaign.
-    responses : tuple of ResponseComparison
-        Responses of both campaigns, in the order of this one.
-    only_here, only_there : tuple of str
-        Responses of only one campaign.
-    no_verdict : tuple of str
-        Sentences that say why a campaign has no verdict: too many of its samples failed.
-    """
-
-    campaign: str
-    title: str
-    samples: int
-    failed: int
-    responses: tuple[ResponseComparison, ...]
+    campaign: str  # id of the other campaign
+    title: str  # of the other campaign
+    samples: int  # finished ones of the other campaign
+    failed: int  # of the other campaign
+    responses: tuple[ResponseComparison, ...]  # of both campaigns, in the order of this one
     only_here: tuple[str, ...]
     only_there: tuple[str, ...]
-    no_verdict: tuple[str, ...] = ()
+    no_verdict: tuple[str, ...] = ()  # sentences that say why a campaign has no verdict: too many of its samples failed
 
 
 def compare(
@@ -122,10 +78,7 @@ def compare(
 ) -> Comparison:
     """Compare two campaigns, response by response.
 
-    Raises
-    ------
-    ReportError
-        The campaigns have no response in common, or a response has different units.
+    ReportError: they have no response in common, or a response has different units.
     """
     theirs = {r.name: r for r in other_spec.responses}
     shared = [(r, theirs[r.name]) for r in spec.responses if r.name in theirs]
@@ -231,6 +184,7 @@ def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
     tail = float(betainc(nu / 2, nu_other / 2, nu * ratio**2 / (nu * ratio**2 + nu_other)))
     with np.errstate(all="ignore"):  # two values on each side have equal deviations from their median
         levene_p = float(levene(a, b, center="median").pvalue)
+    # A ratio is a difference of logarithms, for which the intervals of both sigmas combine.
     interval, other = (_logarithms(c.std_interval) for c in (base.capability, base.capability_other))
     logarithms = _of_difference((math.log(stds[0]), math.log(stds[1])), (interval, other))
     return {

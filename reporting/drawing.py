@@ -35,26 +35,13 @@ class LegendEntry(NamedTuple):
 
 @dataclass(frozen=True)
 class MechanismDrawing:
-    """The mechanism and what its responses measure, on a canvas with the origin at its upper left corner.
+    """The mechanism and what its responses measure, on a canvas with the origin at its upper left corner."""
 
-    Attributes
-    ----------
-    width, height, text : float
-        Size of the canvas, and font size of its text.
-    areas : tuple of (points, colour)
-        Outlines of moving bodies.
-    strokes : tuple of DrawnLine
-    dots : tuple of (x, y, colour)
-    words : tuple of DrawnWords
-    legend : tuple of LegendEntry
-        One entry per response. Colours are written as "#rrggbb".
-    """
-
-    width: float
+    width: float  # of the canvas
     height: float
-    text: float
-    areas: tuple[tuple[Points, str], ...]
+    text: float  # font size
+    areas: tuple[tuple[Points, str], ...]  # outlines of moving bodies, and their colours "#rrggbb"
     strokes: tuple[DrawnLine, ...]
-    dots: tuple[tuple[float, float, str], ...]
+    dots: tuple[tuple[float, float, str], ...]  # x, y, colour
     words: tuple[DrawnWords, ...]
-    legend: tuple[LegendEntry, ...]
+    legend: tuple[LegendEntry, ...]  # one entry per response

@@ -19,16 +19,7 @@ WORST_FIRST = (
 
 
 def headline(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["ResponseAnalysis"]) -> str:
-    """Return the outcome in a sentence or two.
-
-    Parameters
-    ----------
-    spec : ReportSpec
-        Request of the report.
-    counts : mapping of str to int
-        Number of finished samples by status.
-    responses : sequence of ResponseAnalysis
-    """
+    """Return the outcome in a sentence or two; `counts` are the finished samples by status."""
     finished, ok = sum(counts.values()), counts.get(OK, 0)
     if not finished:
         return "No sample is computed yet, so there is nothing to judge."

@@ -19,72 +19,41 @@ _ROWS = 200_000  # enough to determine a rank correlation to 0.002
 
 @dataclass(frozen=True)
 class VariableAnalysis:
-    """A sampled variable as requested and as drawn, over all samples including failed ones.
-
-    Attributes
-    ----------
-    spec : VariableSpec
-    n : int
-        Number of finite values.
-    mean, std, min, max : float or None
-        Statistics in the variable's unit.
-    outside : int
-        Number of values beyond the bounds, or missing.
-    histogram : Histogram or None
-    mean_errors, std_errors : float or None
-        Deviations of mean and sigma from the requested ones in standard errors; with production batches these are the
-        standard errors of whole batches. None below 30 values (batches), or for a constant.
-    distance : float or None
-        Kolmogorov's distance: the largest difference between the drawn and the requested cumulative distribution.
-    p_value : float or None
-        Probability of a distance at least as large by chance, for independent values; None with production batches.
-    """
+    """A sampled variable as requested and as drawn, over all samples including failed ones."""
 
     spec: VariableSpec
-    n: int
-    mean: float | None
+    n: int  # finite values
+    mean: float | None  # mean to maximum are in the variable's unit
     std: float | None
     min: float | None
     max: float | None
-    outside: int
+    outside: int  # values beyond the bounds, or missing
     histogram: Histogram | None
+    # Deviations of mean and sigma from the requested ones in standard errors; with production batches these are the
+    # standard errors of whole batches. None below 30 values (batches), or for a constant.
     mean_errors: float | None = None
     std_errors: float | None = None
+    # Kolmogorov's: the largest difference between the drawn and the requested cumulative distribution
     distance: float | None = None
+    # of a distance as large by chance, for independent values; None with production batches
     p_value: float | None = None
 
 
 @dataclass(frozen=True)
 class CorrelationAnalysis:
-    """Spearman's rank correlation of two variables, as requested and as drawn.
-
-    Attributes
-    ----------
-    first, second : str
-    asked, found : float
-        Requested and drawn correlation.
-    errors : float
-        Their difference in standard errors, ``(1 - asked^2) / sqrt(n - 1)``.
-    """
+    """Spearman's rank correlation of two variables, as requested and as drawn."""
 
     first: str
     second: str
-    asked: float
-    found: float
-    errors: float
+    asked: float  # requested
+    found: float  # drawn
+    errors: float  # their difference in standard errors, ``(1 - asked^2) / sqrt(n - 1)``
 
 
 def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64]) -> VariableAnalysis:
-    """Compare the drawn values of a variable with the requested distribution.
+    """Compare the drawn values of a variable, NaN where missing, with the requested distribution.
 
-    Parameters
-    ----------
-    spec : VariableSpec
-        The requested distribution.
-    values : array, shape (n,)
-        Drawn values, NaN where missing.
-    sample : array of int64, shape (n,)
-        Sample numbers, which determine the production batch.
+    The sample numbers, shape (n,), determine the production batch.
     """
     is_finite = np.isfinite(values)
     finite = values[is_finite]

@@ -17,47 +17,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Repeats:
-    """The repeats of a campaign, one entry per repeat.
+    """The repeats of a campaign, one entry per repeat."""
 
-    Attributes
-    ----------
-    sample : array of int64, shape (m,)
-        The sample that is repeated.
-    ok : array of bool, shape (m,)
-        Whether the repeat succeeded.
-    values : dict of str to array of float64, shape (m,)
-        Responses by name, NaN where there is no value.
-    planned : int
-        Number of samples to be repeated.
-    remedy : str
-        Sentence that says how to get more repeats; may be empty.
-    """
-
+    # the sample that is repeated, shape (m,)
     sample: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    ok: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    values: dict[str, Array] = field(default_factory=dict)
-    planned: int = 0
-    remedy: str = ""
+    ok: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))  # whether the repeat succeeded
+    values: dict[str, Array] = field(default_factory=dict)  # responses by name, shape (m,), NaN where there is no value
+    planned: int = 0  # samples to be repeated
+    remedy: str = ""  # sentence that says how to get more repeats; may be empty
 
 
 def read_repeats(table: "pyarrow.Table | None", responses: Sequence[str], planned: int, remedy: str) -> Repeats:
-    """Return the repeats of a table.
+    """Return the repeats of a table with the columns ``sample``, ``status`` and the responses; None without repeats.
 
-    Parameters
-    ----------
-    table : pyarrow.Table or None
-        Columns ``sample``, ``status`` and the responses; None without repeats.
-    responses : sequence of str
-        Names of the responses.
-    planned : int
-        Number of samples to be repeated.
-    remedy : str
-        How to get more repeats.
-
-    Raises
-    ------
-    ReportError
-        A column is missing or of the wrong type, or a sample is repeated more than once.
+    ReportError: a column is missing or of the wrong type, or a sample is repeated more than once.
     """
     if table is None:
         return Repeats(planned=planned, remedy=remedy)

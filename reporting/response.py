@@ -39,84 +39,35 @@ _FEWEST_FOR_A_FIT = 20
 
 @dataclass(frozen=True)
 class ResponseAnalysis:
-    """All numbers of a response.
-
-    Attributes
-    ----------
-    spec : ResponseSpec
-    assumed : bool
-        Whether the source of the limits calls them an assumption.
-    verdict : CapabilityVerdict
-        The verdict, whether it is certain, and why.
-    capability : Capability
-        Capability of the ok samples.
-    target_indices : TargetIndices or None
-        Cpm* and Cpmk; None without a target between the limits.
-    subgroups : tuple of SubgroupSigma
-        Sigma within production batches from ranges and from sigmas; empty without batches.
-    missing : int
-        Number of ok samples whose value is not finite.
-    yield_ : Yield or None
-        None without limits or without a finished sample.
-    histogram : Histogram or None
-        None without values, or if all are equal.
-    worst : WorstCase or None
-        Worst case of the corners of this campaign or of the one it is compared with; None without corners.
-    stack : LinearStack or None
-        Worst case and root sum of squares from slopes; None if the samples are not production or too few.
-    nonconforming : Nonconforming or None
-        Counted shares; None without limits or values.
-    expected : ExpectedShare or None
-        Expected share out of limits: by the normal distribution, or without it if the values are not normal.
-    claim_runs : int or None
-        Number of runs that would prove at most 64 ppm, the share of Cpk 1.33, with as many rejects as here.
-    tails : tuple of TailShare
-        Share beyond each limit, from a fitted Pareto tail.
-    normality : Normality
-    plot : ProbabilityPlot or None
-    fits : Fits
-        Fitted distributions.
-    methods : tuple of NonnormalIndices
-        Indices from percentiles and Z-scores of the best fit, and from percentiles of the values.
-    tolerance_intervals : ToleranceIntervals or None
-        Limits that contain a share of the production; None if the samples are not production.
-    running : Convergence or None
-        How the index converges.
-    sensitivity : ResponseSensitivity or None
-        Influence of the variables on the response.
-    rounding : float or None
-        Largest difference between values that differ by rounding only and are treated as one value; else None.
-    scatters : tuple of Scatter
-        Scatter plots of the response against its strongest inputs.
-    repeatability : Repeatability or None
-        Scatter between runs of the same sample with different steps; None without repeats.
-    """
+    """All numbers of a response."""
 
     spec: ResponseSpec
-    assumed: bool
+    assumed: bool  # whether the source of the limits calls them an assumption
     verdict: CapabilityVerdict
-    capability: Capability
-    target_indices: TargetIndices | None
+    capability: Capability  # of the ok samples
+    target_indices: TargetIndices | None  # Cpm* and Cpmk; None without a target between the limits
+    # sigma within production batches from ranges and from sigmas; empty without batches
     subgroups: tuple[SubgroupSigma, ...]
-    missing: int
-    yield_: Yield | None
-    histogram: Histogram | None
-    worst: WorstCase | None
-    stack: LinearStack | None
-    nonconforming: Nonconforming | None
-    expected: ExpectedShare | None
-    claim_runs: int | None
-    tails: tuple[TailShare, ...]
+    missing: int  # ok samples whose value is not finite
+    yield_: Yield | None  # None without limits or without a finished sample
+    histogram: Histogram | None  # None without values, or if all are equal
+    worst: WorstCase | None  # of the corners of this campaign or of the one it is compared with; None without corners
+    stack: LinearStack | None  # worst case and RSS from slopes; None if the samples are not production or too few
+    nonconforming: Nonconforming | None  # counted shares; None without limits or values
+    expected: ExpectedShare | None  # share out of limits: by the normal distribution, or without it if not normal
+    claim_runs: int | None  # that would prove at most 64 ppm, the share of Cpk 1.33, with as many rejects as here
+    tails: tuple[TailShare, ...]  # share beyond each limit, from a fitted Pareto tail
     normality: Normality
     plot: ProbabilityPlot | None
     fits: Fits
+    # from percentiles and Z-scores of the best fit, and from percentiles of the values
     methods: tuple[NonnormalIndices, ...]
-    tolerance_intervals: ToleranceIntervals | None
-    running: Convergence | None
-    sensitivity: ResponseSensitivity | None
-    scatters: tuple[Scatter, ...]
-    repeatability: Repeatability | None = None
-    rounding: float | None = None
+    tolerance_intervals: ToleranceIntervals | None  # None if the samples are not production
+    running: Convergence | None  # how the index converges
+    sensitivity: ResponseSensitivity | None  # influence of the variables on the response
+    scatters: tuple[Scatter, ...]  # plots of the response against its strongest inputs
+    repeatability: Repeatability | None = None  # between runs of a sample with different steps; None without repeats
+    rounding: float | None = None  # largest difference between values that are treated as one, as it is rounding only
 
 
 def analyse_response(
@@ -132,12 +83,7 @@ def analyse_response(
     """Analyse one response over the ok samples, and its worst case over the corners if there are any.
 
     The verdict also uses `further` estimates, which do not come from these samples alone. There is no verdict if
-    `withheld` gives a reason.
-
-    Raises
-    ------
-    ReportError
-        The limits are crossed.
+    `withheld` gives a reason. ReportError: the limits are crossed.
     """
     values = samples.values[spec.name][samples.ok]
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
@@ -149,15 +95,19 @@ def analyse_response(
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
     x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]
+    # An ok sample without a finite value may be a reject just as a failed one.
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
     shape = normality(x, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(x, spec)
     methods = _methods(x, fits, spec, confidence) if limited else ()
     tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
+    # The intervals of these methods assume independent values.
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
+    # Bonferroni: the card's adjustment by Holm needs the p-values of all responses, and only this one is known here.
+    # What chance alone makes look not normal among several responses must not overrule Cpk.
     normal = shape.verdict != "not normal" and (shape.p is None or _tested(request) * shape.p >= DEPARTURE_P)
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
@@ -201,6 +151,7 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     if spec.name not in samples.values:
         return None
     inputs = {variable.name: samples.values[variable.name] for variable in request.variables}
+    # A failed corner may be the worst one: it is passed on as missing instead of being left out.
     everywhere = np.where(samples.ok, samples.values[spec.name], np.nan)
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
 

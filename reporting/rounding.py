@@ -16,18 +16,10 @@ from reporting.spec import ReportSpec
 
 
 def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[str, float]]:
-    """Return the samples; a response that is constant except for rounding is replaced by its common value.
+    """Return the samples, and the largest removed difference by response.
 
-    Parameters
-    ----------
-    samples : Samples
-    spec : ReportSpec
-        Request with the resolution of each response.
-
-    Returns
-    -------
-    (Samples, dict of str to float)
-        The samples, and the largest removed difference by response.
+    A response that is constant except for rounding is replaced by its common value; the spec has the resolution of
+    each.
     """
     values, removed = dict(samples.values), dict[str, float]()
     for response in spec.responses:
@@ -43,21 +35,10 @@ def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[s
 
 
 def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
-    """Return the values, or an array of their common value if they differ by rounding only.
+    """Return the finite values, or an array of their common value if they differ by rounding only.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    resolution : float
-        Largest meaningless difference, in the unit of `x`.
-    relative : float
-        Largest meaningless difference as a share of the largest value; at least `ROUNDING` is used.
-
-    Returns
-    -------
-    array, shape (n,)
-        `x` itself if the values differ by more, or not at all.
+    `resolution`, in the unit of `x`, and `relative`, a share of the largest value, are the largest meaningless
+    differences; the latter is at least `ROUNDING`. `x` itself is returned if its values differ by more, or not at all.
     """
     if x.size < 2:
         return x

@@ -33,49 +33,25 @@ MESSAGES_KEPT = 20  # of each status
 
 @dataclass(frozen=True)
 class Samples:
-    """One row per sample, as arrays.
+    """One row per sample, as arrays."""
 
-    Attributes
-    ----------
-    sample : array of int64, shape (n,)
-    status : array of int16, shape (n,)
-        Index into `statuses`.
-    statuses : tuple of str
-        Statuses that occur in the rows.
-    messages : dict of int to str
-        Messages by sample number: the first 20 of each status except "ok".
-    ok : array of bool, shape (n,)
-        Whether the status is "ok".
-    values : dict of str to array of float64, shape (n,)
-        Variables and responses by name, NaN where the table has none; a response is valid only where `ok`.
-    max_residual, max_penetration : array of float64, shape (n,)
-    settled : array of bool, shape (n,)
-    penetration_unit : str
-        Unit in the metadata of the column; empty without one.
-    production_batch : array of int64, shape (n,), or None
-        Number of each sample's production batch; None without production batches.
-    lot : array of int64, shape (n,), or None
-        Group of production batches of each sample, where variables have batches of different sizes: samples of
-        different groups share no shift. None where each production batch is such a group.
-    run_seconds : float or None
-        Total time of the runs [s]; None if the rows do not state it.
-    importance : dict of str to array of float64, shape (n,)
-        Columns "component", "log_weight" and "aimed" of importance sampling; empty for other samplers.
-    """
-
-    sample: NDArray[np.int64]
-    status: NDArray[np.int16]
-    statuses: tuple[str, ...]
-    messages: dict[int, str]
-    ok: NDArray[np.bool_]
+    sample: NDArray[np.int64]  # shape (n,), like all arrays here
+    status: NDArray[np.int16]  # index into `statuses`
+    statuses: tuple[str, ...]  # those that occur in the rows
+    messages: dict[int, str]  # by sample number: the first 20 of each status except "ok"
+    ok: NDArray[np.bool_]  # whether the status is "ok"
+    # variables and responses by name, NaN where the table has none; a response is valid only where `ok`
     values: dict[str, Array]
     max_residual: Array
     max_penetration: Array
     settled: NDArray[np.bool_]
-    penetration_unit: str
-    production_batch: NDArray[np.int64] | None
-    run_seconds: float | None
+    penetration_unit: str  # in the metadata of the column; empty without one
+    production_batch: NDArray[np.int64] | None  # number of each sample's batch; None without batches
+    run_seconds: float | None  # total time of the runs [s]; None if the rows do not state it
+    # "component", "log_weight" and "aimed"; empty for others
     importance: dict[str, Array] = field(default_factory=dict)
+    # Group of production batches of each sample, where variables have batches of different sizes: samples of different
+    # groups share no shift. None where each production batch is such a group.
     lot: NDArray[np.int64] | None = None
 
     @property
@@ -105,23 +81,15 @@ class Samples:
 def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     """Check the rows against the spec and return their columns, in the order of the samples.
 
-    Parameters
-    ----------
-    rows : pyarrow.Table or iterable of pyarrow.Table
-        One table in any order, or tables in the order of the samples.
-    spec : ReportSpec
-        Names of variables and responses, and the number of samples requested.
-
-    Raises
-    ------
-    ReportError
-        A column is missing, appears twice or has the wrong type; a sample number or status is missing; a sample
-        appears twice or out of order; there are more rows than requested samples.
+    The rows are one table in any order, or tables in the order of the samples. ReportError: a column is missing,
+    appears twice or has the wrong type; a sample number or status is missing; a sample appears twice or out of order;
+    there are more rows than requested samples.
     """
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
     needed = [*names, "sample", "max_residual", "max_penetration", "settled"]
     needed += [spec.production_batch_column] if spec.production_batch_column else []
     needed += IMPORTANCE if spec.proposal else ()
+    # One empty array each, because a campaign may have no table yet.
     pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in needed}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
@@ -157,21 +125,15 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
 
 
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
-    """Return the lot of each sample; samples of different lots share no shift. None without lots.
+    """Return the lot of each sample number, shape (n,); samples of different lots share no shift. None without lots.
 
-    If the lot sizes of the variables differ, a lot ends where a lot of every variable ends: at the multiples of the
-    least common multiple of the sizes.
-
-    Parameters
-    ----------
-    sample : array of int64, shape (n,)
-        Sample numbers from 0.
-    sizes : iterable of int
-        Number of samples in one lot, for each variable; 0 for a variable without lots.
+    The sizes are samples in one lot, for each variable; 0 for a variable without lots. If they differ, a lot ends where
+    a lot of every variable ends: at the multiples of the least common multiple of the sizes.
     """
     given = [size for size in sizes if size > 0]
     if not given:
         return None
+    # A common multiple beyond the range of sample numbers makes all samples one lot.
     return np.asarray(sample, np.int64) // min(math.lcm(*given), np.iinfo(np.int64).max)
 
 

@@ -90,24 +90,12 @@ class VariableSpec:
 
 @dataclass(frozen=True)
 class ProposalPart:
-    """A component of importance sampling: the region where it draws, in standard scores of the variables.
+    """A component of importance sampling: the region where it draws, in standard scores of the variables."""
 
-    Attributes
-    ----------
-    share : float
-        Share of the samples that it draws.
-    scale : float
-        Standard deviation of all scores.
-    shift : tuple of (str, float)
-        Centre of the score of each variable whose centre is not 0.
-    source : str
-        Target of the component, in words.
-    """
-
-    share: float
-    scale: float
-    shift: tuple[tuple[str, float], ...]
-    source: str = ""
+    share: float  # of the samples that it draws
+    scale: float  # standard deviation of all scores
+    shift: tuple[tuple[str, float], ...]  # centre of the score of each variable whose centre is not 0
+    source: str = ""  # target of the component, in words
 
 
 @dataclass(frozen=True)

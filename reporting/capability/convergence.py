@@ -22,46 +22,26 @@ DRIFT_BAR = 4.0
 
 @dataclass(frozen=True)
 class Convergence:
-    """An index over the first n samples, for increasing n.
+    """An index over the first n samples, for increasing n."""
 
-    Attributes
-    ----------
-    index : str
-        "Cpk", or "mean" without limits.
-    n : tuple of int
-        Numbers of samples.
-    value, low, high : tuple of float
-        The index over the first n samples and its interval, by the method that is valid for these samples; a mean is
-        in the response's unit.
-    drift : float or None
-        Index of the second half of the samples minus that of the first, in standard errors (delta method, any
-        distribution; with few lots, the normal quantile of the same probability); None below 40 samples, or where a
-        half has fewer than two lots.
-    """
-
-    index: str
-    n: tuple[int, ...]
-    value: tuple[float, ...]
-    low: tuple[float, ...]
+    index: str  # "Cpk", or "mean" without limits
+    n: tuple[int, ...]  # numbers of samples, rising
+    value: tuple[float, ...]  # of the first n samples; a mean is in the response's unit
+    low: tuple[float, ...]  # ends of the interval by the method that is valid for the first n samples
     high: tuple[float, ...]
+    # Index of the second half of the samples minus that of the first, in standard errors (delta method, any
+    # distribution; with few lots, the normal quantile of the same probability). None below 40 samples, or where a half
+    # has fewer than two lots.
     drift: float | None
 
 
 def convergence(
     x: Array, lsl: float | None, usl: float | None, confidence: float, lots: NDArray[np.generic] | None = None
 ) -> Convergence | None:
-    """Return how the index of a response converges; None below 10 values, without spread or with too few lots.
+    """Return how the index of finite values converges; None below 10 values, without spread or with too few lots.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values in the order of the samples.
-    lsl, usl : float or None
-        Limits.
-    confidence : float
-        Two-sided confidence of the band.
-    lots : array, shape (n,), optional
-        Production lot of each value; the band begins where there are enough lots for an interval.
+    The values are in the order of the samples; with lots the band begins where there are enough of them for an
+    interval.
     """
     n = x.size
     if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
@@ -69,6 +49,7 @@ def convergence(
     lots = None if independent(lots) else lots
     name = "mean" if lsl is None and usl is None else "cpk"
     points = []
+    # At equal ratios of n: the figure's axis is logarithmic, and a long campaign costs no more points.
     for count in np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64)).tolist():
         found = _point(x[:count], Fence(lsl, usl, None, confidence), None if lots is None else lots[:count], name)
         if found is not None:
@@ -117,7 +98,9 @@ def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.gener
     errors = (second - first) / both
     if math.isinf(freedom) and math.isinf(of_other):
         return errors
+    # Few lots know their error badly. The bar is in normal standard errors, so Student's tail is converted.
     welch = both**4 / (error**4 / freedom + other**4 / of_other)
+    # Not 0: its normal quantile would be infinite.
     tail = max(float(stdtr(welch, -abs(errors))), math.ulp(0.0))
     return math.copysign(float(ndtri(tail)), errors)
 

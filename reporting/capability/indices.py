@@ -32,20 +32,11 @@ WHICH_SIGMA = (
 
 @dataclass(frozen=True)
 class IndexName:
-    """Names and formula of one index.
+    """Names and formula of one index."""
 
-    Attributes
-    ----------
-    paper : str
-        Name in the paper and in this report.
-    overall, within : str
-        Names in AIAG and ISO 22514-2 with the overall sigma and with the sigma within production batches.
-    formula : str
-    """
-
-    paper: str
-    overall: str
-    within: str
+    paper: str  # name in the paper and in this report
+    overall: str  # name in AIAG and ISO 22514-2 with the overall sigma
+    within: str  # the same with the sigma within production batches; empty where there is none
     formula: str
 
 
@@ -69,31 +60,14 @@ def distance_to_limit(mean: float, lsl: float | None, usl: float | None) -> floa
 
 
 def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
-    """Return Cpk (eq. 29) of a mean and a standard deviation; at least one limit is needed.
-
-    Parameters
-    ----------
-    mean, std : float
-        Mean and standard deviation in the unit of the limits; `std` is above 0.
-    lsl, usl : float or None
-        Limits.
-    """
+    """Return Cpk (eq. 29) of a mean and a standard deviation above 0; at least one limit is needed."""
     return distance_to_limit(mean, lsl, usl) / (3 * std)
 
 
 def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
-    """Return the influence of each value on Cpk, for any distribution of the values.
+    """Return the influence of each value, shape (n,), on Cpk `index`, for any distribution; `lower`: the nearer limit.
 
     The square root of its mean square over n is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, 1.3).
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Values that differ.
-    index : float
-        Their Cpk.
-    lower : bool
-        Whether the lower limit is the nearer one.
     """
     deviation, std = x - x.mean(), float(np.std(x))
     influence: Array = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
@@ -101,15 +75,7 @@ def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
 
 
 def point_indices(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float | None]:
-    """Return Cp, Cpk, Cpl, Cpu (eqs. 28, 29) and Z.lsl, Z.usl, Z.bench; None where a limit is missing.
-
-    Parameters
-    ----------
-    mean, std : float
-        Mean and standard deviation in the unit of the limits; `std` is above 0.
-    lsl, usl : float or None
-        Limits.
-    """
+    """Return Cp, Cpk, Cpl, Cpu (eqs. 28, 29) and Z.lsl, Z.usl, Z.bench for `std` > 0; None where a limit is missing."""
     z_lsl = (mean - lsl) / std if lsl is not None else None
     z_usl = (usl - mean) / std if usl is not None else None
     sides = [z / 3 for z in (z_lsl, z_usl) if z is not None]

@@ -113,6 +113,7 @@ def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
         return z_lsl if z_usl is None else z_usl
     if min(z_lsl, z_usl) > 0:
         near, far = log_ndtr(-min(z_lsl, z_usl)), log_ndtr(-max(z_lsl, z_usl))
+        # A share that rounds to 1 would have the logarithm 0 and no quantile: it is kept just below.
         return -float(ndtri_exp(min(near + math.log1p(math.exp(far - near)), -math.ulp(0.0))))
     near, far = log_ndtr(min(z_lsl, z_usl)), log_ndtr(-max(z_lsl, z_usl))
     return float(ndtri_exp(near + math.log1p(-math.exp(min(far - near, -math.ulp(1.0))))))
@@ -143,6 +144,7 @@ def bench_slopes(z_lsl: float | None, z_usl: float | None) -> tuple[float, float
     if z is None:
         return None
     if z_lsl is None or z_usl is None:
+        # Z.bench is the Z of the only side: slope 1 there, 0 on the missing one.
         return z, float(z_usl is None), float(z_lsl is None)
     return z, _bench_slope(z, z_lsl), _bench_slope(z, z_usl)
 
@@ -150,6 +152,7 @@ def bench_slopes(z_lsl: float | None, z_usl: float | None) -> tuple[float, float
 def _bench_slope(z: float, side: float) -> float:
     """Return the derivative of Z.bench `z` with respect to the Z of one side: the ratio of their normal densities."""
     if z > _LARGE_Z:
+        # The exponents are bounded because the caller squares the slope, which must not overflow.
         return side / z * math.exp(min(float(log_ndtr(-side)) - float(log_ndtr(-z)), 300.0))
     return math.exp(min((z * z - side * side) / 2, 300.0))
 
@@ -164,13 +167,6 @@ def welch(a: Array, b: Array, confidence: float) -> tuple[float, Interval, float
     """Return the difference of two means, its two-sided interval and the p-value of equal means (Welch 1947).
 
     `scipy.stats.ttest_ind` gives the same numbers, but warns where a group is constant.
-
-    Parameters
-    ----------
-    a, b : array, shape (n,) and (m,)
-        At least two values in each group.
-    confidence : float
-        Confidence of the interval.
     """
     squares = [float(np.var(x, ddof=1)) / x.size for x in (a, b)]
     difference, error = float(a.mean() - b.mean()), math.sqrt(sum(squares))

@@ -22,27 +22,13 @@ _HERMITE_POINTS = 60
 
 @dataclass(frozen=True)
 class Lots:
-    """The production lots of the values of one response.
+    """The production lots of the values of one response."""
 
-    Attributes
-    ----------
-    count : int
-        Number of lots with a value.
-    worth : float
-        Number of lots of equal size that determine a mean equally well, at most `count` (Kish: ``n^2 / sum n_i^2``).
-    effective : float
-        Number of independent values that determine the mean equally well, at most the number of values.
-    intraclass : float
-        Share of the variance that lies between lots (intraclass correlation), from 0 to 1.
-    least : int
-        Smallest number of lots of equal size for which intervals are given.
-    """
-
-    count: int
-    worth: float
-    effective: float
-    intraclass: float
-    least: int = LEAST_LOTS
+    count: int  # lots with a value
+    worth: float  # lots of equal size that determine a mean equally well, at most `count` (Kish: ``n^2 / sum n_i^2``)
+    effective: float  # independent values that determine the mean equally well, at most the number of values
+    intraclass: float  # share of the variance that lies between lots (intraclass correlation), from 0 to 1
+    least: int = LEAST_LOTS  # smallest number of lots of equal size for which intervals are given
 
     @property
     def enough(self) -> bool:
@@ -52,22 +38,12 @@ class Lots:
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """One-way analysis of variance of values in lots.
+    """One-way analysis of variance of values in lots."""
 
-    Attributes
-    ----------
-    counts : array of int64, shape (lots,)
-        Number of values of each lot.
-    within, between : float or None
-        Mean square within lots (None where each lot has one value) and between lots (None with one lot).
-    size : float
-        Number of values of a lot in the expected mean square between lots; the mean size where all are equal.
-    """
-
-    counts: NDArray[np.int64]
-    within: float | None
-    between: float | None
-    size: float
+    counts: NDArray[np.int64]  # values of each lot, shape (lots,)
+    within: float | None  # mean square; None where each lot has one value
+    between: float | None  # mean square; None with one lot
+    size: float  # values of a lot in the expected mean square between lots; the mean size where all are equal
 
     @property
     def variance_between(self) -> float | None:
@@ -97,15 +73,7 @@ def independent(lots: NDArray[np.generic] | None) -> bool:
 
 
 def describe_lots(x: Array, lots: NDArray[np.generic]) -> Lots:
-    """Return the number of lots and the effective numbers of lots and values.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values, at least one.
-    lots : array, shape (n,)
-        Lot of each value, as numbers or names.
-    """
+    """Return the number of lots and the effective numbers of lots and values, of at least one finite value."""
     parts = variance_components(x - np.mean(x), lots)
     worth = lots_worth(parts.counts)
     shifts = parts.variance_between
@@ -123,25 +91,10 @@ def lots_worth(weights: Array | NDArray[np.int64]) -> float:
 def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None) -> tuple[float, float]:
     """Return the standard error of a weighted mean of influences and its degrees of freedom.
 
-    The estimate is ``sum_i w_i IF_i``. For independent values the error is ``sqrt(sum (w_i IF_i)^2)``; values of one
-    lot are correlated, so their terms are summed before they are squared. An interval is the estimate -+ the error
-    times the quantile of Student's t with these degrees of freedom.
-
-    Parameters
-    ----------
-    influence : array, shape (n,)
-        Influence function of the estimate at each value; its weighted sum is zero.
-    weight : array, shape (n,)
-        Weights that sum to 1; ``1 / n`` each without weighting.
-    lots : array, shape (n,), or None
-        Lot of each value, as numbers or names; None for independent values.
-
-    Returns
-    -------
-    error : float
-        In the unit of the influence; infinite with one lot.
-    freedom : float
-        Effective number of equally weighted lots minus one; infinite for independent values.
+    The estimate is ``sum_i w_i IF_i``, where the weights sum to 1 and the weighted influences, shape (n,), to 0. For
+    independent values the error is ``sqrt(sum (w_i IF_i)^2)``; values of one lot are correlated, so their terms are
+    summed before they are squared. The error is infinite with one lot, the degrees of freedom (effective lots minus
+    one) are infinite for independent values; an interval takes the quantile of Student's t.
     """
     terms = weight * influence
     if lots is None or independent(lots):
@@ -159,23 +112,13 @@ def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], describe
 
     The larger of two estimates is used, because neither is sufficient alone. The spread of the counts per lot is not
     informative if few values are out. The normal model, in which a value is out if a normal variable with the
-    response's intraclass correlation exceeds a limit, does not represent other shapes. Few lots increase the effect,
-    as Student's t widens the interval of a mean (Korn and Graubard 1998).
-
-    Parameters
-    ----------
-    is_out : array of bool, shape (n,)
-        Mask of the counted values.
-    lots : array, shape (n,)
-        Lot of each value.
-    described : Lots
-        Lots of the response.
-    confidence : float
-        Confidence of the two-sided interval in which the effect is used.
+    response's intraclass correlation exceeds a limit, does not represent other shapes. Few lots increase the effect, as
+    Student's t widens the interval of a mean (Korn and Graubard 1998).
     """
     n, count = is_out.size, int(np.count_nonzero(is_out))
     if not described.enough or n < 2:  # a lot is treated as one value
         return n / described.worth
+    # Without a reject, or with rejects only, the normal model has no threshold: one value more or less gives one.
     share = min(max(count, 1), n - 1) / n
     inflation = 1 + (n / described.worth - 1) * _threshold_correlation(share, described.intraclass)
     if 0 < count < n:

@@ -15,14 +15,10 @@ LIKELY = 0.2
 
 
 def normal_moments_p(z: Array, worth: float) -> float:
-    """Return the p-value of the skewness and kurtosis of values under the hypothesis that they are normal.
+    """Return the p-value of skewness and kurtosis under the hypothesis that the values are normal.
 
-    Parameters
-    ----------
-    z : array, shape (n,)
-        Values minus their mean; not all 0.
-    worth : float
-        Effective number of independent values, at least 8; n without production lots.
+    `z`, shape (n,), holds the values minus their mean, not all 0; `worth` is the effective number of independent
+    values, at least 8.
     """
     squares = z * z  # products, because powers above 2 take ten times as long
     square = float(squares.mean())

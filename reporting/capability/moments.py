@@ -12,21 +12,7 @@ ROUNDING = 1e-12
 
 
 def series(x: ArrayLike) -> Array:
-    """Return `x` as a one-dimensional array of floats.
-
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-
-    Returns
-    -------
-    array, shape (n,)
-
-    Raises
-    ------
-    ReportError
-        `x` does not hold numbers, or is not one-dimensional.
-    """
+    """Return `x` as an array of floats, shape (n,); raise ReportError unless it holds a series of numbers."""
     try:
         given = np.asanyarray(x)
         if given.dtype.kind not in "biufO":
@@ -47,16 +33,8 @@ def series(x: ArrayLike) -> Array:
 def location_and_shape(x: Array) -> dict[str, float]:
     """Return those of mean, std, min, max, median, skewness and kurtosis that the number of values allows.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-
-    Returns
-    -------
-    dict of str to float
-        A key is missing where there are too few values. `mean`, `std`, `min`, `max` and `median` are in the unit of
-        `x`; `std` is 0 if the values differ by rounding only. `skewness` and `kurtosis` are G1 and G2.
+    A key is missing where there are too few values. `std` is 0 if the finite values `x` differ by rounding only;
+    `skewness` and `kurtosis` are G1 and G2.
     """
     if x.size == 0:
         return {}

@@ -43,15 +43,6 @@ def cpk_survival(observed: float, n: int, cpk: float) -> float:
 
     The true process has ``Cpl = cpk`` and ``Cpu = |cpk|``: it is centred for a positive Cpk; for a negative one the
     limits coincide. Any other Cp gives a larger probability, so this is the least favourable case.
-
-    Parameters
-    ----------
-    observed : float
-        Cpk of the sample.
-    n : int
-        Number of values.
-    cpk : float
-        Cpk of the process.
     """
     reach = 3.0 * math.sqrt(n)
 
@@ -85,6 +76,7 @@ def _root(rising: Callable[[float], float], guess: float, spread: float, within:
         beyond = rising(far)
         if value * beyond <= 0 or far == near:
             return float(brentq(rising, near, far, rtol=1e-13))
+        # Growing steps: a root far from the guess costs only a few evaluations more.
         near, value, step = far, beyond, 4 * step
     return near
 

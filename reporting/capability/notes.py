@@ -15,19 +15,7 @@ NO_WITHIN = "No batch has two different values, so there is no sigma and no inde
 def why_missing(
     finite: Array, size: int, std: float | None, limits: tuple[float | None, float | None, float | None]
 ) -> tuple[str, ...]:
-    """Return why numbers are missing.
-
-    Parameters
-    ----------
-    finite : array, shape (n,)
-        Finite values.
-    size : int
-        Number of all values, also those that are not finite.
-    std : float or None
-        Standard deviation of the finite values.
-    limits : (float or None, float or None, float or None)
-        Lower limit, upper limit, target.
-    """
+    """Return why numbers are missing; `size` counts all values, `limits` are lower limit, upper limit and target."""
     lsl, usl, target = limits
     has_limit = lsl is not None or usl is not None
     notes: Sequence[tuple[bool, str]] = (

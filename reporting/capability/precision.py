@@ -35,43 +35,19 @@ _LEAST_VARIANCE = 0.02
 
 @dataclass(frozen=True)
 class Precision:
-    """Intervals of mean and sigma, from which those of all indices follow.
+    """Intervals of mean and sigma, from which those of all indices follow."""
 
-    Attributes
-    ----------
-    mean, std : float
-        Estimates, in the unit of the values; with lots, `std` is the sigma over all possible lots, which is slightly
-        larger than that of the given values.
-    mean_half : float
-        Half width of the interval of the mean.
-    std_interval : (float, float)
-        Interval of sigma.
-    correlation : float
-        Correlation of the errors of mean and sigma.
-    freedom : float
-        Degrees of freedom of the variance of s^2: few if a few values dominate it.
-    """
-
-    mean: float
+    mean: float  # in the unit of the values
+    # in their unit; with lots the sigma over all possible lots, slightly larger than that of the given values
     std: float
-    mean_half: float
-    std_interval: Interval
-    correlation: float
-    freedom: float
+    mean_half: float  # half width of the interval of the mean
+    std_interval: Interval  # of sigma
+    correlation: float  # of the errors of mean and sigma
+    freedom: float  # degrees of freedom of the variance of s^2: few if a few values dominate it
 
 
 def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
-    """Return the precision of mean and sigma from independent values.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        At least 4 values, not all equal.
-    kurtosis : float
-        Excess kurtosis G2 of the values.
-    confidence : float
-        Confidence of the two-sided intervals.
-    """
+    """Return the precision of mean and sigma from at least 4 independent values; `kurtosis` is their excess G2."""
     n = x.size
     mean, deviation = _centred(x)
     square = float(np.mean(deviation**2))
@@ -88,17 +64,7 @@ def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precisi
 
 
 def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) -> Precision:
-    """Return the precision of mean and sigma from values in lots.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Values, not all equal.
-    lots : array, shape (n,)
-        Lot of each value; at least two lots, one of them with two or more values.
-    confidence : float
-        Confidence of the two-sided intervals.
-    """
+    """Return the precision of mean and sigma from values in lots: at least two, one of them with two or more values."""
     n = x.size
     mean, deviation = _centred(x)
     parts = variance_components(deviation, lots)
@@ -112,6 +78,7 @@ def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) ->
     sums = np.bincount(group, weights=deviation)
     squares: Array = np.bincount(group, weights=deviation**2 - float(np.mean(deviation**2))).astype(np.float64)
     scale = k / (k - 1) / n**2
+    # Lots that agree by chance do not make the mean better known than independent values would.
     of_mean = max(scale * float(np.sum(sums**2)), parts.within / n)
     of_square = scale * float(np.sum(squares**2))
     both = scale * float(np.sum(sums * squares))
@@ -141,14 +108,9 @@ def _centred(x: Array) -> tuple[float, Array]:
 
 
 def freedom_of_spread(squares: Array) -> float:
-    """Return the degrees of freedom of a variance of squares, from their second and fourth moment.
+    """Return the degrees of freedom of a variance of squares (minus their mean), from their second and fourth moment.
 
     Few degrees of freedom mean that a few values dominate the error of sigma.
-
-    Parameters
-    ----------
-    squares : array, shape (n,)
-        Squares minus their mean.
     """
     fourth = squares**2
     second = float(np.mean(fourth))
@@ -159,20 +121,9 @@ def freedom_of_spread(squares: Array) -> float:
 def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: float) -> float:
     """Return the degrees of freedom of the pooled variance within lots, for any distribution of the values.
 
-    Parameters
-    ----------
-    residual : array, shape (n,)
-        Values minus the mean of their lot; not all 0.
-    group : array of int, shape (n,)
-        Lot number of each value, from 0.
-    confidence : float
-        Confidence of the two-sided intervals that use the result.
-
-    Returns
-    -------
-    float
-        Number of values minus number of lots if the moments of the residuals and the differences between the variances
-        of the lots are plausible for normal values with one variance; otherwise the number derived from these.
+    `residual`, shape (n,), holds values minus the mean of their lot, `group` the lot number of each, from 0. The result
+    is the number of values minus the number of lots if the moments of the residuals and the differences between the
+    variances of the lots are plausible for normal values with one variance; otherwise the number derived from these.
     """
     counts = np.bincount(group)
     k, nu = counts.size, float(residual.size - counts.size)

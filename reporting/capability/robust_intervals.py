@@ -19,15 +19,7 @@ IntervalByName = dict[str, Interval | None]
 def robust_intervals(
     precision: Precision, lsl: float | None, usl: float | None, target: float | None
 ) -> IntervalByName:
-    """Return the intervals of mean, sigma and all indices; None where a limit or the target is missing.
-
-    Parameters
-    ----------
-    precision : Precision
-        Intervals of mean and sigma.
-    lsl, usl, target : float or None
-        Limits and target.
-    """
+    """Return the intervals of mean, sigma and all indices; None where a limit or the target is missing."""
     mean, half = precision.mean, precision.mean_half
     index, sides = point_indices(mean, precision.std, lsl, usl), _sides(precision, lsl, usl)
     nearer = min((name for name in sides if index[name] is not None), key=lambda name: index[name] or 0.0, default="")
@@ -52,14 +44,8 @@ def joint_interval(precision: Precision, wider: Precision, lsl: float | None, us
     """Return an interval of Cpk that is valid wherever the mean lies; with one limit, the interval of that side.
 
     Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side is correct. It is at
-    most the smaller of the upper ends if both are correct, so each may fail only half as often (Bonferroni).
-
-    Parameters
-    ----------
-    precision, wider : Precision
-        Intervals of mean and sigma at the confidence of the result, and at a confidence that fails half as often.
-    lsl, usl : float or None
-        Limits.
+    most the smaller of the upper ends if both are correct, so each may fail only half as often (Bonferroni): `wider`
+    has the confidence ``(1 + confidence) / 2``.
     """
     sides = _sides(precision, lsl, usl)
     if not sides:
@@ -99,14 +85,8 @@ def _bench(precision: Precision, lsl: float | None, usl: float | None) -> Interv
 def _combined(precision: Precision, value: float, of_mean: float, over_sigma: float) -> Interval:
     """Return the interval of an index that changes by `of_mean` with the mean and has a part proportional to 1 / sigma.
 
-    Parameters
-    ----------
-    value : float
-        The index.
-    of_mean : float
-        Change of the index when the mean rises to the upper end of its interval.
-    over_sigma : float
-        The part of the index that is proportional to 1 / sigma; for Cpl and Cpu the whole index.
+    `of_mean` is its change when the mean rises to the upper end of its interval; `over_sigma` is the part proportional
+    to 1 / sigma, for Cpl and Cpu the whole index.
     """
     low, high = precision.std_interval
     moves = sorted((over_sigma * (precision.std / high - 1), over_sigma * (precision.std / low - 1)))

@@ -30,46 +30,24 @@ _TESTS = 3
 
 @dataclass(frozen=True)
 class RowOrder:
-    """What the order of the values says of the process that made them.
+    """What the order of the values says of the process that made them."""
 
-    Attributes
-    ----------
-    n : int
-        Number of values, or of lots.
-    neighbours : float
-        Rank correlation of each value with the next one.
-    trend : float
-        Rank correlation of the values with their place.
-    between : float
-        Share of the variance of the ranks that lies between groups of consecutive values.
-    p : float
-        Of the most conspicuous of the three, corrected for their number: in at most this share of stable processes the
-        order is as conspicuous by chance.
-    seen : str
-        What is conspicuous; empty if p is not below `FALSE_ALARMS`.
-    finding : str
-        What is wrong and what to do, in sentences; empty like `seen`.
-    """
-
-    n: int
-    neighbours: float
-    trend: float
-    between: float
+    n: int  # values, or lots
+    neighbours: float  # rank correlation of each value with the next one
+    trend: float  # rank correlation of the values with their place
+    between: float  # share of the variance of the ranks that lies between groups of consecutive values
+    # Of the most conspicuous of the three, corrected for their number: in at most this share of stable processes the
+    # order is as conspicuous by chance.
     p: float
-    seen: str
-    finding: str
+    seen: str  # what is conspicuous; empty if p is not below `FALSE_ALARMS`
+    finding: str  # what is wrong and what to do, in sentences; empty like `seen`
 
 
 def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | None:
     """Return what the order of values says; None below `FEWEST` values or `FEWEST_DIFFERENT` different ones.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values in the order in which they were made.
-    lots : array, shape (n,), optional
-        Production lot of each value. Values of a lot resemble each other in any case: then the means of the lots are
-        tested, in the order in which the lots begin.
+    Values of a production lot resemble each other in any case: with `lots`, shape (n,), the means of the lots are
+    tested, in the order in which the lots begin.
     """
     values = x if lots is None else _means(x, lots)
     n = values.size
@@ -80,10 +58,12 @@ def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | N
     neighbours, p_neighbours = _of_neighbours(centred, squares)
     place = np.arange(n) - (n - 1) / 2
     trend = float(centred @ place) / math.sqrt(squares * float(place @ place))
+    # Over all orders a rank correlation has the variance 1 / (n - 1).
     p_trend = 2 * float(ndtr(-abs(trend) * math.sqrt(n - 1)))
     groups = np.array_split(centred, round(math.sqrt(n)))
     between = sum(group.sum() ** 2 / group.size for group in groups) / squares
     p_groups = float(chdtrc(len(groups) - 1, (n - 1) * between))
+    # Bonferroni: the three tests look at the same ranks, so their p-values are dependent.
     p = min(_TESTS * min(p_neighbours, p_trend, p_groups), 1.0)
     seen = finding = ""
     if p < FALSE_ALARMS:
@@ -107,13 +87,7 @@ def _of_neighbours(centred: Array, squares: float) -> tuple[float, float]:
 
 
 def neighbours_in_random_order(centred: Array) -> tuple[float, float]:
-    """Return mean and variance, over all orders of values, of the sum of products of neighbours.
-
-    Parameters
-    ----------
-    centred : array, shape (n,)
-        At least four values whose mean is 0.
-    """
+    """Return mean and variance of the sum of products of neighbours, over all orders of at least 4 values of mean 0."""
     n, squares, fourth = centred.size, float(np.sum(centred**2)), float(np.sum(centred**4))
     of_two = (squares**2 - fourth) / (n * (n - 1))
     of_three = (2 * fourth - squares**2) / (n * (n - 1) * (n - 2))

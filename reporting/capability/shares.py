@@ -26,50 +26,25 @@ MOST = 2**53  # runs: larger whole numbers are not exact as doubles
 
 @dataclass(frozen=True)
 class Share:
-    """A counted share of rejects.
+    """A counted share of rejects."""
 
-    Attributes
-    ----------
-    count, n : int
-        Number of rejects, and of values.
-    ppm : float
-        Share in parts per million.
-    interval : (float, float)
-        Two-sided Clopper-Pearson interval [ppm].
-    upper : float
-        One-sided Clopper-Pearson upper bound [ppm]. Without a reject it is ``1e6 (1 - (1 - confidence)^(1/n))``.
-    worth : float
-        Effective number of independent values, used for interval and bound; n without production lots.
-    """
-
-    count: int
-    n: int
+    count: int  # rejects
+    n: int  # values
     ppm: float
-    interval: Interval
-    upper: float
-    worth: float
+    interval: Interval  # two-sided Clopper-Pearson [ppm]
+    upper: float  # one-sided Clopper-Pearson bound [ppm]; without a reject ``1e6 (1 - (1 - confidence)^(1/n))``
+    worth: float  # effective number of independent values, used for interval and bound; n without production lots
 
 
 @dataclass(frozen=True)
 class Nonconforming:
-    """Counted shares of one response.
+    """Counted shares of one response."""
 
-    Attributes
-    ----------
-    below, above : Share or None
-        Below the lower and above the upper limit; None for a side without a limit.
-    total : Share
-        Both sides.
-    with_failures : Share
-        Like `total`, but over all runs, with failed runs counted as rejects.
-    worse_with_failures : Share
-        Share of the side with more rejects, over all runs, with every failed run counted as a reject of that side.
-    """
-
-    below: Share | None
-    above: Share | None
-    total: Share
-    with_failures: Share
+    below: Share | None  # None without a lower limit
+    above: Share | None  # None without an upper limit
+    total: Share  # both sides
+    with_failures: Share  # over all runs, with failed runs counted as rejects
+    # Share of the side with more rejects, over all runs, with every failed run counted as a reject of that side.
     worse_with_failures: Share
 
 
@@ -83,18 +58,8 @@ def nonconforming(
 ) -> Nonconforming | None:
     """Return the counted shares out of limits; None without a limit, or without values and failed runs.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    lsl, usl : float or None
-        Limits; a value on a limit conforms.
-    confidence : float
-        Confidence of the two-sided intervals and the one-sided bounds.
-    failed : int
-        Number of runs without a value.
-    lots : array, shape (n,), optional
-        Production lot of each value; intervals are then computed for the effective number of independent values.
+    A value on a limit conforms; `failed` runs have no value. With `lots`, shape (n,), the intervals are those of the
+    effective number of independent values.
     """
     n = int(x.size)
     if n == 0 or (lsl is None and usl is None):
@@ -128,20 +93,11 @@ def counted(count: int, n: int, confidence: float, effect: float = 1.0) -> Share
 
 
 def weighted_share_interval(weights: Array, n: int, confidence: float, effect: float = 1.0) -> Interval:
-    """Return the two-sided interval of a share in which each counted sample has a weight of at most 1.
+    """Return the two-sided interval of a share in which each counted sample has a weight above 0 and of at most 1.
 
-    Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With
-    all weights 1 it is the exact interval of a Poisson count, which contains that of Clopper and Pearson.
-
-    Parameters
-    ----------
-    weights : array, shape (m,)
-        Weight of each counted sample, above 0 and at most 1; may be empty.
-    n : int
-        Number of samples.
-    confidence : float
-    effect : float
-        Design effect: number of samples that count as one independent sample, at least 1.
+    Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With all
+    weights 1 it is the exact interval of a Poisson count, which contains that of Clopper and Pearson. `weights`, shape
+    (m,), may be empty; `effect` of the `n` samples count as one independent sample.
     """
     total, square = float(np.sum(weights)) / effect, float(np.sum(weights**2)) / effect
     low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
@@ -153,21 +109,8 @@ def weighted_share_interval(weights: Array, n: int, confidence: float, effect: f
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
     """Return the smallest number of runs that, with `rejects` rejects, proves a share of at most `ppm`.
 
-    Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %.
-
-    Parameters
-    ----------
-    ppm : float
-        Claimed upper bound of the share.
-    confidence : float
-        One-sided.
-    rejects : int
-        Rejects among the runs.
-
-    Raises
-    ------
-    ReportError
-        If ppm is outside (0, 1e6), confidence is outside (0, 1), or rejects is not a count.
+    Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %, one-sided. Numbers
+    outside their range raise ReportError.
     """
     ppm, confidence = real_number("ppm", ppm), real_number("confidence", confidence)
     if not 0 < ppm < PPM:

@@ -23,46 +23,26 @@ from reporting.capability.moments import ROUNDING
 
 # A range uses only two values: in larger batches it ignores nearly all of them, and published tables end here.
 LARGEST_FOR_RANGES = 25
+# Beyond 9 sigma the integrands of d2 and d3 vanish within rounding; a sum over even steps of a smooth function that
+# vanishes at both ends is then accurate to rounding.
 _REACH, _STEPS, _POINTS = 9.0, 361, 80
 
 
 @dataclass(frozen=True)
 class SubgroupSigma:
-    """Sigma within production batches by one method, and the indices computed with it.
+    """Sigma within production batches by one method, and the indices computed with it."""
 
-    Attributes
-    ----------
-    method : str
-        "R-bar / d2" or "S-bar / c4".
-    batches : int
-        Number of batches with at least two values.
-    std : float
-        Sigma in the unit of the values.
-    cp, cpk : float or None
-        Indices around the overall mean; None where a limit is missing.
-    """
-
-    method: str
-    batches: int
-    std: float
-    cp: float | None
-    cpk: float | None
+    method: str  # "R-bar / d2" or "S-bar / c4"
+    batches: int  # those with at least two values
+    std: float  # in the unit of the values
+    cp: float | None  # around the overall mean; None where a limit is missing
+    cpk: float | None  # like `cp`
 
 
 def subgroup_sigmas(
     x: Array, batches: NDArray[np.generic], lsl: float | None, usl: float | None
 ) -> tuple[SubgroupSigma, ...]:
-    """Return sigma within batches from ranges (batches of up to 25 values) and from sigmas; empty without spread.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    batches : array, shape (n,)
-        Production batch of each value, as numbers or names.
-    lsl, usl : float or None
-        Limits.
-    """
+    """Return sigma within batches from ranges (batches of up to 25 values) and from sigmas; empty without spread."""
     order = np.argsort(batches, kind="stable")
     _, starts = np.unique(batches[order], return_index=True)
     groups = [group for group in np.split(x[order], starts[1:]) if group.size > 1]

@@ -35,22 +35,13 @@ _LEAST_FREEDOM = 2.0
 
 @dataclass(frozen=True)
 class TargetIndices:
-    """Indices around a target.
+    """Indices around a target."""
 
-    Attributes
-    ----------
-    tau : float
-        Root mean square around the target, in the unit of the response.
-    cpm_star, cpmk : float
-    cpm_star_interval, cpmk_interval : (float, float) or None
-        Intervals; None where they are withheld, for Cpmk also below 100 values.
-    """
-
-    tau: float
+    tau: float  # root mean square around the target, in the unit of the response
     cpm_star: float
-    cpm_star_interval: Interval | None
+    cpm_star_interval: Interval | None  # None where it is withheld
     cpmk: float
-    cpmk_interval: Interval | None
+    cpmk_interval: Interval | None  # None where it is withheld, and below 100 values
 
 
 def target_indices(
@@ -63,16 +54,7 @@ def target_indices(
 ) -> TargetIndices | None:
     """Return the indices around a target; None without a target between the limits, or without spread around it.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    lsl, usl, target : float or None
-        Limits and target; one limit is enough.
-    confidence : float
-        Confidence of the two-sided intervals.
-    lots : array, shape (n,), optional
-        Production lot of each value; by default all values are independent.
+    One limit is enough. Without `lots`, shape (n,), all finite values `x` are independent.
     """
     if target is None or x.size < 2 or (lsl is None and usl is None):
         return None

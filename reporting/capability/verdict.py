@@ -35,45 +35,29 @@ _BEST_FIRST = ("capable", "marginal", "not capable")
 class IndexEstimate:
     """Estimate of one method for a response, on the scale of Cpk.
 
-    Attributes
-    ----------
-    by : str
-        Name of the method in a word or two.
-    low, value, high : float
-        Interval and estimate. A share of rejects is converted to the Cpk of a normal response with this share beyond
-        its worse limit; infinite without rejects.
-    words : str
-        The estimate in words, with its numbers, as the subject of a sentence.
+    A share of rejects is converted to the Cpk of a normal response with this share beyond its worse limit; infinite
+    without rejects.
     """
 
-    by: str
+    by: str  # the method in a word or two
     low: float
     value: float
     high: float
-    words: str
+    words: str  # with its numbers, as the subject of a sentence
 
 
 @dataclass(frozen=True)
 class CapabilityVerdict:
-    """The verdict on a response and its basis.
+    """The verdict on a response and its basis."""
 
-    Attributes
-    ----------
-    word : str
-        "capable", "marginal", "not capable"; "constant" (all values are equal, and within the limits); "no limits";
-        or "no verdict" (too few values, too many failed samples, or samples that do not represent production).
-    certain : bool or None
-        Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
-        contradicts; never where the values drift. None without a verdict.
-    by : str
-        The estimate that decides: "index", or the one that overrules it; empty without a verdict.
-    reasons : tuple of str
-        Why there is no verdict, why it is not certain, or why it is worse than Cpk, in sentences.
-    """
-
+    # "capable", "marginal", "not capable"; "constant" (all values are equal, and within the limits); "no limits"; or
+    # "no verdict" (too few values, too many failed samples, or samples that do not represent production).
     word: str
+    # Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
+    # contradicts; never where the values drift. None without a verdict.
     certain: bool | None = None
-    by: str = ""
+    by: str = ""  # the estimate that decides: "index", or the one that overrules it; empty without a verdict
+    # why there is no verdict, why it is not certain, or why it is worse than Cpk, in sentences
     reasons: tuple[str, ...] = ()
 
 
@@ -86,23 +70,11 @@ def verdict(
     normal: bool = True,
     withheld: str = "",
 ) -> CapabilityVerdict:
-    """Return the verdict on a response.
+    """Return the verdict on a response from its indices, its counted rejects and other trustworthy estimates.
 
-    Parameters
-    ----------
-    capability : Capability
-        Its indices.
-    counted : Nonconforming or None
-        Its counted rejects.
-    others : iterable of IndexEstimate
-        Further estimates that are trustworthy.
-    production : bool
-        Whether the samples represent production.
-    normal : bool
-        Whether the values may be normal. If they are proven not to be, an estimate without the normal distribution
-        decides if it is worse than Cpk.
-    withheld : str
-        Sentence that says why no response of the campaign gets a verdict; empty if they may get one.
+    `production`: the samples represent production. `normal`: the values may be normal; if they are proven not to be, an
+    estimate without the normal distribution decides if it is worse than Cpk. `withheld`: a sentence that says why no
+    response of the campaign gets a verdict; empty if they may get one.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")

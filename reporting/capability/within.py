@@ -21,61 +21,33 @@ from reporting.capability.shares import ppm_of_z
 
 @dataclass(frozen=True)
 class Within:
-    """Indices with the pooled sigma within production batches: Cp and Cpk of AIAG and ISO 22514-2.
+    """Indices with the pooled sigma within production batches: Cp and Cpk of AIAG and ISO 22514-2."""
 
-    Attributes
-    ----------
-    batches : int
-        Number of production batches with a finite value.
-    nu : int
-        Degrees of freedom of sigma: number of values minus number of batches.
-    std : float
-        Pooled sigma ``sqrt(sum (n_i - 1) s_i^2 / nu)``, in the unit of the values, without a c4 factor.
-    std_between : float or None
-        Sigma of the batch means in excess of the sigma within (one-way analysis of variance, at least 0);
-        None with one batch.
-    cp, cpk, cpl, cpu, z_bench : float or None
-        Indices around the overall mean; None where a limit is missing.
-    cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        Intervals with nu degrees of freedom, or fewer if the values within batches are not normal or the variances of
-        batches differ. They are valid for the mean of these batches: a potential index ignores how the mean of other
-        batches would differ.
-    ppm_expected : float or None
-        Share out of limits of a normal distribution with this sigma.
-    """
-
-    batches: int
-    nu: int
-    std: float
+    batches: int  # production batches with a finite value
+    nu: int  # degrees of freedom of sigma: number of values minus number of batches
+    std: float  # pooled sigma ``sqrt(sum (n_i - 1) s_i^2 / nu)``, in the unit of the values, without a c4 factor
+    # Sigma of the batch means in excess of the sigma within (one-way analysis of variance, at least 0); None with one
+    # batch.
     std_between: float | None
-    cp: float | None
+    cp: float | None  # indices are around the overall mean; None where a limit is missing
     cpk: float | None
     cpl: float | None
     cpu: float | None
     z_bench: float | None
+    # Intervals with nu degrees of freedom, or fewer if the values within batches are not normal or the variances of
+    # batches differ. They are valid for the mean of these batches: a potential index ignores how the mean of other
+    # batches would differ.
     cp_interval: Interval | None
     cpk_interval: Interval | None
     cpl_interval: Interval | None
     cpu_interval: Interval | None
-    ppm_expected: float | None
+    ppm_expected: float | None  # share out of limits of a normal distribution with this sigma
 
 
 def within(
     x: Array, batches: NDArray[np.generic], lsl: float | None, usl: float | None, confidence: float
 ) -> Within | None:
-    """Return the indices within production batches; None where no batch has two values that differ.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    batches : array, shape (n,)
-        Production batch of each value, as numbers or names.
-    lsl, usl : float or None
-        Limits.
-    confidence : float
-        Confidence of the two-sided intervals.
-    """
+    """Return the indices of finite values within production batches; None where no batch has two values that differ."""
     n = int(x.size)
     if n < 2:
         return None

@@ -11,23 +11,14 @@ from reporting.capability.summary import Capability
 
 @dataclass(frozen=True)
 class Yield:
-    """The yield of a response over all finished samples, with failures counted as rejects.
+    """The yield of a response over all finished samples, with failures counted as rejects."""
 
-    Attributes
-    ----------
-    finished, conforming : int
-        Number of finished samples, and of ok samples within the limits.
-    share, lower : float
-        Conforming share, and its one-sided Clopper-Pearson lower bound.
-    cpk : float or None
-        Cpk as if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
-        share f. Equal to Cpk without failures.
-    """
-
-    finished: int
-    conforming: int
-    share: float
-    lower: float
+    finished: int  # samples
+    conforming: int  # ok samples within the limits
+    share: float  # conforming
+    lower: float  # one-sided Clopper-Pearson bound of `share`
+    # As if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed share f.
+    # Equal to Cpk without failures.
     cpk: float | None
 
 

@@ -23,18 +23,9 @@ _PRECISION = 1e-12
 
 @lru_cache(maxsize=256)
 def one_sided_factor(n: float, content: float, confidence: float, nu: float | None = None) -> float:
-    """Return k such that at least the share `content` of production lies below ``mean + k s``.
+    """Return k such that at least the share `content` (from 0.5) of production lies below ``mean + k s``.
 
-    Parameters
-    ----------
-    n : float
-        Number of independent values that determine the mean equally well.
-    content : float
-        Share of production, from 0.5 to below 1.
-    confidence : float
-        Confidence, from 0.5 to below 1.
-    nu : float, optional
-        Degrees of freedom of s; ``n - 1`` by default.
+    `n` independent values determine the mean equally well; s has `nu` degrees of freedom, by default ``n - 1``.
     """
     freedom, shift = n - 1 if nu is None else nu, math.sqrt(n) * float(ndtri(content))
     return _root(lambda t: noncentral_t_cdf(t, freedom, shift) - confidence, shift + 1.0) / math.sqrt(n)
@@ -44,16 +35,7 @@ def one_sided_factor(n: float, content: float, confidence: float, nu: float | No
 def two_sided_factor(n: float, content: float, confidence: float, nu: float | None = None) -> float:
     """Return k such that at least the share `content` of production lies within ``mean -+ k s``.
 
-    Parameters
-    ----------
-    n : float
-        Number of independent values that determine the mean equally well.
-    content : float
-        Share of production, above 0 and below 1.
-    confidence : float
-        Confidence, above 0 and below 1.
-    nu : float, optional
-        Degrees of freedom of s; ``n - 1`` by default.
+    `n` independent values determine the mean equally well; s has `nu` degrees of freedom, by default ``n - 1``.
     """
     freedom = n - 1 if nu is None else nu
     points, weights = _gauss()

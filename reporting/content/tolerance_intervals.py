@@ -36,52 +36,26 @@ _LEAST_P = 0.05
 
 @dataclass(frozen=True)
 class ContentClaim:
-    """Limits that contain a share of the production, in the unit of the response.
+    """Limits that contain a share of the production, in the unit of the response."""
 
-    Attributes
-    ----------
-    content : float
-        Share of the production.
-    normal : (float, float) or None
-        Two-sided interval for normal values.
-    normal_lower, normal_upper : float or None
-        One-sided limits for normal values: at least the share lies above `normal_lower`, or below `normal_upper`.
-    free : (float, float) or None
-        Two-sided interval for any distribution; None with too few values.
-    free_lower, free_upper : float or None
-        One-sided limits for any distribution.
-    runs_one_sided, runs_two_sided : int
-        Smallest number of independent runs that suffices for the limits for any distribution.
-    """
-
-    content: float
-    normal: Interval | None
-    normal_lower: float | None
-    normal_upper: float | None
-    free: Interval | None
-    free_lower: float | None
-    free_upper: float | None
-    runs_one_sided: int
-    runs_two_sided: int
+    content: float  # share of the production
+    normal: Interval | None  # two-sided, for normal values
+    normal_lower: float | None  # one-sided: at least the share lies above it
+    normal_upper: float | None  # one-sided: at least the share lies below it
+    free: Interval | None  # two-sided, for any distribution; None with too few values
+    free_lower: float | None  # one-sided
+    free_upper: float | None  # one-sided
+    runs_one_sided: int  # smallest number of independent runs that suffices for `free_lower` or `free_upper`
+    runs_two_sided: int  # and for `free`
 
 
 @dataclass(frozen=True)
 class ToleranceIntervals:
-    """Tolerance intervals of a response.
+    """Tolerance intervals of a response."""
 
-    Attributes
-    ----------
-    confidence : float
-        Confidence with which each single interval contains its share.
-    claims : tuple of ContentClaim
-        One claim for each share, the smallest share first.
-    note : str
-        Basis of the normal intervals, or why they are withheld; with few production lots, why all are withheld.
-    """
-
-    confidence: float
-    claims: tuple[ContentClaim, ...]
-    note: str
+    confidence: float  # with which each single interval contains its share
+    claims: tuple[ContentClaim, ...]  # one for each share, the smallest first
+    note: str  # basis of the normal intervals, or why they are withheld; with few production lots, why all are withheld
 
 
 @dataclass(frozen=True)
@@ -101,20 +75,10 @@ class _Worth:
 def tolerance_intervals(
     x: Array, shape: Normality, confidence: float, lots: NDArray[np.generic] | None = None
 ) -> ToleranceIntervals:
-    """Return the tolerance intervals of a response.
+    """Return the tolerance intervals of finite values, for a confidence of at least 0.5.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    shape : Normality
-        Tests of the values for normality.
-    confidence : float
-        From 0.5 to below 1.
-    lots : array, shape (n,), optional
-        Production lot of each value; by default all values are independent. With lots the normal intervals use the
-        mean squares between and within lots (Satterthwaite 1946), the others the effective number of independent
-        values for the share beyond (Korn and Graubard 1998).
+    With `lots`, shape (n,), the normal intervals use the mean squares between and within lots (Satterthwaite 1946), the
+    others the effective number of independent values for the share beyond (Korn and Graubard 1998).
     """
     # Squares may overflow or underflow: such values are never treated as normal, or have no shape.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -181,6 +145,8 @@ def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal
         return found
     ordered = np.sort(x)
     low, high, outer_low, outer_high = np.quantile(x, (1 - content, content, (1 - content) / 2, (1 + content) / 2))
+    # Values of a lot lie beyond a limit together: the design effect is that of the share beyond the quantile that the
+    # limit estimates.
     marked = (x < low, x > high, (x < outer_low) | (x > outer_high))
     lower, upper, both = (most_blocks(x.size, content, confidence, worth.effect(out)) for out in marked)
     return replace(

@@ -20,35 +20,16 @@ from reporting.capability.shares import weighted_share_interval
 
 @dataclass(frozen=True)
 class ResponseLoss:
-    """Yield loss that one response causes.
-
-    Attributes
-    ----------
-    response : str
-    rejects : int
-        Number of samples that break a limit of this response.
-    only : int
-        Number of those samples that keep all other limits: the marginal gain if this response never failed.
-    share : float
-        Shapley value: part of the reject share, as a share of all samples.
-    share_interval : (float, float)
-        Interval by Fay and Feuer (1997).
-    part : float or None
-        Shapley value as a share of the rejects; None without a reject.
-    yield_without : float
-        Yield of the product if this response never failed.
-    yield_without_interval : (float, float)
-        Interval by Clopper and Pearson.
-    """
+    """Yield loss that one response causes."""
 
     response: str
-    rejects: int
-    only: int
-    share: float
-    share_interval: Interval
-    part: float | None
-    yield_without: float
-    yield_without_interval: Interval
+    rejects: int  # samples that break a limit of this response
+    only: int  # those of them that keep all other limits: the marginal gain if this response never failed
+    share: float  # Shapley value: part of the reject share, as a share of all samples
+    share_interval: Interval  # by Fay and Feuer (1997)
+    part: float | None  # Shapley value as a share of the rejects; None without a reject
+    yield_without: float  # of the product if this response never failed
+    yield_without_interval: Interval  # by Clopper and Pearson
 
 
 def response_losses(
@@ -59,16 +40,9 @@ def response_losses(
 ) -> tuple[ResponseLoss, ...]:
     """Return the yield loss of each response, the largest first.
 
-    Parameters
-    ----------
-    failed : dict of str to array of bool, each of shape (n,)
-        Whether each sample breaks a limit of the response; n above 0.
-    confidence : float
-        Confidence of the two-sided intervals.
-    effects : mapping of str to float
-        Design effect for the rejects of each response: samples per independent sample; 1 for responses not named.
-    effect : float
-        Design effect for the rejects of the product.
+    `failed` marks the samples that break a limit of the response, shape (n,) with n above 0. Design effects (samples
+    per independent sample): `effects` of the rejects of each response, 1 if not named; `effect` of those of the
+    product.
     """
     matrix = np.array(list(failed.values()))
     broken = np.count_nonzero(matrix, axis=0)

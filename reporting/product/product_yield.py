@@ -22,73 +22,34 @@ _CHANCE = 0.05
 
 @dataclass(frozen=True)
 class CountedYield:
-    """A counted share of conforming samples.
+    """A counted share of conforming samples."""
 
-    Attributes
-    ----------
-    conforming, n : int
-        Number of samples that keep every limit, and of all samples.
-    share : float
-    interval : (float, float)
-        Two-sided.
-    lower : float
-        One-sided lower bound.
-    worth : float
-        Effective number of independent samples; n without production lots.
-    """
-
-    conforming: int
-    n: int
+    conforming: int  # samples that keep every limit
+    n: int  # all samples
     share: float
-    interval: Interval
-    lower: float
-    worth: float
+    interval: Interval  # two-sided
+    lower: float  # one-sided lower bound
+    worth: float  # effective number of independent samples; n without production lots
 
 
 @dataclass(frozen=True)
 class ProductYield:
-    """Yield of the whole product, the rolled throughput yield, and the loss by response and variable.
+    """Yield of the whole product, the rolled throughput yield, and the loss by response and variable."""
 
-    Attributes
-    ----------
-    responses : tuple of str
-        Responses with limits; the product conforms if all of them do.
-    counted : CountedYield or None
-        Yield of the ok samples with a value of each of these responses; None without such a sample.
-    with_failures : CountedYield
-        Yield of all finished samples; failed ones, and those without a value, count as rejects.
-    rolled : float or None
-        Rolled throughput yield: the product of the yields of the responses. It is the yield of the product if they
-        fail independently.
-    dependence : str
-        Interpretation of the difference between yield and rolled yield in one sentence; empty with one response.
-    losses : tuple of ResponseLoss
-        Loss of each response, the largest first.
-    by_variable : RejectAttribution or None
-        Attribution of the rejects to variables; None without variables or samples.
-    """
-
-    responses: tuple[str, ...]
+    responses: tuple[str, ...]  # those with limits; the product conforms if all of them do
+    # of the ok samples with a value of each of these responses; None without such a sample
     counted: CountedYield | None
-    with_failures: CountedYield
+    with_failures: CountedYield  # of all finished samples; failed ones, and those without a value, count as rejects
+    # Rolled throughput yield: the product of the yields of the responses. It is the yield of the product if they fail
+    # independently.
     rolled: float | None
-    dependence: str
-    losses: tuple[ResponseLoss, ...]
-    by_variable: RejectAttribution | None
+    dependence: str  # what the difference between yield and rolled yield means, in a sentence; empty with one response
+    losses: tuple[ResponseLoss, ...]  # of each response, the largest first
+    by_variable: RejectAttribution | None  # attribution of the rejects; None without variables or samples
 
 
 def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> ProductYield | None:
-    """Return the yield of the whole product; None without limits or samples, or if samples are not production.
-
-    Parameters
-    ----------
-    samples : Samples
-        The independent samples of the campaign.
-    spec : ReportSpec
-        Limits.
-    confidence : float
-        Confidence of the two-sided intervals and the one-sided bounds.
-    """
+    """Return the yield of the whole product; None without limits or samples, or if samples are not production."""
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
@@ -163,15 +124,8 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
 
     The function counts failures of responses in samples that another response has already rejected. If the responses
     are independent and rejects are rare, this count is approximately Poisson around its expectation; with many rejects
-    it varies less, so the result is conservative.
-
-    Parameters
-    ----------
-    failed : dict of str to array of bool, each of shape (n,)
-        Whether each sample breaks a limit of the response.
-    independent_samples : bool
-        Whether the samples are independent; samples of a production lot fail together even if the responses are not
-        related.
+    it varies less, so the result is conservative. Samples of a production lot fail together even if the responses are
+    not related.
     """
     matrix = np.array(list(failed.values()))
     if len(failed) < 2 or matrix.size == 0:
@@ -182,6 +136,7 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
     if not independent_samples:
         return "Samples of a production lot fail together, so the difference does not show whether responses do."
     rolled = math.prod(1 - matrix.mean(axis=1))
+    # Both directions are tested, each with half of the permitted chance.
     repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
     if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
         return (

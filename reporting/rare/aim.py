@@ -32,68 +32,31 @@ _DECIMALS = 2  # of a centre
 
 @dataclass(frozen=True)
 class Aim:
-    """A component of importance sampling.
+    """A component of importance sampling."""
 
-    Attributes
-    ----------
-    share : float
-        Share of all runs.
-    scale : float
-        Standard deviation of the scores.
-    centre : tuple of float
-        Standard score of each variable.
-    source : str
-        Target of the component, and the evidence for it.
-    """
-
-    share: float
-    scale: float
-    centre: tuple[float, ...]
-    source: str
+    share: float  # of all runs
+    scale: float  # standard deviation of the scores
+    centre: tuple[float, ...]  # standard score of each variable
+    source: str  # target of the component, and the evidence for it
 
 
 @dataclass(frozen=True)
 class Target:
-    """Expected rejects beyond one limit.
+    """Expected rejects beyond one limit."""
 
-    Attributes
-    ----------
-    name : str
-        The limit in words.
-    ppm : float
-        Approximate share of production beyond it [ppm].
-    by : str
-        Source of the estimate: counted rejects, or the model.
-    centres : tuple of (tuple of float, float)
-        Centres of the rejects, each with its share of them; empty if no component should aim there.
-    """
-
-    name: str
-    ppm: float
-    by: str
-    centres: Parts
+    name: str  # the limit in words
+    ppm: float  # approximate share of production beyond it
+    by: str  # source of the estimate: counted rejects, or the model
+    centres: Parts  # of the rejects, each with its share of them; empty if no component should aim there
 
 
 def find_targets(
     z: Array, weights: Array, responses: Mapping[str, Array], limits: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[Target, ...]:
-    """Return the expected location of the rejects of each limit.
+    """Return the expected location of the rejects of each limit; raise ReportError if values are too few for a model.
 
-    Parameters
-    ----------
-    z : array, shape (n, d)
-        Standard scores of the variables in each run, independent in production.
-    weights : array, shape (n,)
-        Weight of each run; 1 for plain runs.
-    responses : mapping of str to array, shape (n,)
-        Responses by name, NaN where a run has none.
-    limits : mapping of str to (float or None, float or None)
-        Lower and upper limit of each response to consider.
-
-    Raises
-    ------
-    ReportError
-        A response has too few values to fit a model.
+    `z` are the standard scores of the variables, shape (n, d), independent in production; `weights`, shape (n,), are 1
+    for plain runs; `responses`, shape (n,), are NaN where a run has none.
     """
     targets = []
     for name, (lsl, usl) in limits.items():
@@ -146,18 +109,11 @@ def _tempered(w: Array) -> Array:
 
 
 class _Model:
-    """A quadratic model of a response over the standard scores, with its residuals.
-
-    Parameters
-    ----------
-    z : array, shape (n, d)
-        Standard scores.
-    y : array, shape (n,)
-        The response.
-    """
+    """A quadratic model of a response, shape (n,), over the standard scores, shape (n, d), with its residuals."""
 
     def __init__(self, z: Array, y: Array) -> None:
         d = z.shape[1]
+        # Three runs for each coefficient: the residuals of a model that fits exactly would be too small.
         self._interactions = y.size >= 3 * (1 + 2 * d + d * (d - 1) // 2)
         self._squares = y.size >= 3 * (1 + 2 * d)
         features = self._features(z)
@@ -169,6 +125,7 @@ class _Model:
 
     def rejects(self) -> tuple[Array, Array, float]:
         """Return standard scores and weights of simulated rejects, and their share of production."""
+        # A fixed seed: the same runs always give the same targets.
         rng, d = np.random.Generator(np.random.PCG64(0)), self._dimensions
         found, weights = [np.zeros((0, d))], [np.zeros(0)]
         for _ in range(IMAGINED // _PIECE):

@@ -20,12 +20,7 @@ Parts = tuple[tuple[tuple[float, ...], float], ...]
 def directions(points: Array, weights: Array) -> Parts:
     """Return the centre of the points in each direction, and its share of the total weight.
 
-    Parameters
-    ----------
-    points : array, shape (m, d)
-        Standard scores; m above 0.
-    weights : array, shape (m,)
-        Weights above 0.
+    `points`, shape (m, d), are standard scores, m above 0; `weights`, shape (m,), are above 0.
     """
     rows = random_rows(weights.size)[:MOST_POINTS]
     x, w = points[rows], weights[rows] / weights[rows].sum()
@@ -34,10 +29,12 @@ def directions(points: Array, weights: Array) -> Parts:
     best = centres, shares
     for k in range(1, min(MOST, x.shape[0]) + 1):
         if k > 1:
+            # The new centre is the heaviest point far from all others, so that the result depends on no random start.
             distance = np.min(np.sum((x[:, None] - centres) ** 2, axis=2), axis=1)
             centres = np.vstack([centres, x[np.argmax(w * distance)]])
             shares = np.append(shares * (k - 1) / k, 1.0 / k)
         centres, shares, likelihood = _fitted(x, w, centres, shares)
+        # Parameters: k centres, k - 1 shares and the common variance.
         criterion = -2.0 * effective * likelihood + k * (d + 1) * np.log(effective)
         if criterion < least:
             best, least = (centres, shares), criterion

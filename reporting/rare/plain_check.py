@@ -20,49 +20,22 @@ CHECK_BAR = 4.0  # standard errors that are not exceeded by chance
 
 @dataclass(frozen=True)
 class PlainCheck:
-    """A share estimated from plain and from weighted runs.
-
-    Attributes
-    ----------
-    response : str
-    side : str
-        "below" or "above".
-    at : float
-        The moved limit, in the response's unit.
-    plain, weighted : float
-        Share beyond it: counted among the plain runs, and weighted over all runs.
-    errors : float
-        Their difference in standard errors.
-    """
+    """A share estimated from plain and from weighted runs."""
 
     response: str
-    side: str
-    at: float
-    plain: float
-    weighted: float
-    errors: float
+    side: str  # "below" or "above"
+    at: float  # the moved limit, in the response's unit
+    plain: float  # share beyond it, counted among the plain runs
+    weighted: float  # the same, weighted over all runs
+    errors: float  # their difference in standard errors
 
 
 def plain_check(
     response: str, side: str, y: Array, weights: Array, is_plain: NDArray[np.bool_], plain_share: float
 ) -> PlainCheck | None:
-    """Compare a weighted with a counted share of one response.
+    """Compare a weighted with a counted share of one response; None with too few plain runs.
 
-    Parameters
-    ----------
-    response, side : str
-        Name of the response, and the side, "below" or "above".
-    y, weights : array, shape (n,)
-        The response (NaN where a run has none) and the weight of each run.
-    is_plain : array of bool, shape (n,)
-        Whether the run was drawn from the distributions themselves.
-    plain_share : float
-        Planned share of such runs.
-
-    Returns
-    -------
-    PlainCheck or None
-        None with too few plain runs.
+    `y`, shape (n,), is NaN where a run has none; `plain_share` is the planned share of plain runs.
     """
     seen = np.sort(y[is_plain & np.isfinite(y)] * (1.0 if side == "below" else -1.0))
     beyond = max(FEWEST_SEEN, round(SEEN * seen.size))

@@ -16,66 +16,32 @@ from reporting.spec import ReportSpec, ResponseSpec
 
 @dataclass(frozen=True)
 class RareResponse:
-    """Rare rejects of one response.
-
-    Attributes
-    ----------
-    response : str
-    below, above : RareShare or None
-        Shares beyond the lower and the upper limit; None for a side without a limit.
-    total : RareShare
-        Share beyond either limit.
-    index : float or None
-        Index from the share of the worse side, -Phi^-1(share) / 3: 1.33 at 33 ppm; None without a reject.
-    index_interval : (float, float or None)
-        Interval of the index; an end without a bound is None.
-    """
+    """Rare rejects of one response."""
 
     response: str
-    below: RareShare | None
-    above: RareShare | None
-    total: RareShare
-    index: float | None
-    index_interval: tuple[float, float | None]
+    below: RareShare | None  # None without a lower limit
+    above: RareShare | None  # None without an upper limit
+    total: RareShare  # beyond either limit
+    index: float | None  # from the share of the worse side, -Phi^-1(share) / 3: 1.33 at 33 ppm; None without a reject
+    index_interval: tuple[float, float | None]  # the upper end is None without a bound
 
 
 @dataclass(frozen=True)
 class RareRejects:
-    """The rare rejects of an importance-sampling campaign.
+    """The rare rejects of an importance-sampling campaign."""
 
-    Attributes
-    ----------
-    runs, plain : int
-        Number of finished runs, and of those drawn from the distributions themselves.
-    effective : float
-        Effective number of runs of equal weight (Kish).
-    mean_weight, mean_weight_errors : float
-        Mean weight, and its deviation from 1 in standard errors.
-    responses : tuple of RareResponse
-        Responses with limits.
-    together : RareShare or None
-        Share beyond any limit of any response; None without limits.
-    failed : RareShare
-        Share of runs that failed or have no value of a response with limits.
-    with_failures : RareShare or None
-        Share beyond any limit, or failed; None without limits.
-    unseen_ppm : float
-        Largest region of rejects behind a flat limit that may have been missed [ppm]; runs would have met a larger one.
-    checks : tuple of PlainCheck
-        Checks against plain Monte Carlo.
-    """
-
-    runs: int
-    plain: int
-    effective: float
+    runs: int  # finished ones
+    plain: int  # those drawn from the distributions themselves
+    effective: float  # runs of equal weight (Kish)
     mean_weight: float
-    mean_weight_errors: float
-    responses: tuple[RareResponse, ...]
-    together: RareShare | None
-    failed: RareShare
-    with_failures: RareShare | None
+    mean_weight_errors: float  # deviation of the mean weight from 1 in standard errors
+    responses: tuple[RareResponse, ...]  # those with limits
+    together: RareShare | None  # beyond any limit of any response; None without limits
+    failed: RareShare  # runs that failed or have no value of a response with limits
+    with_failures: RareShare | None  # beyond any limit, or failed; None without limits
+    # Largest region of rejects behind a flat limit that may have been missed [ppm]; runs would have met a larger one.
     unseen_ppm: float
-    checks: tuple[PlainCheck, ...]
+    checks: tuple[PlainCheck, ...]  # against plain Monte Carlo
 
 
 def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareRejects | None:

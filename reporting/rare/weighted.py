@@ -34,71 +34,32 @@ _TAIL = 5  # fewest weights for the fit of a tail
 
 @dataclass(frozen=True)
 class Draws:
-    """How the runs of an importance campaign were drawn.
+    """How the runs of an importance campaign were drawn."""
 
-    Attributes
-    ----------
-    weights : array, shape (n,)
-        Weights of all finished runs, ok or not.
-    by_chance : array of bool, shape (n,)
-        Whether a component without shift drew the run, in a region where no other component aims.
-    unshifted : array of bool, shape (n,)
-        Whether a component without shift drew the run.
-    spreads : tuple of (float, float)
-        For each component without shift, including the distributions themselves: the share of all runs that it draws
-        where no other component aims, and its scale.
-    confidence : float
-        Confidence of the two-sided intervals.
-    """
-
-    weights: Array
-    by_chance: NDArray[np.bool_]
-    unshifted: NDArray[np.bool_]
+    weights: Array  # of all finished runs, ok or not, shape (n,)
+    by_chance: NDArray[np.bool_]  # drawn by a component without shift, in a region where no other component aims
+    unshifted: NDArray[np.bool_]  # drawn by a component without shift
+    # For each component without shift, including the distributions themselves: the share of all runs that it draws
+    # where no other component aims, and its scale.
     spreads: tuple[tuple[float, float], ...]
-    confidence: float
+    confidence: float  # of the two-sided intervals
 
 
 @dataclass(frozen=True)
 class RareShare:
-    """A weighted share of production.
+    """A weighted share of production."""
 
-    Attributes
-    ----------
-    ppm : float
-        Unbiased estimate [ppm].
-    interval : (float, float)
-        Two-sided interval [ppm]; from 0 if the weights do not support a lower end.
-    standard_error : float or None
-        Standard error relative to the estimate; None without a reject.
-    rejects : int
-        Number of runs counted as rejects.
-    effective : float
-        Effective number of rejects of equal weight (Kish).
-    largest : float
-        Share of the largest weight in the sum; 0 without a reject.
-    tail_shape : float or None
-        Pareto shape of the largest weights; None with too few of them.
-    by_chance : int
-        Number of rejects where no component aims, found by a component without shift.
-    by_chance_ppm : float
-        Allowance of the upper end of the interval for such regions, found or not [ppm].
-    plain_runs : float or None
-        Number of plain independent runs with the same precision; None without a reject.
-    doubt : str
-        Why the weights do not support a lower end, and a remedy; empty if they do.
-    """
-
-    ppm: float
-    interval: Interval
-    standard_error: float | None
-    rejects: int
-    effective: float
-    largest: float
-    tail_shape: float | None
-    by_chance: int
-    by_chance_ppm: float
-    plain_runs: float | None
-    doubt: str
+    ppm: float  # unbiased estimate
+    interval: Interval  # two-sided [ppm]; from 0 if the weights do not support a lower end
+    standard_error: float | None  # relative to the estimate; None without a reject
+    rejects: int  # runs
+    effective: float  # rejects of equal weight (Kish)
+    largest: float  # share of the largest weight in the sum; 0 without a reject
+    tail_shape: float | None  # Pareto shape of the largest weights; None with too few of them
+    by_chance: int  # rejects where no component aims, found by a component without shift
+    by_chance_ppm: float  # allowance of the upper end of the interval for such regions, found or not
+    plain_runs: float | None  # plain independent runs with the same precision; None without a reject
+    doubt: str  # why the weights do not support a lower end, and a remedy; empty if they do
 
 
 def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
@@ -131,16 +92,9 @@ def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
 
 
 def flat_bound(count: int, n: int, draws: Draws) -> float:
-    """Return the largest share beyond a flat limit that is plausible with ``count`` rejects among ``n`` runs.
+    """Return the largest share beyond a flat limit that is plausible with `count` rejects among `n` runs.
 
-    Parameters
-    ----------
-    count : int
-        Number of rejects drawn by components without shift.
-    n : int
-        Number of runs of the campaign.
-    draws : Draws
-        Draws, with the components without shift.
+    Only rejects that components without shift have drawn are counted.
     """
     most = float(gammaincinv(count + 1, 0.5 + draws.confidence / 2))
 
@@ -154,6 +108,7 @@ def flat_bound(count: int, n: int, draws: Draws) -> float:
 
 def tail_shape(weights: Array) -> float | None:
     """Return the Pareto shape of the largest weights; None if they are too few or all equal."""
+    # The number of tail weights of Pareto-smoothed importance sampling (Vehtari et al. 2024).
     tail = int(min(0.2 * weights.size, 3.0 * np.sqrt(weights.size)))
     if tail < _TAIL:
         return None
@@ -173,6 +128,7 @@ def _gamma_limits(w: Array, n: int, confidence: float) -> Interval:
     """Return the interval of a share of weighted runs."""
     if not w.size:
         return 0.0, 0.0
+    # `weighted_share_interval` takes weights of at most 1.
     low, high = weighted_share_interval(w / w.max(), n, confidence)
     return low * float(w.max()), high * float(w.max())
 

@@ -21,15 +21,7 @@ Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
 
 
 def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
-    """Return the workbook: summary, trust, indices, causes, inputs, failures, provenance, first samples and more.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    samples : Samples
-        The samples of the campaign.
-    """
+    """Return the workbook: summary, trust, indices, causes, inputs, failures, provenance, first samples and more."""
     import xlsxwriter
 
     target = io.BytesIO()

@@ -73,10 +73,12 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     run, spec = response.running, response.spec
     if run is None:
         return None
+    # The wide band of the first few values would flatten the rest of the figure.
     first = next((i for i, count in enumerate(run.n) if count >= FEWEST_FOR_A_VERDICT), 0)
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
     low, high = min(run.low[first:]), max(run.high[first:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
+    # An axis must not be empty if there is only one point.
     x, y = (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near])
     frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
     n = [math.log10(count) for count in run.n[first:]]

@@ -39,14 +39,7 @@ CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",), missing: str = "") -> str:
     """Return the page of an analysis, the same text for the same analysis.
 
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    files : tuple of str
-        Names of the files next to the page.
-    missing : str
-        Omitted files, and how to get them; may be empty.
+    `files` are the names of the files next to the page; `missing` names omitted files, and how to get them.
     """
     # Figures escape their own texts and are marked as safe; the templates escape everything else.
     return label_cells(

@@ -21,13 +21,7 @@ _REPEATED = ("lsl", "usl", "target")  # inside a capability these only repeat it
 
 
 def document(analysis: Analysis) -> dict[str, Any]:
-    """Return the analysis as plain data; numbers that are undefined are None.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    """
+    """Return the analysis as plain data; numbers that are undefined are None."""
     body = asdict(analysis)
     spec = body.pop("spec")
     for response in body["responses"]:
@@ -68,6 +62,7 @@ def report_schema() -> dict[str, Any]:
     for name in _POINTS:
         del models["Scatter"]["properties"][name]
         models["Scatter"]["required"].remove(name)
+    # A copy: in a comparison the limits are not repeated elsewhere, so its capabilities keep the keys deleted below.
     models["ComparedCapability"] = json.loads(json.dumps(models["Capability"]))
     for name in _REPEATED:
         del models["Capability"]["properties"][name]

@@ -16,10 +16,7 @@ _TAG = re.compile(r"<[^>]*>")
 def label_cells(page: str) -> str:
     """Return the page with the name of its column added to every cell of wide tables.
 
-    Parameters
-    ----------
-    page : str
-        HTML from this package's templates: user input is escaped, so every tag comes from the templates.
+    It reads HTML from this package's templates: user input is escaped, so every tag comes from the templates.
     """
     return _TABLE.sub(lambda found: _labelled(found[0]), page)
 

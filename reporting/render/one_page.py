@@ -21,13 +21,7 @@ _ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
 
 
 def render_one_page(analysis: Analysis) -> str:
-    """Return the summary of an analysis as one page of HTML, for the browser and for paper.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    """
+    """Return the summary of an analysis as one page of HTML, for the browser and for paper."""
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     ranked = sorted(limited, key=_how_bad)
     shown, others = ranked[:ROWS], ranked[ROWS:]

@@ -17,13 +17,7 @@ _PPM = "ppm"
 
 
 def render_parquet(analysis: Analysis) -> bytes:
-    """Return the file: campaign and counts in its metadata, verdict and numbers in its rows.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-    """
+    """Return the file: campaign and counts in its metadata, verdict and numbers in its rows."""
     import pyarrow.parquet as pq
 
     target = io.BytesIO()
@@ -32,18 +26,7 @@ def render_parquet(analysis: Analysis) -> bytes:
 
 
 def capability_table(analysis: Analysis) -> "pa.Table":
-    """Return verdict and numbers, one row per response.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        The analysis to render.
-
-    Returns
-    -------
-    pyarrow.Table
-        Table with the units in the fields' metadata, and campaign and counts in its own metadata.
-    """
+    """Return verdict and numbers, one row per response, with units, campaign and counts in the metadata."""
     import pyarrow as pa
 
     rows = [_row(response) for response in analysis.responses]

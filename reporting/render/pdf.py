@@ -6,17 +6,9 @@ from reporting.errors import ReportError
 
 
 def render_pdf(page: str) -> bytes:
-    """Return the page as PDF on A4, without any request.
+    """Return the page, HTML of `reporting.render.html.render_html`, as PDF on A4, without any request.
 
-    Parameters
-    ----------
-    page : str
-        The HTML of `reporting.render.html.render_html`.
-
-    Raises
-    ------
-    ReportError
-        If the libraries that WeasyPrint needs are not installed.
+    ReportError: the libraries that WeasyPrint needs are not installed.
     """
     try:
         from weasyprint import HTML

@@ -10,17 +10,7 @@ _FAR = 3.0  # limits farther than this many ranges of the values are named at th
 
 
 def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> str:
-    """Return the figure of a response against an input: points, means over groups, and limits.
-
-    Parameters
-    ----------
-    response : ResponseAnalysis
-        The response.
-    scatter : Scatter
-        Points and group means to draw.
-    unit : str
-        Unit of the input.
-    """
+    """Return the figure of a response against an input: points, means over groups, and limits."""
     spec = response.spec
     limits = [(name, value) for name, value in (("LSL", spec.lsl), ("USL", spec.usl)) if value is not None]
     low, high = min(scatter.y), max(scatter.y)

@@ -20,13 +20,8 @@ _SMALLEST = 1e-6  # smaller numbers are shown with an exponent
 class SheetWriter:
     """Writes the sheets of one workbook.
 
-    Parameters
-    ----------
-    book : xlsxwriter.Workbook
-    fences : iterable of float
-        Numbers that no displayed number may be rounded onto or across: limits, and the thresholds of an index.
-    colours : mapping of str to str
-        Background colour of a cell, by its word.
+    No displayed number is rounded onto or across one of `fences`: limits, and the thresholds of an index. `colours` are
+    background colours of a cell, by its word.
     """
 
     def __init__(self, book: "Workbook", fences: Iterable[float], colours: Mapping[str, str]) -> None:
@@ -36,20 +31,11 @@ class SheetWriter:
         )
         self._text = book.add_format({"text_wrap": True, "valign": "top"})
         self._words = {word: book.add_format({"bg_color": c, "valign": "top"}) for word, c in colours.items()}
+        # One format for each pattern, because the workbook keeps every format that is added.
         self._numbers = cache(self._number_format)
 
     def write(self, name: str, heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-        """Write a sheet; an undefined number becomes an empty cell.
-
-        Parameters
-        ----------
-        name : str
-            Name of the sheet.
-        heads : sequence of str
-            One heading per column, all different.
-        rows : iterable of sequences
-            Texts, numbers and None.
-        """
+        """Write a sheet of texts, numbers and None, which becomes an empty cell; all headings differ."""
         sheet = self._book.add_worksheet(name)
         sheet.freeze_panes(1, 1)
         sheet.set_landscape()
@@ -78,15 +64,7 @@ class SheetWriter:
 
 
 def number_pattern(value: float, fences: Sequence[float]) -> str:
-    """Return Excel's format of a number: as given if it is short, else with `DIGITS` digits, or more near a fence.
-
-    Parameters
-    ----------
-    value : float
-        Finite number.
-    fences : sequence of float
-        Numbers that the value must not be rounded onto or across.
-    """
+    """Return Excel's format of a number: as given if it is short, else with `DIGITS` digits, or more near a fence."""
     short = plain(value)
     if "e" not in short and len(short.lstrip("-0.").replace(".", "")) <= DIGITS:
         return "General"

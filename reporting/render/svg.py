@@ -21,23 +21,13 @@ _WIDTH_OF_A_LETTER = 0.56  # relative to the font size, on average
 
 @dataclass(frozen=True)
 class PlotArea:
-    """The rectangle of a figure that contains the plot, and the numbers at its ends.
+    """The rectangle of a figure that contains the plot, and the numbers at its ends."""
 
-    Attributes
-    ----------
-    width, height : float
-        Size of the whole figure.
-    x, y : (float, float)
-        Numbers at the left and right end, and at the bottom and top.
-    left, right, top, bottom : float
-        Margins.
-    """
-
-    width: float
+    width: float  # of the whole figure
     height: float
-    x: tuple[float, float]
-    y: tuple[float, float]
-    left: float = 64.0
+    x: tuple[float, float]  # numbers at the left and right end
+    y: tuple[float, float]  # numbers at the bottom and top
+    left: float = 64.0  # left to bottom are margins
     right: float = 16.0
     top: float = 24.0
     bottom: float = 48.0

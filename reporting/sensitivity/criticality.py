@@ -115,6 +115,7 @@ def with_shapley(influence: Influence, at: int, measures: Measures, scatter: flo
     left = max(float(effects.remainder[at]) - scatter, 0.0)
     most_left = left + quantile * float(effects.remainder_error[at])
     low, high = share_interval(share, half)
+    # What the regression leaves unexplained may belong to this variable, all of it.
     interval = low, as_share(high + left)
     significant = share > max(errors_needed * float(effects.share_error[at, i]), NEGLIGIBLE_SHARE)
     word = _word(interval, most_left, significant=significant)

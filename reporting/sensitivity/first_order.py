@@ -47,42 +47,19 @@ _SAME_ERROR = 1e-9
 
 @dataclass(frozen=True)
 class Effects:
-    """Effects of each of k variables alone on each of m responses.
+    """Effects of each of k variables alone on each of m responses."""
 
-    Attributes
-    ----------
-    degree : array of int, shape (m,)
-        Degree of the polynomials.
-    share, share_error : array, shape (m, k)
-        First-order index, possibly below 0 by chance, and its standard error.
-    unexplained, unexplained_error : array, shape (m,)
-        Share of the variance that is not a sum of functions of single variables (interactions, noise), and its
-        standard error.
-    curve_x : array, shape (k, points)
-        Evenly spaced points from the 5th to the 95th percentile of each variable, in its unit.
-    curve : array, shape (m, k, points)
-        ``E[y | x_i]`` at these points minus the mean of y, in standard deviations of y.
-    swing_error : array, shape (m, k)
-        Standard error of ``max - min`` of the curve, in standard deviations of y.
-    by_ranks : array of bool, shape (m, k)
-        Whether the share is rank-based, because the polynomial misses a structure such as a jump.
-    missed : array, shape (m, k)
-        Upper bound of what the polynomial misses, as a share of the variance; it extends the interval upwards.
-    carriers : array, shape (m, k)
-        Number of samples that carry the share.
-    """
-
-    degree: NDArray[np.int64]
-    share: Array
-    share_error: Array
-    unexplained: Array
+    degree: NDArray[np.int64]  # of the polynomials, shape (m,)
+    share: Array  # first-order index, possibly below 0 by chance, shape (m, k)
+    share_error: Array  # standard error
+    unexplained: Array  # share of the variance that is not a sum of functions of single variables, shape (m,)
     unexplained_error: Array
-    curve_x: Array
-    curve: Array
-    swing_error: Array
-    by_ranks: NDArray[np.bool_]
-    missed: Array
-    carriers: Array
+    curve_x: Array  # evenly spaced from the 5th to the 95th percentile of each variable, shape (k, points)
+    curve: Array  # ``E[y | x_i]`` there minus the mean of y, in standard deviations of y, shape (m, k, points)
+    swing_error: Array  # of ``max - min`` of the curve, in standard deviations of y, shape (m, k)
+    by_ranks: NDArray[np.bool_]  # the polynomial misses a structure such as a jump, shape (m, k)
+    missed: Array  # upper bound of what the polynomial misses, a share that extends the interval upwards, (m, k)
+    carriers: Array  # number of samples that carry the share, shape (m, k)
 
 
 def most_degree(n: int, variables: int) -> int:
@@ -93,20 +70,10 @@ def most_degree(n: int, variables: int) -> int:
 def effects(
     sums: Sums, x: Array, y: Array, group: NDArray[np.intp], ends: tuple[Array, Array], *, independent: bool
 ) -> Effects:
-    """Return the effects of the variables.
+    """Return the effects of the variables x, shape (n, k), on the responses y, shape (n, m).
 
-    Parameters
-    ----------
-    sums : Sums
-        Sums over the groups of rows.
-    x, y : array, shapes (n, k) and (n, m)
-        Variables and responses of these rows.
-    group : array of int, shape (n,)
-        Group of each row.
-    ends : pair of arrays, each of shape (k,)
-        5th and 95th percentile of each variable.
-    independent : bool
-        Whether the variables are independent and therefore fitted together.
+    `sums` and `group` are those of the rows, `ends` the 5th and the 95th percentile of each variable. Independent
+    variables are fitted together.
     """
     degree = best_degree(sums)
     curve_x = np.linspace(*ends, CURVE_POINTS, axis=1)
@@ -140,6 +107,7 @@ def effects(
                 unexplained[:, r] -= found.share - share[:, r, i] if independent else 0.0
                 share[:, r, i] = found.share
     swing = curve.max(axis=3) - curve.min(axis=3)
+    # The jackknife's correction of the bias: noise that is fitted counts as effect.
     corrected = share[0] * groups - (groups - 1) * share[1:].mean(axis=0)
     # Ranks need no correction for fitted noise: the residual lacks what the polynomial fits in excess. It would only
     # add the error of neighbours on either side of a jump.

@@ -16,80 +16,44 @@ POLYNOMIAL, RANKS = "polynomial", "ranks"
 
 @dataclass(frozen=True)
 class Influence:
-    """The influence of one variable on one response; a number is None where it is undefined.
-
-    Attributes
-    ----------
-    variable : str
-    coefficient, coefficient_interval : float, (float, float)
-        Standardised regression coefficient.
-    contribution, contribution_interval : float, (float, float)
-        Share of the variance in linear regression, averaged over all orders (LMG); None above 10 variables.
-    inflation : float
-        Variance inflation; None if the other variables determine this one.
-    spearman, spearman_interval : float, (float, float)
-        Rank correlation.
-    rank_coefficient : float
-        Standardised coefficient of the regression of ranks.
-    first_order, first_order_interval : float, (float, float)
-        First-order Sobol' index; the interval includes what the estimator may have missed.
-    estimator : str
-        "polynomial", or "ranks" where the polynomial misses a structure, such as a jump.
-    carriers : float
-        Number of samples that carry the first-order index; if it is small, the interval is too narrow.
-    total, total_interval : float, (float, float)
-        Total-order Sobol' index, which includes all interactions; None without a design. Measured scatter is
-        subtracted.
-    interactions, interactions_interval : float, (float, float)
-        Total-order minus first-order index, both from the design: the share of the variable's interactions.
-    shapley, shapley_interval : float, (float, float)
-        Shapley effect; None for independent variables. The interval includes what the regression does not explain.
-    own, own_interval : float, (float, float)
-        Effect of the variable with all others fixed, as a share of the variance; above 1 if the others compensate it;
-        None for independent variables.
-    through : tuple of str
-        For an "only correlated" variable: the acting variables it is correlated with, the strongest first.
-    low, high : float
-        Smallest and largest conditional expectation of the response for values of the variable from its 5th to its
-        95th percentile, in the unit of the response: the bar of a tornado chart.
-    swing_interval : (float, float)
-        Interval of ``high - low``.
-    curve : tuple of (float, float)
-        Points (variable, expected response) from the 5th to the 95th percentile.
-    significant : bool
-        Whether the linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables).
-    verdict : str
-        "critical", "not critical", "only correlated" or "open".
-    """
+    """The influence of one variable on one response; a number is None where it is undefined."""
 
     variable: str
-    coefficient: float | None = None
+    coefficient: float | None = None  # of the regression on standardised variables
     coefficient_interval: Interval | None = None
+    # share of the variance in linear regression, averaged over all orders (LMG); None above 10 variables
     contribution: float | None = None
     contribution_interval: Interval | None = None
-    inflation: float | None = None
-    spearman: float | None = None
+    inflation: float | None = None  # of the variance; None if the other variables determine this one
+    spearman: float | None = None  # rank correlation
     spearman_interval: Interval | None = None
-    rank_coefficient: float | None = None
-    first_order: float | None = None
-    first_order_interval: Interval | None = None
-    estimator: str | None = None
-    carriers: float | None = None
+    rank_coefficient: float | None = None  # of the regression of standardised ranks
+    first_order: float | None = None  # Sobol' index
+    first_order_interval: Interval | None = None  # includes what the estimator may have missed
+    estimator: str | None = None  # "polynomial", or "ranks" where the polynomial misses a structure, such as a jump
+    carriers: float | None = None  # samples that carry the first-order index; if few, the interval is too narrow
+    # Sobol' index with all interactions; None without a design. Measured scatter is subtracted.
     total: float | None = None
     total_interval: Interval | None = None
-    interactions: float | None = None
+    interactions: float | None = None  # total-order minus first-order index, both from the design
     interactions_interval: Interval | None = None
-    shapley: float | None = None
-    shapley_interval: Interval | None = None
+    shapley: float | None = None  # effect; None for independent variables
+    shapley_interval: Interval | None = None  # includes what the regression does not explain
+    # Effect of the variable with all others fixed, as a share of the variance; above 1 if the others compensate it;
+    # None for independent variables.
     own: float | None = None
     own_interval: Interval | None = None
+    # of an "only correlated" variable: the acting ones it is correlated with, strongest first
     through: tuple[str, ...] = ()
+    # Smallest and largest conditional expectation of the response for values of the variable from its 5th to its 95th
+    # percentile, in the unit of the response: the bar of a tornado chart.
     low: float | None = None
     high: float | None = None
-    swing_interval: Interval | None = None
-    curve: tuple[tuple[float, float], ...] = ()
+    swing_interval: Interval | None = None  # of ``high - low``
+    curve: tuple[tuple[float, float], ...] = ()  # (variable, expected response) from the 5th to the 95th percentile
+    # the linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables)
     significant: bool | None = None
-    verdict: str = OPEN
+    verdict: str = OPEN  # "critical", "not critical", "only correlated" or "open"
 
     @property
     def share(self) -> float | None:
@@ -100,55 +64,30 @@ class Influence:
 
 @dataclass(frozen=True)
 class ResponseSensitivity:
-    """The sensitivity of one response to the variables.
-
-    Attributes
-    ----------
-    response : str
-    n : int
-        Number of samples with a value; regressions and indices use at most 200,000 of them, drawn at random.
-    independent : bool or None
-        Whether no correlation of the variables is requested or beyond chance; otherwise first-order indices overlap.
-    degree : int or None
-        Degree of the polynomials used for the first-order indices.
-    r2, r2_rank : float or None
-        Share of the variance explained by linear regression (adjusted), and by the regression of ranks.
-    interaction, interaction_interval : float, (float, float), or None
-        Share of the variance that is not a sum of functions of single variables, scatter included.
-    influences : tuple of Influence
-        One influence per variable, in the order of the variables.
-    verdict : str
-        "critical" if a variable is; "not critical" if none is and less than a tenth of the variance remains for
-        interactions that total-order indices do not cover; else "open".
-    rejects : RejectCauses or None
-    worst : tuple of WorstSample
-    notes : tuple of str
-        Why numbers are None, and cautions.
-    attribution : RejectAttribution or None
-        Parts of the reject share by variable; None without a reject.
-    scatter, scatter_interval : float, (float, float), or None
-        Part of `interaction` that is scatter between runs of the same sample with different steps, which no input
-        causes; None if no repeat measures it.
-    rest, rest_interval : float, (float, float), or None
-        `interaction` without the scatter: interactions of variables, and jumps; None if scatter is not measured.
-    """
+    """The sensitivity of one response to the variables."""
 
     response: str
-    n: int
-    independent: bool | None
-    degree: int | None
-    r2: float | None
-    r2_rank: float | None
+    n: int  # samples with a value; regressions and indices use at most 200,000 of them, drawn at random
+    independent: bool | None  # no correlation is requested or beyond chance; otherwise first-order indices overlap
+    degree: int | None  # of the polynomials used for the first-order indices
+    r2: float | None  # share of the variance explained by linear regression (adjusted)
+    r2_rank: float | None  # by the regression of ranks
+    # share of the variance that is not a sum of functions of single variables, scatter included
     interaction: float | None
     interaction_interval: Interval | None
-    influences: tuple[Influence, ...]
+    influences: tuple[Influence, ...]  # one per variable, in the order of the variables
+    # "critical" if a variable is; "not critical" if none is and less than a tenth of the variance remains for
+    # interactions that total-order indices do not cover; else "open".
     verdict: str
     rejects: RejectCauses | None
     worst: tuple[WorstSample, ...]
-    notes: tuple[str, ...]
-    attribution: RejectAttribution | None = None
+    notes: tuple[str, ...]  # why numbers are None, and cautions
+    attribution: RejectAttribution | None = None  # parts of the reject share by variable; None without a reject
+    # Part of `interaction` that is scatter between runs of the same sample with different steps, which no input causes;
+    # None if no repeat measures it.
     scatter: float | None = None
     scatter_interval: Interval | None = None
+    # `interaction` without the scatter: interactions, and jumps; None if scatter is not measured
     rest: float | None = None
     rest_interval: Interval | None = None
 
@@ -160,13 +99,7 @@ class ResponseSensitivity:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """The sensitivity of all responses to all variables.
-
-    Attributes
-    ----------
-    variables : tuple of str
-    responses : tuple of ResponseSensitivity
-    """
+    """The sensitivity of all responses to all variables."""
 
     variables: tuple[str, ...]
     responses: tuple[ResponseSensitivity, ...]

@@ -28,34 +28,19 @@ _FEWEST_ALIKE, _MOST_CUTS, _CLEAR = 5, 5, 4.5  # least values on a side, most pl
 
 @dataclass(frozen=True)
 class RankBased:
-    """Rank-based estimates for a variable whose polynomial leaves a residual.
+    """Rank-based estimates for a variable whose polynomial leaves a residual."""
 
-    Attributes
-    ----------
-    share : array, shape (1 + g,), or None
-        First-order index over all rows and without each of g groups; None if the residual shows no structure.
-    missed : float
-        Share of the variance that the polynomial may have missed (one-sided, 95 %); 0 if `share` is given.
-    carriers : float
-        Number of samples that carry the variable's share: ``(sum c)^2 / sum c^2`` with c the squared effects.
-    """
-
+    # first-order index over all rows and without each of g groups, shape (1 + g,); None: no structure
     share: Array | None
-    missed: float
-    carriers: float
+    missed: float  # share that the polynomial may have missed (one-sided, 95 %); 0 if `share` is given
+    carriers: float  # samples that carry the variable's share: ``(sum c)^2 / sum c^2``, c the squared effects
 
 
 def rank_based(x: Array, effect: Array, residual: Array, y: Array, group: NDArray[np.intp]) -> RankBased:
-    """Return the rank-based estimates for a variable.
+    """Return the rank-based estimates for a variable x, shape (n,), with rows in random order.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        The variable; rows in random order.
-    effect, residual, y : array, each of shape (n,)
-        Polynomial of the variable; the standardised response minus all fitted terms; the standardised response.
-    group : array of int, shape (n,)
-        Group of each row, from 0.
+    `effect` is its polynomial, `residual` the standardised response y minus all fitted terms; `group`, from 0, of each
+    row.
     """
     order = np.argsort(x, kind="stable")
     f, e = effect[order] - effect.mean(), residual[order] - residual.mean()
@@ -118,5 +103,6 @@ def cuts(x: Array, residual: Array) -> list[tuple[float, float]]:
             break
         place = at + width
         found.append((float(x[order[place - 1]] + x[order[place]]) / 2, float(contrast[at])))
+        # The windows of these places contain the jump just found.
         contrast[max(at - 2 * width, 0) : at + 2 * width] = 0.0
     return found

@@ -20,36 +20,18 @@ _CONTRADICTION = 5.0  # standard errors at which samples contradict the requeste
 
 @dataclass(frozen=True)
 class Measures:
-    """The measures of sensitivity of m responses to k variables, over the same rows.
+    """The measures of sensitivity of m responses to k variables, over the same rows."""
 
-    Attributes
-    ----------
-    variables, responses : dict of str to int
-        Position of each varying variable and response in the arrays.
-    mean, std : array, shape (m,)
-        Mean and standard deviation of the responses, in their units.
-    linear : Linear
-    rank : Rank
-    effects : Effects
-        First-order indices and conditional expectations.
-    groups : int
-        Number of groups of rows from which errors are estimated.
-    independent : bool
-        Whether no correlation of the variables is requested or beyond chance.
-    shapley : ShapleyEffects or None
-        Shapley effects of up to 10 correlated variables; None otherwise.
-    """
-
-    variables: dict[str, int]
-    responses: dict[str, int]
-    mean: Array
-    std: Array
+    variables: dict[str, int]  # position of each varying variable in the arrays
+    responses: dict[str, int]  # likewise
+    mean: Array  # of the responses, in their units, shape (m,)
+    std: Array  # like `mean`
     linear: Linear
     rank: Rank
-    effects: Effects
-    groups: int
-    independent: bool
-    shapley: ShapleyEffects | None
+    effects: Effects  # first-order indices and conditional expectations
+    groups: int  # of rows, from which errors are estimated
+    independent: bool  # no correlation of the variables is requested or beyond chance
+    shapley: ShapleyEffects | None  # effects of up to 10 correlated variables; None otherwise
 
 
 def measure(
@@ -59,19 +41,10 @@ def measure(
     correlations: Sequence[tuple[str, str, float]] | None = None,
     lots: NDArray[np.generic] | None = None,
 ) -> Measures | None:
-    """Return all measures; None if there are too few rows or nothing varies.
+    """Return all measures of finite columns, shape (n,); None if there are too few rows or nothing varies.
 
-    Parameters
-    ----------
-    columns, values : dict of str to array, each of shape (n,)
-        Variables and responses, finite.
-    confidence : float
-        Confidence of the intervals of rank correlations.
-    correlations : sequence of (str, str, float), optional
-        The requested correlations of the variables; if not given, the samples decide.
-    lots : array, shape (n,), optional
-        Production lot of each row. The shifts of lots correlate variables by chance. With `LEAST_LOTS` lots or more,
-        errors are estimated by leaving out whole lots.
+    `correlations` are the requested ones; if not given, the samples decide. The shifts of `lots` correlate variables by
+    chance; with `LEAST_LOTS` lots or more, errors are estimated by leaving out whole lots.
     """
     x_names = [name for name, column in columns.items() if varies(column)]
     y_names = [name for name, column in values.items() if varies(column)]

@@ -24,21 +24,12 @@ _VANISHES = 1e-7
 
 @dataclass(frozen=True)
 class Basis:
-    """Polynomials of k variables up to a degree, in the order constant, all of degree 1, all of degree 2, ...
+    """Polynomials of k variables up to a degree, in the order constant, all of degree 1, all of degree 2, ..."""
 
-    Attributes
-    ----------
-    mean, std : array, shape (k,)
-        Mean and standard deviation of the sample, in the variables' units.
-    center, norm : array, shape (degree, k)
-        ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]`` with ``t = (x - mean) / std``. The basis of a
-        variable ends at a norm of 0.
-    """
-
-    mean: Array
-    std: Array
-    center: Array
-    norm: Array
+    mean: Array  # of the sample, in the variables' units, shape (k,)
+    std: Array  # like `mean`
+    center: Array  # shape (degree, k): ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]``, t standardised
+    norm: Array  # shape (degree, k); the basis of a variable ends at a norm of 0
 
     @property
     def degree(self) -> int:
@@ -63,23 +54,13 @@ class Basis:
 
 @dataclass(frozen=True)
 class Sums:
-    """Products of the p basis functions and the m standardised responses, summed over each of g groups of rows.
-
-    Attributes
-    ----------
-    basis : Basis
-    rows : array, shape (g,)
-        Number of rows of each group.
-    bb : array, shape (g, p, p)
-    by : array, shape (g, p, m)
-    yy : array, shape (g, m)
-    """
+    """Products of the p basis functions and the m standardised responses, summed over each of g groups of rows."""
 
     basis: Basis
-    rows: Array
-    bb: Array
-    by: Array
-    yy: Array
+    rows: Array  # of each group, shape (g,)
+    bb: Array  # shape (g, p, p)
+    by: Array  # shape (g, p, m)
+    yy: Array  # shape (g, m)
 
     def without_each(self) -> "Sums":
         """Return the sums over all rows, then over all rows except those of each group, shape (1 + g, ...)."""
@@ -103,14 +84,7 @@ def basis_of(x: Array, degree: int) -> Basis:
 
 
 def groups_of(n: int, lots: NDArray[np.generic] | None = None) -> NDArray[np.intp]:
-    """Return the group of each of n rows: 20 groups, or one per lot if there are fewer lots.
-
-    Parameters
-    ----------
-    n : int
-    lots : array, shape (n,), optional
-        Production lot of each row, as numbers or names.
-    """
+    """Return the group of each of n rows: 20 groups, or one per lot if there are fewer lots."""
     of_rows = np.arange(n) if lots is None else np.unique(lots, return_inverse=True)[1]
     return np.asarray(of_rows % GROUPS, np.intp)
 
@@ -122,20 +96,10 @@ def group_sums(
     group: NDArray[np.intp] | None = None,
     more: Callable[[Array, Array], Array] | None = None,
 ) -> Sums:
-    """Return the sums of a sample.
+    """Return the sums of finite variables x, shape (n, k), and responses y, shape (n, m), no column constant.
 
-    Parameters
-    ----------
-    x : array, shape (n, k)
-        Variables, finite, no column constant; rows in random order (`reporting.arrays.random_rows`).
-    y : array, shape (n, m)
-        Responses, finite, no column constant.
-    degree : int
-        Highest degree of the polynomials, at least 1.
-    group : array of int, shape (n,), optional
-        Group of each row, from 0; default: row i belongs to group ``i % 20``.
-    more : callable (rows of x, their basis) -> array, shape (rows, q), optional
-        Further functions of the variables, after the polynomials.
+    Rows are in random order (`reporting.arrays.random_rows`); by default row i belongs to group ``i % 20``. `more`
+    (rows of x, their basis) gives further functions of the variables, shape (rows, q), after the polynomials.
     """
     basis, group = basis_of(x, degree), groups_of(x.shape[0]) if group is None else group
     groups = int(group.max()) + 1

@@ -26,29 +26,15 @@ _RIDGE = 1e-12  # added to correlation matrices, because collinear variables mak
 
 @dataclass(frozen=True)
 class Linear:
-    """Linear regression of m responses on k standardised variables.
+    """Linear regression of m responses on k standardised variables."""
 
-    Attributes
-    ----------
-    coefficient, coefficient_error : array, shape (m, k)
-        Standardised coefficients and their standard errors (delete-a-group jackknife).
-    r2 : array, shape (m,)
-        Explained share of the variance, adjusted for the number of variables.
-    contribution, contribution_error : array, shape (m, k), or None
-        Share of the variance by variable, and its standard error; None above 10 variables.
-    inflation : array, shape (k,)
-        Variance inflation of each variable; infinite if the others determine it.
-    correlation : array, shape (k, k)
-        Pearson correlations between the variables.
-    """
-
-    coefficient: Array
-    coefficient_error: Array
-    r2: Array
-    contribution: Array | None
+    coefficient: Array  # standardised, shape (m, k)
+    coefficient_error: Array  # standard error (delete-a-group jackknife)
+    r2: Array  # explained share of the variance, adjusted for the number of variables, shape (m,)
+    contribution: Array | None  # share of the variance by variable, shape (m, k); None above 10 variables
     contribution_error: Array | None
-    inflation: Array
-    correlation: Array
+    inflation: Array  # of the variance, shape (k,); infinite if the others determine the variable
+    correlation: Array  # between the variables (Pearson), shape (k, k)
 
 
 def linear(sums: Sums) -> Linear:
@@ -72,19 +58,10 @@ def linear(sums: Sums) -> Linear:
 
 
 def shapley_of_r2(among: Array, with_response: Array) -> Array:
-    """Return each variable's contribution to R^2, averaged over all orders of variables.
+    """Return each variable's contribution to R^2, averaged over all orders of variables, shape (g, k, m).
 
-    Parameters
-    ----------
-    among : array, shape (g, k, k)
-        Correlations between the variables.
-    with_response : array, shape (g, k, m)
-        Correlations of variables with responses.
-
-    Returns
-    -------
-    array, shape (g, k, m)
-        The contributions; their sum over the variables is R^2.
+    From the correlations between the variables, shape (g, k, k), and with the responses, shape (g, k, m). The
+    contributions add up to R^2.
     """
     g, k, m = with_response.shape
     r2 = np.zeros((2**k, g, m))
@@ -97,23 +74,13 @@ def shapley_of_r2(among: Array, with_response: Array) -> Array:
 
 @dataclass(frozen=True)
 class Rank:
-    """Rank correlation and rank regression of m responses and k variables.
+    """Rank correlation and rank regression of m responses and k variables."""
 
-    Attributes
-    ----------
-    spearman, spearman_low, spearman_high : array, shape (m, k)
-        Rank correlation, and its interval.
-    coefficient : array, shape (m, k)
-        Coefficients of the regression of standardised ranks.
-    r2 : array, shape (m,)
-        Explained share of the variance of ranks: near 1 for a monotone response.
-    """
-
-    spearman: Array
-    spearman_low: Array
+    spearman: Array  # rank correlation, shape (m, k)
+    spearman_low: Array  # ends of its interval, shape (m, k)
     spearman_high: Array
-    coefficient: Array
-    r2: Array
+    coefficient: Array  # of the regression of standardised ranks, shape (m, k)
+    r2: Array  # explained share of the variance of ranks, shape (m,): near 1 for a monotone response
 
 
 def rank(x: Array, y: Array, confidence: float) -> Rank:

@@ -43,43 +43,24 @@ _STEPS, _LONGEST_STEP, _SMALL_STEP = 25, 4.0, 0.01  # of Newton's method, in log
 
 @dataclass(frozen=True)
 class RejectShare:
-    """Part of the reject share due to one variable.
-
-    Attributes
-    ----------
-    variable : str
-    share : float
-        Part of the reject share, 0 to 1; the parts of all variables add up to 1.
-    interval : (float, float)
-    """
+    """Part of the reject share due to one variable."""
 
     variable: str
-    share: float
+    share: float  # of the rejects, 0 to 1; the parts of all variables add up to 1
     interval: Interval
 
 
 @dataclass(frozen=True)
 class RejectAttribution:
-    """Attribution of the reject share to the variables.
-
-    Attributes
-    ----------
-    rejects, n : int
-        Number of rejects, and of all samples.
-    resolved : float or None
-        Share of the variance of the reject indicator that the variables explain, judged on rows that were not fitted;
-        None without a fit.
-    shares : tuple of RejectShare
-        The parts, the largest first; empty if they are withheld.
-    note : str
-        Why the shares are withheld, or their limitations; may be empty.
-    """
+    """Attribution of the reject share to the variables."""
 
     rejects: int
-    n: int
+    n: int  # all samples
+    # Share of the variance of the reject indicator that the variables explain, judged on rows that were not fitted;
+    # None without a fit.
     resolved: float | None
-    shares: tuple[RejectShare, ...]
-    note: str = ""
+    shares: tuple[RejectShare, ...]  # the largest first; empty if they are withheld
+    note: str = ""  # why the shares are withheld, or their limitations; may be empty
 
 
 def reject_attribution(
@@ -88,29 +69,12 @@ def reject_attribution(
     confidence: float = 0.95,
     lots: ArrayLike | None = None,
 ) -> RejectAttribution:
-    """Return the attribution of the reject share to the variables.
+    """Return the attribution of the reject share to the variables; rows where one is not finite are left out.
 
-    Parameters
-    ----------
-    inputs : mapping of str to array_like, each of shape (n,)
-        The variables; rows where one is not finite are left out.
-    rejected : array_like of bool, shape (n,)
-        Whether each sample is a reject, of one response or of the whole product.
-    confidence : float
-        Confidence of the intervals.
-    lots : array_like, shape (n,), optional
-        Production lot of each sample; samples of one lot are not treated as independent.
-
-    Returns
-    -------
-    RejectAttribution
-        Without shares, but with a note, if fewer than 10 samples are rejects, fewer than 10 conform, there are
-        fewer than 10 lots, or the given variables do not distinguish rejects from other samples.
-
-    Raises
-    ------
-    ReportError
-        The columns differ in length.
+    `rejected` marks the rejects of one response or of the whole product; samples of one lot are not treated as
+    independent. The result has no shares, but a note, if fewer than 10 samples are rejects, fewer than 10 conform,
+    there are fewer than 10 lots, or the variables do not distinguish rejects from other samples. ReportError: the
+    columns differ in length.
     """
     columns = {name: np.asarray(column, np.float64) for name, column in inputs.items()}
     out = np.asarray(rejected, np.bool_)
@@ -128,6 +92,7 @@ def reject_attribution(
     independent = np.unique(groups).size
     if independent < FEWEST_REJECTS:
         return RejectAttribution(rejects, n, None, (), _too_few_of("production lots", independent))
+    # The cost doubles with each variable: those that differ most among the rejects are judged.
     judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
     rows = _case_control(out)
     scores = np.column_stack([_normal_scores(column)[rows] for column in judged.values()])
@@ -161,6 +126,7 @@ def _worths(scores: Array, out: NDArray[np.bool_], p: float) -> tuple[Array, Arr
     ridge = np.where((np.arange(terms.shape[1]) < k), _RIDGE_LINEAR, _RIDGE_QUADRATIC)
     rejects, others = np.count_nonzero(out), np.count_nonzero(~out)
     shift = math.log(rejects / others) - math.log(p / (1 - p))
+    # Rejects are overrepresented among the fitted rows: the weights restore their share of all samples.
     weight = np.where(out, p / rejects, (1 - p) / others)
     fold = np.empty(y.size, np.int64)
     fold[out], fold[~out] = np.arange(rejects) % _FOLDS, np.arange(others) % _FOLDS

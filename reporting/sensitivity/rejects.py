@@ -23,76 +23,37 @@ REJECTS, TAIL = "rejects", "least margin"
 
 @dataclass(frozen=True)
 class RejectDifference:
-    """Difference of one variable between the rejects and the other samples.
-
-    Attributes
-    ----------
-    variable : str
-    mean, mean_others : float
-        Means among rejects and among other samples, in the unit of the variable.
-    shift : float
-        Difference of the means in standard deviations of the variable.
-    shift_interval : (float, float)
-        Welch's interval of the shift.
-    distance : float
-        Kolmogorov's distance of the distribution functions, 0 to 1; it also detects a difference in spread.
-    p_value : float
-        Probability of a distance at least as large if there is no difference (asymptotic).
-    """
+    """Difference of one variable between the rejects and the other samples."""
 
     variable: str
-    mean: float
-    mean_others: float
-    shift: float
-    shift_interval: Interval
-    distance: float
-    p_value: float
+    mean: float  # among rejects, in the unit of the variable
+    mean_others: float  # among the other samples
+    shift: float  # difference of the means in standard deviations of the variable
+    shift_interval: Interval  # Welch's
+    distance: float  # Kolmogorov's, of the distribution functions, 0 to 1; it also detects a difference in spread
+    p_value: float  # of a distance at least as large if there is no difference (asymptotic)
 
 
 @dataclass(frozen=True)
 class RejectCauses:
-    """Common properties of the rejects of a response.
+    """Common properties of the rejects of a response."""
 
-    Attributes
-    ----------
-    group : str
-        "rejects"; or, with fewer than 20 rejects, "least margin": the 1 % (at least 20) nearest to a limit.
-    count, others : int
-        Number of samples of the group, and of the other samples.
-    rejects : int
-        Number of values out of limits.
-    differences : tuple of RejectDifference
-        One difference per variable, the largest distance first.
-    """
-
-    group: str
-    count: int
-    others: int
-    rejects: int
-    differences: tuple[RejectDifference, ...]
+    group: str  # "rejects"; with fewer than 20, "least margin": the 1 % (at least 20) nearest to a limit
+    count: int  # samples of the group
+    others: int  # all other samples
+    rejects: int  # values out of limits
+    differences: tuple[RejectDifference, ...]  # one per variable, the largest distance first
 
 
 @dataclass(frozen=True)
 class WorstSample:
-    """A sample near a limit or beyond it.
+    """A sample near a limit or beyond it."""
 
-    Attributes
-    ----------
-    side : str
-        "lower" or "upper" limit.
-    sample : int
-        Number of the sample.
-    value, margin : float
-        Value of the response and its margin to the limit, negative beyond it, in the unit of the response.
-    inputs : dict of str to float
-        Values of the variables.
-    """
-
-    side: str
-    sample: int
-    value: float
-    margin: float
-    inputs: dict[str, float]
+    side: str  # "lower" or "upper" limit
+    sample: int  # its number
+    value: float  # of the response, in its unit
+    margin: float  # to the limit, negative beyond it
+    inputs: dict[str, float]  # values of the variables
 
 
 def reject_causes(
@@ -100,16 +61,7 @@ def reject_causes(
 ) -> RejectCauses | None:
     """Return the common properties of rejects; None without limits, or with fewer than 20 samples in a group.
 
-    Parameters
-    ----------
-    y : array, shape (n,)
-        The response, finite.
-    inputs : dict of str to array, each of shape (n,)
-        The variables, finite, none constant.
-    lsl, usl : float or None
-        Limits.
-    confidence : float
-        Confidence of the intervals.
+    Response and variables, shape (n,), are finite; no variable is constant.
     """
     margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
     if not margins:
@@ -135,19 +87,7 @@ def reject_causes(
 def worst_samples(
     sample: NDArray[np.int64], y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None
 ) -> tuple[WorstSample, ...]:
-    """Return the five samples with the smallest margin to each limit, the lower limit and the worst sample first.
-
-    Parameters
-    ----------
-    sample : array of int64, shape (n,)
-        Numbers of the samples.
-    y : array, shape (n,)
-        The response, finite.
-    inputs : dict of str to array, each of shape (n,)
-        The variables.
-    lsl, usl : float or None
-        Limits.
-    """
+    """Return the five samples with the smallest margin to each limit, the lower limit and the worst sample first."""
     worst = []
     for side, margin in (("lower", None if lsl is None else y - lsl), ("upper", None if usl is None else usl - y)):
         if margin is None:

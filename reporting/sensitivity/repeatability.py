@@ -32,36 +32,19 @@ NOTABLE_SHARE = 0.10  # of the variance: the threshold of a critical variable
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Repeatability of a response, from repeated samples.
+    """Repeatability of a response, from repeated samples."""
 
-    Attributes
-    ----------
-    pairs : int
-        Number of samples with a value from both runs.
-    lost : int
-        Number of repeated samples for which only one of the two runs succeeded.
-    sigma : float or None
-        Standard deviation of the scatter, in the response's unit; None with less than two pairs.
-    sigma_interval : (float, float) or None
-        Interval of `sigma`; None with less than five pairs.
-    share, share_interval : float, (float, float), or None
-        Share of the response's variance that is scatter; None if the samples do not represent production, or the
-        response does not vary.
-    shift, shift_interval : float, (float, float), or None
-        Mean of the runs with half the step minus that of the others, in the response's unit.
-    unseen : float or None
-        Upper confidence bound of the share of samples that scatter although none of the pairs does.
-    """
-
-    pairs: int
-    lost: int
-    sigma: float | None = None
-    sigma_interval: Interval | None = None
+    pairs: int  # samples with a value from both runs
+    lost: int  # repeated samples for which only one of the two runs succeeded
+    sigma: float | None = None  # of the scatter, in the response's unit; None below two pairs
+    sigma_interval: Interval | None = None  # None below five pairs
+    # Of the response's variance that is scatter; None if the samples do not represent production, or the response does
+    # not vary.
     share: float | None = None
     share_interval: Interval | None = None
-    shift: float | None = None
+    shift: float | None = None  # mean of the runs with half the step minus that of the others, in the response's unit
     shift_interval: Interval | None = None
-    unseen: float | None = None
+    unseen: float | None = None  # upper confidence bound of the share of samples that scatter although no pair does
 
     @property
     def removable(self) -> float | None:
@@ -74,16 +57,8 @@ def repeatability(
 ) -> Repeatability:
     """Return the scatter between the two runs of some samples.
 
-    Parameters
-    ----------
-    first, second : array, shape (m,)
-        The response in the runs of the campaign, and in the runs with half the step; NaN where a run has no value.
-    std : float or None
-        Standard deviation of the response over all samples; None if no share is wanted.
-    std_interval : (float, float) or None
-        Interval of `std`.
-    confidence : float
-        Confidence of all intervals.
+    `first`, shape (m,), are the runs of the campaign, `second` those with half the step, NaN where a run has no value.
+    `std` is that of the response over all samples; None if no share is wanted.
     """
     both = np.isfinite(first) & np.isfinite(second)
     pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
@@ -132,6 +107,7 @@ def _share_interval(share: float, ratios: Interval, std: float, std_interval: In
     low, high = std_interval or (std, std)
     below = math.hypot(math.log(ratios[0]), 2 * math.log(high / std))
     above = math.hypot(math.log(ratios[1]), 2 * math.log(std / low)) if low > 0 else math.inf
+    # exp(710) overflows.
     return min(share * math.exp(-below), 1.0), min(share * math.exp(min(above, 700.0)), 1.0)
 
 
@@ -140,18 +116,8 @@ def repeatabilities(
 ) -> dict[str, Repeatability]:
     """Return the repeatability of each response; empty without repeats.
 
-    Parameters
-    ----------
-    repeats : Repeats or None
-        The repeats.
-    samples : Samples
-        All samples; samples that importance sampling aims at rejects are left out.
-    drawn : Samples
-        The independent draws, whose variance represents production.
-    spec : ReportSpec
-        The responses.
-    confidence : float
-        Confidence of all intervals.
+    `drawn` are the independent draws, whose variance represents production. Samples that importance sampling aims at
+    rejects are left out.
     """
     if repeats is None or not repeats.sample.size:
         return {}

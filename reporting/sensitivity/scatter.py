@@ -16,30 +16,17 @@ GROUPS, FEWEST = 12, 60  # groups of equal size for means; fewest samples for th
 
 @dataclass(frozen=True)
 class Scatter:
-    """A response against one input.
-
-    Attributes
-    ----------
-    variable : str
-    share : float or None
-        Share of the response's variance.
-    n : int
-        Number of samples with a value of both quantities.
-    x, y : tuple of float
-        Input and response of the points to draw: all samples, or 800 of them in random order and those with the 25
-        smallest and largest values.
-    slope : float or None
-        Slope of the least-squares line through all samples, in the response's unit per unit of the input.
-    mean_x, mean_y : tuple of float
-        Means over twelve groups of equal size, from the smallest to the largest inputs; empty below 60 samples.
-    """
+    """A response against one input."""
 
     variable: str
-    share: float | None
-    n: int
+    share: float | None  # of the response's variance
+    n: int  # samples with a value of both quantities
+    # input of the points to draw: all samples, or 800 in random order and those of the 25 smallest and largest
+    # responses
     x: tuple[float, ...]
-    y: tuple[float, ...]
-    slope: float | None
+    y: tuple[float, ...]  # response of these points
+    slope: float | None  # of the least-squares line through all samples, in the response's unit per unit of the input
+    # over twelve groups of equal size, from the smallest to the largest inputs; empty below 60 samples
     mean_x: tuple[float, ...]
     mean_y: tuple[float, ...]
 
@@ -47,17 +34,7 @@ class Scatter:
 def scatters(
     sensitivity: ResponseSensitivity | None, inputs: Mapping[str, Array], values: Array
 ) -> tuple[Scatter, ...]:
-    """Return a response against its two strongest inputs, by share of the variance or else by correlation.
-
-    Parameters
-    ----------
-    sensitivity : ResponseSensitivity or None
-        Determines the strongest inputs if there are enough samples.
-    inputs : mapping of str to array, shape (n,)
-        The inputs of the ok samples.
-    values : array, shape (n,)
-        Values of the response; NaN where missing.
-    """
+    """Return a response, NaN where missing, against its two strongest inputs, by share or else by correlation."""
     ranked = () if sensitivity is None else sensitivity.ranked
     shares = {influence.variable: influence.share for influence in ranked if influence.share is not None}
     found = []
@@ -106,6 +83,7 @@ def _slope(x: Array, y: Array) -> float | None:
     """Return the slope of the straight line through points; None if it is not finite."""
     scale = float(np.max(np.abs(x)))
     with np.errstate(all="ignore"):
+        # Scaled, so that the squares of very large or small inputs do not overflow or vanish.
         from_middle = (x - x.mean()) / scale
         slope = float(from_middle @ (y - y.mean()) / (from_middle @ from_middle) / scale)
     return slope if np.isfinite(slope) else None

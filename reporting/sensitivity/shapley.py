@@ -14,17 +14,10 @@ from reporting.arrays import Array
 
 
 def shapley_values(worth: Array) -> Array:
-    """Return the share of each of k players.
+    """Return the share of each of k players, shape (k, ...), from the worth of each subset, shape (2^k, ...).
 
-    Parameters
-    ----------
-    worth : array, shape (2^k, ...)
-        Worth of each subset; player i belongs to the subsets whose number has bit i. Subset 0 is empty.
-
-    Returns
-    -------
-    array, shape (k, ...)
-        The shares; their sum is the worth of all players minus that of the empty set.
+    Player i belongs to the subsets whose number has bit i; subset 0 is empty. The shares add up to the worth of all
+    players minus that of the empty set.
     """
     k = worth.shape[0].bit_length() - 1
     subsets = np.arange(2**k)

@@ -35,41 +35,23 @@ _MOST_PLACES = 6  # largest number of jumps along one variable, over all respons
 
 @dataclass(frozen=True)
 class ShapleyEffects:
-    """Shares of k correlated variables in the variance of m responses.
+    """Shares of k correlated variables in the variance of m responses."""
 
-    Attributes
-    ----------
-    share, share_error : array, shape (m, k)
-        Shapley effect and its standard error.
-    own, own_error : array, shape (m, k)
-        Effect with all other variables fixed, as a share of the variance; above 1 if the others compensate it.
-    interaction, interaction_error : array, shape (m,)
-        Share of the variance that is not a sum of functions of single variables.
-    remainder, remainder_error : array, shape (m,)
-        Share of the variance that the regression does not explain, not attributed to any variable.
-    """
-
-    share: Array
+    share: Array  # Shapley effect, shape (m, k)
     share_error: Array
-    own: Array
+    own: Array  # with all other variables fixed, a share, shape (m, k); above 1 if the others compensate it
     own_error: Array
-    interaction: Array
+    interaction: Array  # share that is not a sum of functions of single variables, shape (m,)
     interaction_error: Array
-    remainder: Array
+    remainder: Array  # share that the regression does not explain, attributed to no variable, shape (m,)
     remainder_error: Array
 
 
 def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Array) -> ShapleyEffects | None:
-    """Return the Shapley effects; None above 10 variables.
+    """Return the Shapley effects of x, shape (n, k), on y, shape (n, m); None above 10 variables.
 
-    Parameters
-    ----------
-    x, y : array, shapes (n, k) and (n, m)
-        Variables and responses, finite, no column constant, rows in random order.
-    group : array of int, shape (n,)
-        Group of each row, from 0.
-    inflation : array, shape (k,)
-        Variance inflation of the variables.
+    No column is constant, and rows are in random order; `inflation`, shape (k,), is the variance inflation of the
+    variables.
     """
     n, k = x.shape
     if k > MOST_SHARED:

@@ -54,28 +54,11 @@ def sensitivity(
 ) -> Sensitivity:
     """Return the sensitivity of each response to the variables, by every measure.
 
-    Parameters
-    ----------
-    variables, responses : mapping of str to array_like, each of shape (n,)
-        Columns of one table; a row is used for a response if all variables and this response are finite.
-    limits : mapping of str to (lsl, usl), optional
-        Limits by response; None for a side without a limit.
-    sample : array of int64, shape (n,), optional
-        Numbers of the samples; the row numbers by default.
-    confidence : float
-        Confidence of all intervals.
-    known : mapping of str to Known, optional
-        Information by response that is not in these columns: total-order indices of a design, scatter of repeats.
-    correlations : sequence of (str, str, float), optional
-        The requested rank correlations of the variables. If not given, the samples decide whether variables are
-        correlated.
-    lots : array of int, shape (n,), optional
-        Production lot of each sample; the shifts of lots correlate variables by chance.
-
-    Raises
-    ------
-    ReportError
-        The columns differ in length.
+    Columns of one table, shape (n,): a row is used for a response if all variables and this response are finite.
+    `sample` are the sample numbers, by default the row numbers. `known` has what is not in these columns: total-order
+    indices of a design, scatter of repeats. `correlations` are the requested ones; if not given, the samples decide
+    whether variables are correlated. The shifts of `lots` correlate variables by chance. ReportError: the columns
+    differ in length.
     """
     inputs = {name: np.asarray(column, np.float64) for name, column in variables.items()}
     outputs = {name: np.asarray(column, np.float64) for name, column in responses.items()}
@@ -86,6 +69,7 @@ def sensitivity(
         complete &= np.isfinite(column)
     rows = {name: complete & np.isfinite(column) for name, column in outputs.items()}
     done: dict[str, ResponseSensitivity] = {}
+    # Responses with values in the same rows share one pass over them.
     for names in _same_rows(rows):
         at = rows[names[0]]
         columns = {name: column[at] for name, column in inputs.items()}

@@ -30,36 +30,21 @@ _LISTED = 5  # missing samples listed in a message
 
 @dataclass(frozen=True)
 class TotalOrder:
-    """Sobol' indices of a response from a design; estimates may lie outside 0 to 1 by chance.
+    """Sobol' indices of a response from a design; estimates may lie outside 0 to 1 by chance."""
 
-    Attributes
-    ----------
-    variables : tuple of str
-        The k variables of the design.
-    first_order, first_order_error : array, shape (k,)
-        Share that each variable explains alone, and its standard error.
-    total, total_error : array, shape (k,)
-        Share that each variable explains with all its interactions, and its standard error.
-    interactions, interactions_error : array, shape (k,)
-        Total-order minus first-order index, and its standard error.
-    """
-
-    variables: tuple[str, ...]
-    first_order: Array
+    variables: tuple[str, ...]  # the k variables of the design
+    first_order: Array  # share that each variable explains alone, shape (k,)
     first_order_error: Array
-    total: Array
+    total: Array  # with all its interactions, shape (k,)
     total_error: Array
-    interactions: Array
+    interactions: Array  # total-order minus first-order index, shape (k,)
     interactions_error: Array
 
 
 def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
     """Return the independent draws: A and B of a design, the plain runs of importance sampling, or all samples.
 
-    Raises
-    ------
-    ReportError
-        If the samples are a design without variables, or with a variable that the campaign does not have.
+    ReportError: the samples are a design without variables, or with a variable that the campaign does not have.
     """
     if spec.proposal:
         return samples.where(samples.importance["component"] == 0)
@@ -77,10 +62,7 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
 def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | str]":
     """Return the indices of every response, or a text that says why there are none; empty without a design.
 
-    Raises
-    ------
-    ReportError
-        If the samples are not those of a design.
+    ReportError: the samples are not those of a design.
     """
     if not spec.designed:
         return {}
@@ -97,24 +79,10 @@ def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | s
 
 
 def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
-    """Return the Sobol' indices of a response on a design.
+    """Return the Sobol' indices of a finite response on a design; a text says why there are none.
 
-    Parameters
-    ----------
-    y : array, shape (n (k + 2),)
-        The finite response, row by row: the run of A, of B, then of A with each variable taken from B in turn.
-    variables : sequence of str
-        The k variables, in the order of these runs.
-
-    Returns
-    -------
-    TotalOrder or str
-        A text says why there are no indices: too few rows, or equal values.
-
-    Raises
-    ------
-    ReportError
-        If the values are not those of a design.
+    `y`, shape (n (k + 2),), is row by row: the run of A, of B, then of A with each of the k variables taken from B in
+    turn. ReportError: the values are not those of a design.
     """
     width = len(variables) + 2
     n, rest = divmod(y.size, width)
@@ -126,6 +94,7 @@ def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     if n < GROUPS:
         return f"No total-order indices: a design of {n} rows is too small, {GROUPS} are needed."
     z = y.reshape(n, width)[random_rows(n)]
+    # Centred, because the estimate of first-order indices from products of runs then scatters less.
     z = z - z[:, :2].mean()
     if z[:, :2].std() <= ROUNDING * np.abs(y).max():
         return "No total-order indices, because all values are equal."

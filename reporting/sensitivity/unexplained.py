@@ -17,18 +17,10 @@ from reporting.sensitivity.total_order import TotalOrder
 
 @dataclass(frozen=True)
 class Known:
-    """Information about a response beyond one run of each sample.
+    """Information about a response beyond one run of each sample."""
 
-    Attributes
-    ----------
-    totals : TotalOrder or str, optional
-        Total-order indices of a design, or why there are none.
-    repeatability : Repeatability, optional
-        Repeatability from repeats with half the step.
-    """
-
-    totals: TotalOrder | str | None = None
-    repeatability: Repeatability | None = None
+    totals: TotalOrder | str | None = None  # total-order indices of a design, or why there are none
+    repeatability: Repeatability | None = None  # from repeats with half the step
 
     @property
     def scatter(self) -> tuple[float, Interval] | None:
@@ -41,23 +33,13 @@ class Known:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """A share of the variance that no sum of functions of single variables explains.
+    """A share of the variance that no sum of functions of single variables explains."""
 
-    Attributes
-    ----------
-    share, interval : float, (float, float)
-        The whole share; the estimate may lie outside 0 to 1 by chance.
-    scatter, scatter_interval : float, (float, float), or None
-        The part that no input causes; None if it is not measured.
-    rest, rest_interval : float, (float, float), or None
-        The share without scatter: interactions and jumps; None if scatter is not measured.
-    """
-
-    share: float
+    share: float  # the whole; the estimate may lie outside 0 to 1 by chance
     interval: Interval
-    scatter: float | None = None
+    scatter: float | None = None  # the part that no input causes; None if it is not measured
     scatter_interval: Interval | None = None
-    rest: float | None = None
+    rest: float | None = None  # the share without scatter: interactions and jumps; None if scatter is not measured
     rest_interval: Interval | None = None
 
     @property
@@ -88,15 +70,6 @@ def without_scatter(totals: TotalOrder, known: Known, quantile: float) -> TotalO
     variance. Each run scatters independently, so scatter adds its whole share of the variance to the total-order index
     of every variable and to its interactions, but nothing to the first-order index. If the two runs are equal, the
     variable has no effect and no scatter is subtracted.
-
-    Parameters
-    ----------
-    totals : TotalOrder
-        Indices as estimated.
-    known : Known
-        Information that includes the scatter.
-    quantile : float
-        Half width of intervals in standard errors.
     """
     if known.scatter is None:
         return totals

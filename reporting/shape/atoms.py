@@ -24,39 +24,20 @@ FEWEST_VALUES = 10
 
 @dataclass(frozen=True)
 class Atom:
-    """A value that a considerable share of all values has.
+    """A value that a considerable share of all values has."""
 
-    Attributes
-    ----------
-    value : float
-        In the unit of the values.
-    count : int
-        Number of values.
-    share : float
-        Share of all values.
-    where : str
-        "lowest", "highest" or "inside": the smallest value, the largest, or one in between.
-    """
-
-    value: float
+    value: float  # in the unit of the values
     count: int
-    share: float
-    where: str
+    share: float  # of all values
+    where: str  # "lowest", "highest" or "inside": the smallest value, the largest, or one in between
 
 
 @dataclass(frozen=True)
 class Ties:
-    """Distinct values and their counts.
+    """Distinct values and their counts."""
 
-    Attributes
-    ----------
-    values : array, shape (m,)
-        Distinct values in ascending order.
-    counts : array, shape (m,)
-    """
-
-    values: Array
-    counts: Array
+    values: Array  # ascending, shape (m,)
+    counts: Array  # shape (m,)
 
     @property
     def discrete(self) -> bool:
@@ -93,14 +74,12 @@ class Ties:
 
 
 def ties(ordered: Array) -> Ties:
-    """Return the distinct values; values that differ by rounding errors only are merged.
+    """Return the distinct ones of ascending finite values, shape (n,), that are not all equal.
 
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Finite values in ascending order, at least two distinct ones.
+    Values that differ by rounding errors only are merged.
     """
     quarter, three_quarters = ordered[[ordered.size // 4, (3 * ordered.size) // 4]]
+    # The range between quartiles, because a single distant value would inflate the usual distance.
     usual = float(three_quarters - quarter or ordered[-1] - ordered[0]) / ordered.size
     first = np.flatnonzero(np.append(True, np.diff(ordered) > _EQUAL * usual))
     last = np.append(first[1:], ordered.size)

@@ -14,21 +14,11 @@ from reporting.arrays import Array
 
 @dataclass(frozen=True)
 class Condensed:
-    """A sorted sample as weighted values.
+    """A sorted sample as weighted values."""
 
-    Attributes
-    ----------
-    values : array, shape (m,)
-        Values in ascending order.
-    weights : array, shape (m,)
-        Number of values of the sample that each value represents; the sum is n.
-    n : int
-        Size of the sample.
-    """
-
-    values: Array
-    weights: Array
-    n: int
+    values: Array  # ascending, shape (m,)
+    weights: Array  # values of the sample that each one represents, shape (m,); the sum is n
+    n: int  # size of the sample
 
     def mean(self, numbers: Array) -> float:
         """Return the weighted mean of `numbers`, shape (m,), one for each value."""
@@ -40,15 +30,7 @@ class Condensed:
 
 
 def condense(ordered: Array, most: int) -> Condensed:
-    """Return a sample as at most `most` weighted values; a quarter of them are extremes at each end.
-
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Finite values in ascending order.
-    most : int
-        Largest number of weighted values, a multiple of 4.
-    """
+    """Return ascending values as at most `most` weighted ones (a multiple of 4); a quarter are extremes at each end."""
     n = int(ordered.size)
     if n <= most:
         return Condensed(ordered, np.ones(n), n)
@@ -70,11 +52,7 @@ def distance(c: Condensed, cdf: Array) -> float:
 def anderson_darling(c: Condensed, cdf: Array, sf: Array) -> float | None:
     """Return the statistic A^2 of Anderson and Darling (1952); None if the distribution excludes an extreme value.
 
-    Parameters
-    ----------
-    c : Condensed
-    cdf, sf : array, shape (m,)
-        Distribution function at the values, and its complement.
+    `cdf` and its complement `sf` are those of the distribution at the values, shape (m,).
     """
     if cdf[0] <= 0 or sf[-1] <= 0:
         return None

@@ -12,38 +12,20 @@ from reporting.shape.tails import TailShare
 
 @dataclass(frozen=True)
 class ExpectedShare:
-    """Expected share of production out of limits.
+    """Expected share of production out of limits."""
 
-    Attributes
-    ----------
-    ppm : float or None
-        Expected share in parts per million; None if no estimate is reliable.
-    interval : (float, float) or None
-        Interval of `ppm`; if `ppm` is None, the range over the distributions that the values do not distinguish.
-    by : str
-        Basis of the estimate: "normal", the title of a fitted distribution, "fitted distributions" for a range of
-        several, "Pareto tail"; or "not normal" if only the count is known.
-    """
-
-    ppm: float | None
+    ppm: float | None  # None if no estimate is reliable
+    # of `ppm`; if `ppm` is None, the range over the distributions that the values do not distinguish
     interval: Interval | None
+    # "normal", the title of a fitted distribution, "fitted distributions" for a range of several, "Pareto tail"; or
+    # "not normal" if only the count is known.
     by: str
 
 
 def expected_share(
     numbers: Capability, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare], *, normal: bool
 ) -> ExpectedShare | None:
-    """Return the expected share out of limits of a response; None if it has no index.
-
-    Parameters
-    ----------
-    numbers : Capability
-        Indices of the response.
-    fits, methods, tails
-        Estimates of the response without the normal distribution.
-    normal : bool
-        Whether the values may be normal: False if they are proven not to be.
-    """
+    """Return the expected share out of limits, None without an index; `normal` is False if it is proven otherwise."""
     if numbers.ppm_expected is None:
         return None
     if normal:

@@ -26,32 +26,18 @@ AIC_SUPPORT = 3.84 + AIC_MARGIN
 
 @dataclass(frozen=True)
 class Fits:
-    """All families fitted to a response.
+    """All families fitted to a response."""
 
-    Attributes
-    ----------
-    fits : tuple of Fit
-        Fits in ascending order of AIC.
-    best : str or None
-        Chosen family: the one with the fewest parameters among those that pass and are within `AIC_MARGIN` of the
-        smallest AIC; among several, the normal one. None if no family passes.
-    candidates : tuple of str
-        Families that pass and that the data do not rule out, by AIC. Differences of AIC are scaled to those of
-        `PRACTICAL` values.
-    atoms : tuple of Atom
-        Atoms of the values; if there are any, no family is fitted.
-    refused : dict of str to str
-        Families that were not fitted, with the reason.
-    notes : tuple of str
-        How the families were fitted, or why none was fitted or is used.
-    """
-
-    fits: tuple[Fit, ...]
+    fits: tuple[Fit, ...]  # in ascending order of AIC
+    # Chosen family: the one with the fewest parameters among those that pass and are within `AIC_MARGIN` of the
+    # smallest AIC; among several, the normal one. None if no family passes.
     best: str | None
+    # Families that pass and that the data do not rule out, by AIC. Differences of AIC are scaled to those of
+    # `PRACTICAL` values.
     candidates: tuple[str, ...]
-    atoms: tuple[Atom, ...]
-    refused: dict[str, str]
-    notes: tuple[str, ...]
+    atoms: tuple[Atom, ...]  # of the values; if there are any, no family is fitted
+    refused: dict[str, str]  # families that were not fitted, with the reason
+    notes: tuple[str, ...]  # how the families were fitted, or why none was fitted or is used
 
     def of(self, family: str | None) -> Fit | None:
         """Return the fit of a family; None if there is none."""
@@ -64,29 +50,17 @@ def fit_families(
     names: Iterable[str] | None = None,
     limits: Sequence[float | None] = (None, None),
 ) -> Fits:
-    """Fit every family that is possible for the values.
+    """Fit every family that is possible for the values `x`, or those named; values that are not finite are left out.
 
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        Values of one response; values that are not finite are left out.
-    bounds : (float, float), optional
-        Physical bounds of the response, for the beta distribution.
-    names : iterable of str, optional
-        Families to fit; all of them if not given.
-    limits : (float or None, float or None)
-        Lower and upper limit; a family that contradicts the count of values beyond them does not pass.
-
-    Raises
-    ------
-    ReportError
-        If `x` is not a one-dimensional series of numbers.
+    `bounds` are the physical bounds of the response, for the beta distribution. A family that contradicts the count of
+    values beyond the lower or the upper of the `limits` does not pass. ReportError: `x` is not a series of numbers.
     """
     values = series(x)
     values = np.sort(values[np.isfinite(values)])
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
         return unfitted("Fewer than two different values, so no distribution is fitted.")
+    # The square of a double above 1e154 overflows, a sum of squares earlier.
     if not float(np.max(np.abs(values))) < 1e150 or not float(np.std(values)) > 0:
         return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
     ties = atoms.ties(values)

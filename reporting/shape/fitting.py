@@ -31,69 +31,36 @@ _CLOSEST = 0.01
 
 @dataclass(frozen=True)
 class Fit:
-    """A family fitted to the values.
+    """A family fitted to the values."""
 
-    Attributes
-    ----------
-    family, title : str
-        Key in `reporting.shape.family.families.FAMILIES`, and the name in words.
-    parameters : dict of str to float
-        Parameters in the unit of the values. Those of a power transformation and of the beta distribution refer to
-        ``(x - shift) / scale``; shift and scale are then included.
-    theta : tuple of float
-        Unconstrained parameters, which with shift and scale determine the distribution (see `distribution`).
-    covariance : tuple of tuples of float, or None
-        Covariance of theta, from the curvature of the likelihood; None where it is flat.
-    shift, scale : float
-        Shift and scale in the unit of the values.
-    n : int
-        Number of values.
-    loglik, aic, bic : float
-        Log-likelihood (density in 1/unit), and the information criteria of Akaike and Schwarz.
-    ad : float or None
-        Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
-    ad_p : float or None
-        p-value of `ad` by parametric bootstrap, with the parameters fitted to each resample; above 5,000 values, that
-        of the misfit scaled to 5,000 values. None if a value is impossible under the fit.
-    distance : float
-        Kolmogorov's distance between sample and distribution: the size of the misfit.
-    passes : bool
-        Whether the fit may be used: the p-value is at least 0.01 and no counted share contradicts the tails.
-    misfit : str
-        Why it may not be used; else empty.
-    """
-
-    family: str
-    title: str
+    family: str  # key in `reporting.shape.family.families.FAMILIES`
+    title: str  # the name in words
+    # In the unit of the values. Those of a power transformation and of the beta distribution refer to ``(x - shift) /
+    # scale``; shift and scale are then included.
     parameters: dict[str, float]
-    theta: Theta
+    theta: Theta  # unconstrained parameters, which with shift and scale determine the distribution (see `distribution`)
+    # of theta, from the curvature of the likelihood; None where it is flat
     covariance: tuple[tuple[float, ...], ...] | None
-    shift: float
+    shift: float  # in the unit of the values, like the scale
     scale: float
-    n: int
-    loglik: float
-    aic: float
-    bic: float
-    ad: float | None
+    n: int  # number of values
+    loglik: float  # with the density in 1/unit
+    aic: float  # Akaike's information criterion
+    bic: float  # Schwarz's information criterion
+    ad: float | None  # Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
+    # p-value of `ad` by parametric bootstrap, with the parameters fitted to each resample; above 5,000 values, that of
+    # the misfit scaled to 5,000 values. None if a value is impossible under the fit.
     ad_p: float | None
-    distance: float
-    passes: bool
-    misfit: str
+    distance: float  # Kolmogorov's, between sample and distribution: the size of the misfit
+    passes: bool  # whether it may be used: the p-value is at least 0.01 and no counted share contradicts the tails
+    misfit: str  # why it may not be used; else empty
 
 
 class Fitting:
-    """The values of a response, ready for many families.
+    """The ascending values of a response, shape (n,), ready for many families.
 
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Ascending values.
-    ties : Ties
-        The distinct values.
-    bounds : (float, float) or None
-        Physical bounds.
-    limits : (float or None, float or None)
-        Lower and upper limit, where the tails are compared.
+    `ties` are its distinct values, `bounds` its physical bounds, `limits` the lower and upper limit, where tails are
+    compared.
     """
 
     def __init__(

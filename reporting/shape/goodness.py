@@ -36,35 +36,24 @@ _STEP = 1e-4
 
 
 class Bootstrap:
-    """Resamples of n values as counts in cells of equal probability, narrower in the tails.
-
-    Parameters
-    ----------
-    n : int
-        Size of a sample.
-    """
+    """Resamples of n values as counts in cells of equal probability, narrower in the tails."""
 
     def __init__(self, n: int) -> None:
+        # Of up to 12 values a quarter of one is more than 2 %: there are no narrower cells.
         tail = np.geomspace(0.25 / n, 0.02, 16)[:-1] if n > 12 else np.empty(0)
         self.n = n
         self.edges = np.concatenate((tail, np.linspace(0.02, 0.98, 49), 1 - tail[::-1]))
         self.cells = np.diff(np.concatenate(([0.0], self.edges, [1.0])))
         counts = np.random.default_rng(_SEED).multinomial(n, self.cells, size=_RESAMPLES)
         self.excess = counts / n - self.cells
+        # A^2 is n times the integral of (F_n - F)^2 / (F (1 - F)) over F: here a sum over the edges.
         self.weights = (self.cells[:-1] + self.cells[1:]) / 2 / (self.edges * (1 - self.edges))
 
     def p_value(self, build: Callable[[Sequence[Parameter]], ClosedForm], theta: Theta, statistic: float) -> float:
         """Return the share of resamples that are at least as far from their own fit as the data are from theirs.
 
-        Parameters
-        ----------
-        build : callable
-            Function from parameters to the distribution.
-        theta : tuple of float
-            The fitted parameters.
-        statistic : float
-            A^2 of the data. With more than `PRACTICAL` values, its excess over the expected value is scaled to
-            `PRACTICAL` values.
+        `statistic` is A^2 of the data. With more than `PRACTICAL` values, its excess over the expected value is scaled
+        to `PRACTICAL` values.
         """
         slopes = self._slopes(build, theta)
         of_cells = np.diff(slopes, axis=0, prepend=0.0, append=0.0) / self.cells[:, None]
@@ -77,6 +66,7 @@ class Bootstrap:
         drawn = self.n * (deviation**2 @ self.weights)
         usual = float(np.mean(drawn))
         practical = usual + (statistic - usual) * min(1.0, PRACTICAL / self.n)
+        # The data count as one more sample: 999 of them cannot prove a p-value below 1 in 1,000.
         return float((1 + np.count_nonzero(drawn >= practical)) / (1 + _RESAMPLES))
 
     def _slopes(self, build: Callable[[Sequence[Parameter]], ClosedForm], theta: Theta) -> Array:
@@ -87,6 +77,7 @@ class Bootstrap:
         up, down = (build(list((centre + sign * steps).T[:, :, None])) for sign in (1, -1))
         lower = up.cdf(at) - down.cdf(at)
         upper = down.sf(at) - up.sf(at)
+        # Differences of the smaller of the two shares: those of a share near 1 lose all digits in the tail.
         slopes = np.where(self.edges < 0.5, lower, upper).T / (2 * np.diag(steps))
         return np.where(np.isfinite(slopes), slopes, 0.0)
 
@@ -98,17 +89,7 @@ def bootstrap(n: int) -> Bootstrap:
 
 
 def tail_misfit(ordered: Array, fitted: Scaled, limits: Sequence[float | None]) -> str:
-    """Return where a counted share contradicts the fitted distribution; empty if none does.
-
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Values in ascending order.
-    fitted : Scaled
-        Fitted distribution in the unit of the values.
-    limits : (float or None, float or None)
-        Lower and upper limit.
-    """
+    """Return where a counted share of ascending values contradicts the fitted distribution; empty if none does."""
     n = int(ordered.size)
     shares = [share for share in TAIL_SHARES if share * n >= _FEWEST_EXPECTED]
     lows = [(float(fitted.ppf(share)), share, f"below its {100 * share:g} % quantile") for share in shares]

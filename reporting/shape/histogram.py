@@ -12,18 +12,12 @@ _FEWEST, _MOST = 12, 60
 
 @dataclass(frozen=True)
 class Histogram:
-    """Counts between edges; bin i holds values from ``edges[i]`` to below ``edges[i + 1]``.
+    """Counts between edges; bin i holds values from ``edges[i]`` to below ``edges[i + 1]``."""
 
-    Attributes
-    ----------
-    edges : tuple of float, length k + 1
-        Edges in the unit of the values. The edge at an upper limit is the next number above it, because a value on the
-        limit conforms.
-    counts : tuple of int, length k
-    """
-
+    # Length k + 1, in the unit of the values. The edge at an upper limit is the next number above it, because a value
+    # on the limit conforms.
     edges: tuple[float, ...]
-    counts: tuple[int, ...]
+    counts: tuple[int, ...]  # length k
 
 
 def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
@@ -31,13 +25,6 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
 
     The width is that of Freedman and Diaconis (1981), limited to 12 to 60 bins over the data. With both limits it is
     adjusted to divide the distance between them.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Finite values.
-    lsl, usl : float, optional
-        Limits, in the unit of `x`.
     """
     if x.size == 0:
         return None
@@ -59,6 +46,7 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
     if usl is not None:
         edges = np.where(edges == usl, np.nextafter(usl, math.inf), edges)
     edges = np.unique(edges)
+    # By rounding the outermost edges may lie inside the values.
     edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
     counts, _ = np.histogram(x, edges)
     return Histogram(tuple(edges.tolist()), tuple(counts.tolist()))

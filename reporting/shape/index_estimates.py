@@ -20,18 +20,7 @@ from reporting.shape.tails import TailShare
 def index_estimates(
     n: int, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
 ) -> tuple[IndexEstimate, ...]:
-    """Return the estimates from the fitted distribution, the values' own percentiles and the Pareto tails.
-
-    Parameters
-    ----------
-    n : int
-        Number of values.
-    fits : Fits
-        Fitted distributions.
-    methods : iterable of NonnormalIndices
-        Indices of the chosen distribution and of the values' own percentiles.
-    tails : iterable of TailShare
-    """
+    """Return the estimates of `n` values from the fitted distribution, their own percentiles and the Pareto tails."""
     best, least, known = fits.of(fits.best), least_ppm(n), tuple(methods)
     title = best.title if best else ""
     ended = next((m.ppk_interval for m in known if m.method == "percentile" and m.family), None)

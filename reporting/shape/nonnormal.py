@@ -36,73 +36,36 @@ ENDS = (0.00135, 0.5, 0.99865)
 
 @dataclass(frozen=True)
 class NonnormalIndices:
-    """Indices by one method; None where undefined.
+    """Indices by one method; None where undefined."""
 
-    Attributes
-    ----------
-    method : str
-        "percentile", "z_score" or "empirical".
-    family : str or None
-        Fitted family; None for the empirical method.
-    assumed : str
-        Assumption of the method, in one sentence.
-    pp, ppk, ppl, ppu : float or None
-        Indices that replace Cp, Cpk, Cpl, Cpu.
-    pp_interval, ppk_interval, ppl_interval, ppu_interval : (float or None, float or None) or None
-        Two-sided intervals. An end is None if the values give no bound on that side.
-    percentiles : (float, float, float) or None
-        Quantiles at `ENDS`, in the unit of the values.
-    z_lsl, z_usl, z_bench : float or None
-        Normal quantiles of the shares out of limits, for the fitted methods.
-    ppm_expected, ppm_expected_below, ppm_expected_above : float or None
-        Share of the fitted distribution out of limits; None for the empirical method.
-    ppm_expected_interval : (float, float) or None
-        Interval of `ppm_expected`, over all families that the values do not rule out.
-    ppm_range : (float, float) or None
-        The smallest and the largest `ppm_expected` of these families, if they differ by more than a factor of 3, so
-        that no single number represents them.
-    candidates : tuple of str
-        Titles of these families.
-    notes : tuple of str
-        Why a number is None.
-    """
-
-    method: str
-    family: str | None
-    assumed: str
-    pp: float | None = None
+    method: str  # "percentile", "z_score" or "empirical"
+    family: str | None  # fitted; None for the empirical method
+    assumed: str  # assumption of the method, in one sentence
+    pp: float | None = None  # Pp to Ppu replace Cp, Cpk, Cpl and Cpu
     ppk: float | None = None
     ppl: float | None = None
     ppu: float | None = None
-    pp_interval: OpenInterval | None = None
+    pp_interval: OpenInterval | None = None  # two-sided; an end is None if the values give no bound on that side
     ppk_interval: OpenInterval | None = None
     ppl_interval: OpenInterval | None = None
     ppu_interval: OpenInterval | None = None
-    percentiles: tuple[float, float, float] | None = None
-    z_lsl: float | None = None
+    percentiles: tuple[float, float, float] | None = None  # quantiles at `ENDS`, in the unit of the values
+    z_lsl: float | None = None  # normal quantiles of the shares out of limits, for the fitted methods
     z_usl: float | None = None
     z_bench: float | None = None
-    ppm_expected: float | None = None
+    ppm_expected: float | None = None  # share of the fitted distribution out of limits; None for the empirical method
     ppm_expected_below: float | None = None
     ppm_expected_above: float | None = None
-    ppm_expected_interval: Interval | None = None
+    ppm_expected_interval: Interval | None = None  # over all families that the values do not rule out
+    # The smallest and the largest `ppm_expected` of these families, if they differ by more than a factor of 3, so that
+    # no single number represents them.
     ppm_range: Interval | None = None
-    candidates: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    candidates: tuple[str, ...] = ()  # titles of these families
+    notes: tuple[str, ...] = ()  # why a number is None
 
 
 def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) -> NonnormalIndices:
-    """Return the indices of the percentile or the Z-score method from one fitted distribution, without intervals.
-
-    Parameters
-    ----------
-    method : str
-        "percentile" or "z_score".
-    fit : Fit
-        A fit from `reporting.shape.fits.fit_families`.
-    lsl, usl : float or None
-        Limits, in the unit of the values.
-    """
+    """Return the indices by the method "percentile" or "z_score" from one fitted distribution, without intervals."""
     fitted = distribution(fit)
     with np.errstate(all="ignore"):
         point = _finite(indices(method, centred(fit), *(less(limit, fit.shift) for limit in (lsl, usl))))
@@ -131,11 +94,7 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
 def centred(fit: Fit, theta: Sequence[Parameter] | None = None) -> Scaled:
     """Return the distribution of ``x - shift``, so that a large offset of the values costs no digits.
 
-    Parameters
-    ----------
-    fit : Fit
-    theta : sequence of float or array, optional
-        Other parameters; arrays of shape (b, 1) give b distributions.
+    Other parameters `theta` may be arrays of shape (b, 1), for b distributions.
     """
     return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), 0.0, fit.scale)
 
@@ -164,19 +123,7 @@ def _beyond(family: str) -> str:
 def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:
     """Return the indices from the percentiles of the values (Cnpk), with intervals for any distribution.
 
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        Values; values that are not finite are left out.
-    lsl, usl : float or None
-        Limits, in the unit of the values.
-    confidence : float
-        Confidence of the two-sided intervals.
-
-    Raises
-    ------
-    ReportError
-        If `x` is not a one-dimensional series of numbers.
+    Values that are not finite are left out. ReportError: `x` is not a series of numbers.
     """
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])

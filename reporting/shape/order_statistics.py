@@ -21,32 +21,19 @@ FEWEST = 2731
 def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
     """Return the quantiles at the ranks ``p (n + 1)``, interpolated between neighbours (R's type 6).
 
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Values in ascending order.
-    shares : sequence of float
-        Probabilities p between 0 and 1; a rank beyond the first or last value gives that value.
+    The values are ascending, shape (n,); a rank beyond the first or last value gives that value.
     """
     low, part = _ranks(ordered.size, shares)
     return _between(ordered[low - 1], ordered[np.minimum(low, ordered.size - 1)], part)
 
 
 def quantile_interval(ordered: Array, share: float, confidence: float) -> Interval | None:
-    """Return the two ordered values that enclose a quantile; None if the sample is too small for them.
+    """Return the two of the ascending values that enclose a quantile; None if the sample is too small for them.
 
     Each end misses the quantile with a probability of at most ``(1 - confidence) / 2``.
-
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Values in ascending order.
-    share : float
-        Probability of the quantile.
-    confidence : float
-        Two-sided confidence.
     """
     n, miss = ordered.size, (1 - confidence) / 2
+    # Ten standard deviations hold every rank that an end can have, and spare the binomial sums of all n.
     spread = 10 * np.sqrt(n * share * (1 - share)) + 10
     rank = np.arange(max(int(n * share - spread), 0), min(int(n * share + spread), n) + 1)
     below = bdtr(rank.astype(np.float64), n, share)  # probability of at most `rank` values below the quantile
@@ -63,26 +50,10 @@ def interval_of_quantiles(
     statistics: Callable[[Array], dict[str, float]],
     confidence: float,
 ) -> dict[str, Interval]:
-    """Return intervals of statistics of a few quantiles.
+    """Return intervals of `statistics` of a few quantiles, by name; empty if the sample is too small.
 
     Each quantile is moved alone to both ends of its interval; the resulting changes of a statistic add as squares,
     upward and downward changes separately (Zou, Donner 2008).
-
-    Parameters
-    ----------
-    ordered : array, shape (n,)
-        Values in ascending order.
-    shares : sequence of float
-        Probabilities of the quantiles that the statistics use.
-    statistics : callable
-        Function from the quantiles to named numbers.
-    confidence : float
-        Two-sided confidence.
-
-    Returns
-    -------
-    dict of str to (float, float)
-        Interval by name of the statistic; empty if the sample is too small.
     """
     ends = [quantile_interval(ordered, share, confidence) for share in shares]
     middle = empirical_percentiles(ordered, shares)

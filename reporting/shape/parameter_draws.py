@@ -28,12 +28,6 @@ def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
 
     More than `PRACTICAL` values are weighted as `PRACTICAL` values: a family is a model, and more values do not make
     its tails more certain. One value per parameter is used up by the fit.
-
-    Parameters
-    ----------
-    fit : Fit
-    sample : Condensed
-        The values, in their unit.
     """
     theta, n = np.asarray(fit.theta), sample.n
     worth = min(1.0, PRACTICAL / n) * (1 - theta.size / n)
@@ -46,6 +40,7 @@ def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
         reach = np.minimum(_BEYOND / np.sqrt(np.maximum(steepness, 1e-12)), _FARTHEST)
         scores = _even_normals(_DRAWS, theta.size)
         drawn = theta + (scores * reach) @ axes.T
+        # The likelihood over the normal density of the scores from which the parameters are drawn.
         log_weights = worth * loglik(drawn) + 0.5 * np.sum(scores**2, axis=1)
     log_weights = np.where(np.isfinite(log_weights), log_weights, -np.inf)
     weights = np.exp(log_weights - np.max(log_weights)) if np.any(np.isfinite(log_weights)) else np.ones(_DRAWS)
@@ -55,12 +50,7 @@ def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
 def weighted_interval(values: Array, weights: Array, confidence: float) -> Interval:
     """Return the quantiles of weighted values that leave out equal shares at both ends.
 
-    Parameters
-    ----------
-    values, weights : array, shape (m,)
-        The weights sum to 1; values may be infinite.
-    confidence : float
-        Share between the quantiles.
+    Values and weights have the shape (m,); the weights sum to 1, and values may be infinite.
     """
     order = np.argsort(values)
     below = np.cumsum(weights[order]) - weights[order] / 2
@@ -76,6 +66,7 @@ def _even_normals(count: int, k: int) -> Array:
     2018).
     """
     phi = 2.0
+    # Each step of this fixed-point iteration divides the error by 3 or more.
     for _ in range(40):
         phi = (1 + phi) ** (1 / (k + 1))
     steps = phi ** -np.arange(1.0, k + 1)

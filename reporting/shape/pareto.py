@@ -31,21 +31,11 @@ CRITICAL_SHAPES, CRITICAL = (-0.5, -0.25, 0.0, 0.25, 0.5), (0.190, 0.169, 0.148,
 
 @dataclass(frozen=True)
 class ParetoFit:
-    """A fitted tail.
+    """A fitted tail."""
 
-    Attributes
-    ----------
-    shape : float
-        xi.
-    scale : float
-        sigma, in the unit of the excesses.
-    loglik : float
-        Log-likelihood, density in 1/unit.
-    """
-
-    shape: float
-    scale: float
-    loglik: float
+    shape: float  # xi
+    scale: float  # sigma, in the unit of the excesses
+    loglik: float  # density in 1/unit
 
     def survival(self, y: float) -> float:
         """Return the share of excesses beyond `y`."""
@@ -56,15 +46,10 @@ class ParetoFit:
 
 
 def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
-    """Return the maximum-likelihood fit.
+    """Return the maximum-likelihood fit to excesses above 0, shape (k,), that are not all equal.
 
-    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993), so the
-    search is in one variable.
-
-    Parameters
-    ----------
-    excesses : array, shape (k,)
-        Excesses above 0, not all equal.
+    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993), so the search
+    is in one variable.
     """
     largest, mean = float(np.max(excesses)), float(np.mean(excesses))
 
@@ -74,6 +59,7 @@ def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
         shape = min(max(float(np.mean(np.log1p(theta * excesses))), SHAPES[0]), SHAPES[1])
         return ParetoFit(shape, shape / theta, loglik(excesses, shape, shape / theta))
 
+    # theta > -1 / largest: the distribution must not end before the largest excess.
     grid = np.concatenate((-(1 - np.geomspace(1e-3, 0.999, 40)) / largest, [0.0], np.geomspace(1e-3, 20, 40) / mean))
     return profile(_maximum(lambda theta: profile(theta).loglik, grid))
 
@@ -81,13 +67,8 @@ def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
 def posterior_mean_fit(excesses: Array) -> tuple[float, float]:
     """Return shape and scale by the posterior mean of ``-xi / sigma`` over a grid (Zhang and Stephens 2009).
 
-    The shape is shrunk towards 0.5 with the weight of ten values, as in Pareto-smoothed importance sampling (Vehtari
-    et al. 2024).
-
-    Parameters
-    ----------
-    excesses : array, shape (k,)
-        Excesses above 0 in ascending order.
+    The excesses are above 0 and ascending. The shape is shrunk towards 0.5 with the weight of ten values, as in
+    Pareto-smoothed importance sampling (Vehtari et al. 2024).
     """
     n = excesses.size
     points = 30 + int(math.sqrt(n))
@@ -121,22 +102,14 @@ def loglik(excesses: Array, shape: float, scale: float) -> float:
 
 
 def survival_interval(excesses: Array, y: float, fit: ParetoFit, confidence: float) -> Interval:
-    """Return the profile-likelihood interval of the share of excesses beyond `y`.
+    """Return the profile-likelihood interval of the share of excesses beyond a distance `y` from the threshold.
 
-    Unlike a symmetric interval, it does not extend below zero for a share of a few ppm.
-
-    Parameters
-    ----------
-    excesses : array, shape (k,)
-    y : float
-        Distance from the threshold, in the unit of the excesses.
-    fit : ParetoFit
-        Maximum-likelihood fit to the excesses.
-    confidence : float
-        Two-sided confidence.
+    Unlike a symmetric interval, it does not extend below zero for a share of a few ppm. `fit` is the maximum-likelihood
+    fit to the excesses.
     """
     from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
 
+    # At the ends of the interval the log-likelihood has fallen by half the chi-square quantile (likelihood ratio).
     drop = float(chdtri(1, 1 - confidence)) / 2
     estimate = fit.survival(y)
     centre = min(math.log(max(estimate, math.exp(_LEAST_LOG_SHARE))), -1e-6)

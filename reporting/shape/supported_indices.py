@@ -44,25 +44,8 @@ def supported_indices(
 ) -> tuple[NonnormalIndices, ...]:
     """Return the indices of the chosen family by percentiles and by Z-scores, with intervals over all candidates.
 
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        The fitted values; values that are not finite are left out.
-    fits : Fits
-    lsl, usl : float or None
-        Limits, in the unit of the values.
-    confidence : float
-        Confidence of the two-sided intervals.
-
-    Returns
-    -------
-    tuple of NonnormalIndices
-        One for each method; empty if no family passes.
-
-    Raises
-    ------
-    ReportError
-        If `x` is not a one-dimensional series of numbers.
+    One for each method, empty if no family passes. `x` are the fitted values; those that are not finite are left out.
+    ReportError: `x` is not a series of numbers.
     """
     best = fits.of(fits.best)
     if best is None:

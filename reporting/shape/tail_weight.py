@@ -22,39 +22,22 @@ DIRECTION_P = 0.01
 
 @dataclass(frozen=True)
 class TailWeight:
-    """One tail of a response compared with that of a normal distribution with its mean and sigma.
+    """One tail of a response compared with that of a normal distribution with its mean and sigma."""
 
-    Attributes
-    ----------
-    side : str
-        "below" or "above" the mean.
-    weight : float
-        Weight relative to a normal tail: 1 for a normal distribution, 2 for Student's t with 6 degrees of freedom, 0.6
-        for a uniform distribution.
-    p : float
-        Two-sided probability of a weight at least as far from 1 in a sample of normal values.
-    word : str
-        "heavier", "lighter" or "like normal".
-    """
-
-    side: str
+    side: str  # "below" or "above" the mean
+    # Relative to a normal tail: 1 for a normal distribution, 2 for Student's t with 6 degrees of freedom, 0.6 for a
+    # uniform distribution.
     weight: float
-    p: float
-    word: str
+    p: float  # two-sided probability of a weight at least as far from 1 in a sample of normal values
+    word: str  # "heavier", "lighter" or "like normal"
 
 
 def tail_weights(sample: Condensed, worth: float) -> tuple[TailWeight, ...]:
-    """Return the weights of the lower and the upper tail; empty below 50 values.
+    """Return the weights of the lower and the upper tail of standardised values (divisor n - 1); empty below 50 values.
 
     In samples of normal values ``weight^(-1/2)`` is approximately normal: simulated with 3,000 to 60,000 samples of 50
     to 20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 are correct to a third.
-
-    Parameters
-    ----------
-    sample : Condensed
-        Values minus their mean, in standard deviations (divisor n - 1).
-    worth : float
-        Effective number of independent values; n without production lots.
+    `worth` is the effective number of independent values.
     """
     if worth < FEWEST:
         return ()

@@ -26,72 +26,33 @@ ENOUGH_REJECTS = 100
 
 @dataclass(frozen=True)
 class TailShare:
-    """Share of a response beyond one limit, from a model of the tail.
+    """Share of a response beyond one limit, from a model of the tail."""
 
-    Attributes
-    ----------
-    side : str
-        "below" or "above".
-    limit : float
-        Limit in the unit of the values.
-    ppm : float or None
-        Estimate; None if it is refused, or too far beyond the values for a number.
-    interval : (float, float) or None
-        Two-sided interval [ppm]; without an estimate it is an upper bound.
-    method : str
-        "pareto".
-    threshold, excesses : float or None, int or None
-        Beginning of the fitted tail, and the number of values beyond it.
-    shape, scale : float or None
-        Parameters of the Pareto tail; with a negative shape it has an end.
-    effective : float or None
-        Always None: the values have equal weights.
-    note : str
-        Why the estimate is refused, or why there is only a bound; may be empty.
-    """
-
-    side: str
-    limit: float
-    ppm: float | None
-    interval: Interval | None
+    side: str  # "below" or "above"
+    limit: float  # in the unit of the values
+    ppm: float | None  # None if it is refused, or too far beyond the values for a number
+    interval: Interval | None  # two-sided [ppm]; without an estimate it is an upper bound
     method: str = "pareto"
-    threshold: float | None = None
-    excesses: int | None = None
-    shape: float | None = None
+    threshold: float | None = None  # beginning of the fitted tail
+    excesses: int | None = None  # values beyond it
+    shape: float | None = None  # of the Pareto tail; if negative it has an end
     scale: float | None = None
-    effective: float | None = None
-    note: str = ""
+    effective: float | None = None  # always None: the values have equal weights
+    note: str = ""  # why the estimate is refused, or why there is only a bound; may be empty
 
 
 def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> tuple[TailShare, ...]:
-    """Return the share beyond each limit from a generalized Pareto tail.
+    """Return the share beyond each limit from a generalized Pareto tail, the lower limit first.
 
     Tails are fitted beyond several thresholds (250 excesses or a tenth of the values, and halves of that down to 50);
-    those that the Cramer-von Mises statistic rejects at 5 % are ignored. The estimate is that of the most excesses.
-    The interval covers those of all thresholds: with many excesses a tail is precise but may still be curved, and one
+    those that the Cramer-von Mises statistic rejects at 5 % are ignored. The estimate is that of the most excesses. The
+    interval covers those of all thresholds: with many excesses a tail is precise but may still be curved, and one
     threshold alone missed the share in up to 26 of 100 samples of 2,000. Each combines the profile likelihood of the
     share beyond the limit with the binomial error of the share beyond the threshold, on a logarithmic scale. The upper
     end is at least the share of a hundredth of one value. An estimate below that is not given: then the upper end is a
     bound, and at least that of an exponential tail, because a tail that seems to end before the limit may not end.
 
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        Values; values that are not finite are left out.
-    lsl, usl : float or None
-        Limits, in the unit of the values.
-    confidence : float
-        Two-sided confidence.
-
-    Returns
-    -------
-    tuple of TailShare
-        One share for each limit, the lower limit first.
-
-    Raises
-    ------
-    ReportError
-        If `x` is not a one-dimensional series of numbers.
+    Values that are not finite are left out. ReportError: `x` is not a series of numbers.
     """
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
@@ -147,6 +108,7 @@ def _beyond_threshold(ordered: Array, limit: float, k: int) -> tuple[float, Arra
         return None
     fit = pareto.maximum_likelihood_fit(excesses)
     fits = pareto.cramer_von_mises(excesses, fit) <= pareto.critical_cramer_von_mises(fit.shape)
+    # A shape at the lower bound says that the likelihood is not regular: the tail ends abruptly.
     return (threshold, excesses, fit) if fits and fit.shape > pareto.SHAPES[0] else None
 
 

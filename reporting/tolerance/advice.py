@@ -32,57 +32,30 @@ Widen = Callable[[str, float, Rows], Change]
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice on the spread of one variable while the others stay as they are.
-
-    Attributes
-    ----------
-    variable : str
-    factor : float or None
-        Largest factor on the standard deviation of the variable (truncated at its bounds). Below 1 the spread must
-        shrink for the responses to reach their targets; None if no factor down to `reach` achieves this. It is never
-        larger than the variable's bounds and the mechanism allow.
-    interval : (float or None, float or None)
-        Interval of the factor; an end is None if the samples do not determine it.
-    bounded : bool
-        False if no response falls below its target up to `reach`: the factor is then at least the lower end of its
-        interval.
-    ended_by : str
-        Why an unbounded advice ends at `reach`: "samples" (they contain no information on a larger factor), "bounds"
-        (of the variable or the mechanism allow no larger factor, see `limit`), "search" (the largest factor tried);
-        otherwise empty.
-    reach : float
-        Farthest factor from 1, above or below, with an answer.
-    binding : str or None
-        The response that limits the factor, or that misses its target; or "runs without a value".
-    cpk : float or None
-        Cpk of that response at the factor.
-    method : str
-        Method for the index at the factor: "reweighting" or "regression".
-    effective : float or None
-        Effective sample size at the factor; None without reweighting.
-    refusal : str
-        Why there is no advice; empty if there is.
-    limit : str
-        What prevents a factor beyond `reach`, if it is the bounds or the mechanism.
-    settings : tuple of str
-        Settings of the campaign file for the factor, each ``VARIABLE.KEY=VALUE`` as for ``clearcap whatif --set``.
-    below : dict of str to float
-        Cpk at the factor of responses that already miss their targets, if the factor makes them worse.
-    """
+    """Advice on the spread of one variable while the others stay as they are."""
 
     variable: str
+    # Largest factor on the standard deviation of the variable (truncated at its bounds). Below 1 the spread must shrink
+    # for the responses to reach their targets; None if no factor down to `reach` achieves this. It is never larger than
+    # the variable's bounds and the mechanism allow.
     factor: float | None
-    interval: tuple[float | None, float | None]
+    interval: tuple[float | None, float | None]  # of the factor; an end is None if the samples do not determine it
+    # False if no response falls below its target up to `reach`: the factor is then at least the lower end of its
+    # interval
     bounded: bool
+    # Why an unbounded advice ends at `reach`: "samples" (they contain no information on a larger factor), "bounds" (of
+    # the variable or the mechanism allow no larger factor, see `limit`), "search" (the largest factor tried); otherwise
+    # empty.
     ended_by: str
-    reach: float
-    binding: str | None
-    cpk: float | None
-    method: str
-    effective: float | None
-    refusal: str = ""
-    limit: str = ""
-    settings: tuple[str, ...] = ()
+    reach: float  # farthest factor from 1, above or below, with an answer
+    binding: str | None  # the response that limits the factor, or that misses its target; or "runs without a value"
+    cpk: float | None  # of that response at the factor
+    method: str  # for the index at the factor: "reweighting" or "regression"
+    effective: float | None  # sample size at the factor; None without reweighting
+    refusal: str = ""  # why there is no advice; empty if there is
+    limit: str = ""  # what prevents a factor beyond `reach`, if it is the bounds or the mechanism
+    settings: tuple[str, ...] = ()  # of the campaign file for the factor, each ``VARIABLE.KEY=VALUE``
+    # Cpk at the factor of responses that already miss their targets, if the factor makes them worse
     below: dict[str, float] = field(default_factory=dict)
 
 
@@ -96,32 +69,12 @@ def advise(
     confidence: float = 0.95,
     lots: LotLabels | None = None,
 ) -> tuple[Advice, ...]:
-    """Return the advice on the spread of each variable.
+    """Return the advice on the spread of each variable; raise ReportError if no response has both limits and a target.
 
-    Parameters
-    ----------
-    responses : mapping of str to array_like, each of shape (n,)
-        Values at each sample, NaN where there is no value.
-    limits : mapping of str to (lsl, usl)
-        Limits by response; responses without limits are ignored.
-    targets : mapping of str to float
-        Required Cpk of each response with limits.
-    columns : mapping of str to array_like, each of shape (n,)
-        Values of all variables at each sample.
-    variables : sequence of str
-        Variables to give advice on.
-    widen : callable (variable, factor, rows) -> Change
-        Change of the density at the rows if the standard deviation of the variable is multiplied by the factor.
-        If the variable's bounds do not allow the factor, `Change.spread` is the largest factor they allow.
-    confidence : float
-        Confidence of the intervals, two-sided.
-    lots : array, shape (n,), or None
-        Production lot of each sample.
-
-    Raises
-    ------
-    ReportError
-        If no response has both limits and a target.
+    All columns have the shape (n,); responses are NaN where there is no value, and those without limits are ignored.
+    `widen` (variable, factor, rows) gives the change of the density at the rows if the standard deviation of the
+    variable is multiplied by the factor. If its bounds do not allow the factor, `Change.spread` is the largest that
+    they allow.
     """
     rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:ADVISED_ROWS]
     question = asked(responses, limits, targets, columns, rows, confidence, lots)
@@ -139,10 +92,7 @@ def asked(
 ) -> Question:
     """Return the question of an advice: responses with limits, a target and varying values, at the given rows.
 
-    Raises
-    ------
-    ReportError
-        If there is no such response.
+    ReportError: there is no such response.
     """
     limited = {
         name: np.asarray(y, np.float64)[rows]
@@ -168,13 +118,7 @@ def asked(
 def advise_one(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
     """Return the factor by reweighting, or by regression if the samples cannot be reweighted far enough.
 
-    Parameters
-    ----------
-    variable : str
-        The variable that changes, or a name for several variables that change together.
-    question : Question
-    widen : callable (factor) -> Change
-        See `advise`.
+    `variable` may be a name for several variables that change together.
     """
     changed = cache(widen)
     most, least = _end(changed(MOST_FACTOR), MOST_FACTOR), _end(changed(LEAST_FACTOR), LEAST_FACTOR)

@@ -35,63 +35,35 @@ Rescale = Callable[[Mapping[str, float], Rows], Change]
 
 @dataclass(frozen=True)
 class AllocatedResponse:
-    """A response with the proposed tolerances.
-
-    Attributes
-    ----------
-    response : str
-    mean, std, cpk, target : float
-    binding : bool
-        Whether the target of this response limits the tolerances.
-    price : float or None
-        Additional cost of a target Cpk higher by 0.01; None with process tables, whose cost has steps.
-    """
+    """A response with the proposed tolerances."""
 
     response: str
     mean: float
     std: float
     cpk: float
     target: float
-    binding: bool
+    binding: bool  # the target of this response limits the tolerances
+    # additional cost of a target Cpk higher by 0.01; None with process tables, whose cost has steps
     price: float | None
 
 
 @dataclass(frozen=True)
 class Allocation:
-    """Proposed tolerances.
+    """Proposed tolerances."""
 
-    Attributes
-    ----------
-    tolerances, factors : dict of str to float
-        Proposed tolerances, and their ratio to the present ones; empty if refused.
-    cost, cost_now : float or None
-        Cost of the proposed and of the present tolerances. With a table, a present tolerance has the cost of the
-        cheapest process that is at most as wide; the cost is unknown if there is none.
-    processes : dict of str to str
-        Name of the chosen process of each variable with named processes.
-    responses : tuple of AllocatedResponse
-    method : str
-        "reweighting" if mean and sigma of the responses come from it, else "variance contributions".
-    effective : float or None
-        Effective sample size of the reweighting.
-    runs : int
-        Number of runs to confirm the proposal: they determine each Cpk to 5 %.
-    refusal : str
-        Why there is no proposal; empty if there is one.
-    notes : tuple of str
-    """
-
-    tolerances: dict[str, float]
-    factors: dict[str, float]
-    cost: float | None
+    tolerances: dict[str, float]  # proposed; empty if refused
+    factors: dict[str, float]  # their ratio to the present ones
+    cost: float | None  # of the proposed tolerances
+    # Of the present tolerances. With a table, a present tolerance has the cost of the cheapest process that is at most
+    # as wide; the cost is unknown if there is none.
     cost_now: float | None
     responses: tuple[AllocatedResponse, ...]
-    method: str
-    effective: float | None
-    runs: int
-    refusal: str = ""
+    method: str  # "reweighting" if mean and sigma of the responses come from it, else "variance contributions"
+    effective: float | None  # sample size of the reweighting
+    runs: int  # to confirm the proposal: they determine each Cpk to 5 %
+    refusal: str = ""  # why there is no proposal; empty if there is one
     notes: tuple[str, ...] = ()
-    processes: dict[str, str] = field(default_factory=dict)
+    processes: dict[str, str] = field(default_factory=dict)  # the chosen process of each variable with named processes
 
 
 def allocate(
@@ -101,26 +73,13 @@ def allocate(
     rescale: Rescale | None = None,
     correlated: bool = False,
 ) -> Allocation:
-    """Return the cheapest tolerances.
+    """Return the cheapest tolerances; those of variables without a cost stay as they are.
 
-    Parameters
-    ----------
-    variables : sequence of CostedVariable
-        Variables with a cost; the tolerances of all others stay as they are.
-    requirements : sequence of Requirement
-        Responses with their targets.
-    responses : mapping of str to array_like, each of shape (n,), optional
-        Values of each sample of the campaign, for the correction by reweighting.
-    rescale : callable (factors by variable, rows) -> Change, optional
-        Change of the density at the rows if the standard deviations are multiplied by the factors.
-    correlated : bool
-        Whether a variable whose tolerance may change is correlated with another. The variance of a response is then not
-        a sum of contributions, and a proposal is made only if reweighting gives mean and sigma.
-
-    Raises
-    ------
-    ReportError
-        If a cost, tolerance, bound or target is impossible, or a variable or response is given twice.
+    The responses of the campaign's samples, shape (n,), and `rescale` (factors by variable, rows), which gives the
+    change of the density at the rows, are for the correction by reweighting. If a variable whose tolerance may change
+    is correlated with another, the variance of a response is not a sum of contributions, and a proposal is made only if
+    reweighting gives mean and sigma. ReportError: a cost, tolerance, bound or target is impossible, or a variable or
+    response is given twice.
     """
     check(variables, requirements)
     optimum = _solve(variables, requirements)
@@ -274,6 +233,7 @@ def _allocated(requirement: Requirement, variance: float, price: float | None) -
         cpk=target * math.sqrt(allowed / variance) if variance > 0 else math.inf,
         target=target,
         binding=allowed - variance < 1e-6 * allowed,
+        # The permitted variance is proportional to target^-2: a target higher by 0.01 takes 0.02 / target of it.
         price=None if price is None else float(0.01 * price * 2 * allowed / target),
     )
 

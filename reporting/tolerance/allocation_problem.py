@@ -16,27 +16,14 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class CostedVariable:
-    """A variable, the cost of its tolerance, and the permitted changes.
-
-    Attributes
-    ----------
-    variable : str
-    tolerance : float
-        Present tolerance: any measure proportional to the standard deviation.
-    law : PowerLaw, ExponentialLaw or ProcessTable
-        Cost of a tolerance.
-    lower, upper : float
-        Bounds of the tolerance, 0 < lower <= upper.
-    locked : bool
-        Whether the tolerance must stay as it is.
-    """
+    """A variable, the cost of its tolerance, and the permitted changes."""
 
     variable: str
-    tolerance: float
+    tolerance: float  # the present one: any measure proportional to the standard deviation
     law: CostLaw
-    lower: float
+    lower: float  # bound of the tolerance, 0 < lower <= upper
     upper: float
-    locked: bool = False
+    locked: bool = False  # the tolerance must stay as it is
 
     @property
     def processes(self) -> tuple[Process, ...]:
@@ -62,32 +49,18 @@ class CostedVariable:
 
 @dataclass(frozen=True)
 class Requirement:
-    """A response as it is now, and the Cpk it must have.
-
-    Attributes
-    ----------
-    response : str
-    mean, std : float
-        Present values, in the unit of the response.
-    lsl, usl : float or None
-        Limits, at least one.
-    target : float
-        Required Cpk, above 0.
-    shares : mapping of str to float
-        Present share of the variance by variable (first-order index or contribution), 0 to 1, with a sum of at most 1;
-        the rest does not depend on the tolerances.
-    added : float
-        Correction of the variance by reweighting.
-    """
+    """A response as it is now, and the Cpk it must have."""
 
     response: str
-    mean: float
-    std: float
-    lsl: float | None
+    mean: float  # present value, in the unit of the response
+    std: float  # like `mean`
+    lsl: float | None  # at least one limit
     usl: float | None
-    target: float
+    target: float  # required Cpk, above 0
+    # Present share of the variance by variable (first-order index or contribution), 0 to 1, with a sum of at most 1;
+    # the rest does not depend on the tolerances.
     shares: Mapping[str, float]
-    added: float = 0.0
+    added: float = 0.0  # correction of the variance by reweighting
 
     @property
     def allowed(self) -> float:

@@ -16,21 +16,11 @@ from reporting.arrays import Array
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """The cost ``fixed + cost / tolerance^power``.
+    """The cost ``fixed + cost / tolerance^power``."""
 
-    Attributes
-    ----------
-    fixed : float
-        Fixed cost, in money.
-    cost : float
-        Coefficient above 0, in money times the unit of the tolerance to the power.
-    power : float
-        Exponent above 0; 1 and 2 are usual.
-    """
-
-    fixed: float
-    cost: float
-    power: float = 1.0
+    fixed: float  # in money
+    cost: float  # above 0, in money times the unit of the tolerance to the power
+    power: float = 1.0  # above 0; 1 and 2 are usual
 
     def at(self, tolerance: Array) -> Array:
         """Return the cost of tolerances."""
@@ -50,19 +40,11 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class ExponentialLaw:
-    """The cost ``fixed + cost exp(-tolerance / scale)``.
+    """The cost ``fixed + cost exp(-tolerance / scale)``."""
 
-    Attributes
-    ----------
-    fixed, cost : float
-        Coefficients in money; `cost` is above 0.
-    scale : float
-        Scale above 0, in the unit of the tolerance: a tolerance wider by `scale` reduces the exponential part by 63 %.
-    """
-
-    fixed: float
-    cost: float
-    scale: float
+    fixed: float  # in money
+    cost: float  # in money, above 0
+    scale: float  # above 0, in the unit of the tolerance: one wider by `scale` reduces the exponential part by 63 %
 
     def at(self, tolerance: Array) -> Array:
         """Return the cost of tolerances."""

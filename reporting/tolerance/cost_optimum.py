@@ -18,37 +18,20 @@ ContinuousLaw = PowerLaw | ExponentialLaw
 
 @dataclass(frozen=True)
 class Optimum:
-    """The cheapest tolerances.
+    """The cheapest tolerances."""
 
-    Attributes
-    ----------
-    tolerance : array, shape (k,)
-    price : array, shape (r,)
-        Multiplier of each response: cost saved per unit of additional room.
-    gap : float
-        Bound on how much cheaper another set can be, in money; 0 if this one is proved to be the cheapest.
-    """
-
-    tolerance: Array
-    price: Array
+    tolerance: Array  # shape (k,)
+    price: Array  # multiplier of each response, shape (r,): cost saved per unit of additional room
+    # bound on how much cheaper another set can be, in money; 0 if this one is proved to be the cheapest
     gap: float = 0.0
 
 
 def cheapest(laws: Sequence[ContinuousLaw], rate: Array, room: Array, lower: Array, upper: Array) -> Optimum | None:
     """Return the cheapest tolerances; None if no tolerances within the bounds satisfy the constraints.
 
-    In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is unique.
-
-    Parameters
-    ----------
-    laws : sequence of PowerLaw or ExponentialLaw, k of them
-        Cost law of each variable.
-    rate : array, shape (r, k)
-        Variance of each response per unit of squared tolerance, not negative.
-    room : array, shape (r,)
-        Permitted variance of each response due to these variables.
-    lower, upper : array, shape (k,)
-        Bounds of the tolerances, above 0; equal for a locked variable.
+    In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is unique. `rate`, shape
+    (r, k), is the variance of each response per unit of squared tolerance, not negative; `room`, shape (r,), the
+    permitted variance due to these variables. The bounds, shape (k,), are above 0 and equal for a locked variable.
     """
     from scipy.optimize import minimize  # takes 0.4 s, which `import reporting` avoids
 

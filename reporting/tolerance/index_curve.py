@@ -28,50 +28,26 @@ Indices = dict[str, tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Margin:
-    """The smallest margin over the targets: of Cpk, and of the ends of its interval.
+    """The smallest margin over the targets: of Cpk, and of the ends of its interval."""
 
-    Attributes
-    ----------
-    low, value, high : float
-        Margins of lower end, value and upper end, each the smallest over all responses.
-    response : str
-        The response with the smallest margin, or "runs without a value".
-    cpk : float or None
-        Cpk of that response; None for runs without a value.
-    effective : float or None
-        Effective sample size; None without reweighting.
-    """
-
-    low: float
+    low: float  # of the lower end, the smallest over all responses; likewise the others
     value: float
     high: float
-    response: str
-    cpk: float | None
-    effective: float | None
+    response: str  # the one with the smallest margin, or "runs without a value"
+    cpk: float | None  # of that response; None for runs without a value
+    effective: float | None  # sample size; None without reweighting
 
 
 @dataclass(frozen=True)
 class Question:
-    """Responses with limits and targets, and the variables, at the same samples.
+    """Responses with limits and targets, and the variables, at the same samples."""
 
-    Attributes
-    ----------
-    responses : mapping of str to array, each of shape (n,)
-    limits : mapping of str to (lsl, usl)
-    targets : mapping of str to float
-    columns : mapping of str to array, each of shape (n,)
-        Values of the varying variables.
-    confidence : float
-        Confidence of the intervals, two-sided.
-    lots : array, shape (n,), or None
-    """
-
-    responses: Mapping[str, Array]
+    responses: Mapping[str, Array]  # shape (n,)
     limits: Limits
     targets: Mapping[str, float]
-    columns: Mapping[str, Array]
-    confidence: float
-    lots: LotLabels | None
+    columns: Mapping[str, Array]  # of the varying variables, shape (n,)
+    confidence: float  # two-sided
+    lots: LotLabels | None  # shape (n,)
 
     def weighted(self, change: Change) -> tuple[Indices, WhatIf] | str:
         """Return the indices by reweighting and the answer with most missing runs, or why there is none."""
@@ -159,12 +135,7 @@ class Question:
 class IndexCurve:
     """The margin at factors outwards from 1, until there is no answer or the targets are crossed.
 
-    Parameters
-    ----------
-    ask : callable (factor) -> Margin or str
-        Function that returns the margin, or why there is no answer.
-    least, most : float
-        Range of the factors.
+    `ask` returns the margin at a factor between `least` and `most`, or why there is no answer.
     """
 
     def __init__(self, ask: Callable[[float], Margin | str], least: float, most: float) -> None:

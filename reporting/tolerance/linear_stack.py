@@ -36,94 +36,47 @@ Command = Callable[[Mapping[str, float]], str]
 
 @dataclass(frozen=True)
 class StackedVariable:
-    """Contribution of one variable to the stack-up of a response.
-
-    Attributes
-    ----------
-    variable : str
-    lower, upper : float
-        Ends of its tolerance, in its unit.
-    bounded : bool
-        Whether both ends are bounds of its distribution; else at least one is three standard deviations from the mean.
-    slope : float
-        Change of the response per unit of the variable.
-    half_width : float
-        ``|slope| (upper - lower) / 2``: contribution to the worst case, in the response's unit.
-    """
+    """Contribution of one variable to the stack-up of a response."""
 
     variable: str
-    lower: float
+    lower: float  # end of its tolerance, in its unit
     upper: float
+    # both ends are bounds of its distribution; else at least one is three standard deviations from the mean
     bounded: bool
-    slope: float
-    half_width: float
+    slope: float  # change of the response per unit of the variable
+    half_width: float  # ``|slope| (upper - lower) / 2``: contribution to the worst case, in the response's unit
 
 
 @dataclass(frozen=True)
 class LinearStack:
-    """Worst case and root sum of squares from slopes, compared with the range of the samples.
+    """Worst case and root sum of squares from slopes, compared with the range of the samples."""
 
-    Attributes
-    ----------
-    variables : tuple of StackedVariable
-        Variables by their contribution, the largest first.
-    nominal : float
-        Value of the plane with every variable in the middle of its tolerance.
-    worst : (float, float)
-        Range with every variable at its worst end: nominal -+ the sum of the half widths.
-    rss : (float, float)
-        Range nominal -+ the root of the sum of squares of the half widths.
-    rss_sigma : float
-        Standard deviation: root of the sum of squares of slope times the variable's own sigma.
-    correlated : bool
-        Whether `rss` and `rss_sigma` use the correlations of the samples, because the campaign requests correlations.
-        The worst case does not: every combination of ends is considered possible.
-    sampled : (float, float)
-        Smallest and largest value of the samples.
-    central : (float, float)
-        Percentiles 0.135 and 99.865 of the samples, which contain as much as mean +- 3 sigma of a normal distribution;
-        with few samples they are the smallest and the largest value.
-    n : int
-        Number of samples with a value.
-    explained : float or None
-        Share of the variance that the plane explains, adjusted for the number of variables; None without variance.
-    explained_curved : float or None
-        The same with squares and products, or squares alone; None if there are too few samples.
-    shape : str
-        "linear": the plane explains at least 97 % of the variance, and squares add less than 1 %. "curved": squares and
-        products add 1 % or more, beyond chance. "not linear": the plane explains less than 97 %, and no curve is found.
-        "constant": no variance.
-    exceeded : bool
-        Whether a sample lies beyond the worst case from slopes, which is then not the worst case.
-    reliable : bool
-        Whether the slopes suffice: the response is linear or constant, and no sample lies beyond the worst case.
-    lowest_corner, highest_corner : dict of str to float
-        Values of the variables at which the plane is lowest and highest; these two runs check it.
-    lowest_command, highest_command : str
-        The commands of these runs.
-    within : bool or None
-        Whether the worst case from slopes keeps the limits; None without limits, or if the slopes do not suffice.
-    """
-
-    variables: tuple[StackedVariable, ...]
-    nominal: float
-    worst: tuple[float, float]
-    rss: tuple[float, float]
-    rss_sigma: float
+    variables: tuple[StackedVariable, ...]  # by their contribution, the largest first
+    nominal: float  # value of the plane with every variable in the middle of its tolerance
+    worst: tuple[float, float]  # every variable at its worst end: nominal -+ the sum of the half widths
+    rss: tuple[float, float]  # nominal -+ the root of the sum of squares of the half widths
+    rss_sigma: float  # root of the sum of squares of slope times the variable's own sigma
+    # Whether `rss` and `rss_sigma` use the correlations of the samples, because the campaign requests correlations. The
+    # worst case does not: every combination of ends is considered possible.
     correlated: bool
-    sampled: tuple[float, float]
+    sampled: tuple[float, float]  # smallest and largest value of the samples
+    # Percentiles 0.135 and 99.865 of the samples, which contain as much as mean +- 3 sigma of a normal distribution;
+    # with few samples they are the smallest and the largest value.
     central: tuple[float, float]
-    n: int
-    explained: float | None
-    explained_curved: float | None
+    n: int  # samples with a value
+    explained: float | None  # share of the variance that the plane explains, adjusted; None without variance
+    explained_curved: float | None  # with squares and products, or squares alone; None if samples are too few
+    # "linear": the plane explains at least 97 % of the variance, and squares add less than 1 %. "curved": squares and
+    # products add 1 % or more, beyond chance. "not linear": the plane explains less than 97 %, and no curve is found.
+    # "constant": no variance.
     shape: str
-    exceeded: bool
-    reliable: bool
-    lowest_corner: dict[str, float]
+    exceeded: bool  # a sample lies beyond the worst case from slopes, which is then not the worst case
+    reliable: bool  # the response is linear or constant, and no sample lies beyond the worst case
+    lowest_corner: dict[str, float]  # variables where the plane is lowest; this run and that of the highest check it
     highest_corner: dict[str, float]
-    lowest_command: str
+    lowest_command: str  # the command of this run
     highest_command: str
-    within: bool | None
+    within: bool | None  # the worst case from slopes keeps the limits; None without limits, or if not reliable
 
 
 def linear_stack(
@@ -137,19 +90,8 @@ def linear_stack(
 ) -> LinearStack | None:
     """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes.
 
-    Parameters
-    ----------
-    y : array, shape (n,)
-        The response at each sample; NaN where it has no value.
-    columns : mapping of str to array, each of shape (n,)
-        The variables at each sample.
-    specs : sequence of VariableSpec
-        Bounds, means and standard deviations of the variables.
-    limits : (lsl, usl)
-    correlated : bool
-        Whether the campaign requests correlations.
-    command : callable (values by variable) -> str
-        Function that returns the command to simulate these values.
+    Columns have the shape (n,); the response is NaN where it has no value. `correlated`: the campaign requests
+    correlations. `command` gives the command that simulates values by variable.
     """
     varying = [v for v in specs if v.std > 0]
     has = np.flatnonzero(np.isfinite(y))
@@ -221,6 +163,7 @@ def _plane(y: Array, x: Array) -> _Plane:
         return _Plane(float(y.mean()), np.zeros(k), None, None, CONSTANT)
     slopes = np.linalg.lstsq(z, deviation, rcond=None)[0]
     most = min(_MOST_TERMS, n // _ROWS_PER_SQUARE)
+    # Products of all pairs take ten rows for each term, and no more than 150 terms; else squares alone.
     i, j = np.triu_indices(k) if (k + 1) * (k + 2) // 2 <= most else (np.arange(k), np.arange(k))
     straight, curved, is_curved = _left(np.column_stack([np.ones(n), z]), deviation), None, False
     if 1 + k + i.size <= most:

@@ -24,31 +24,16 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Programme:
-    """Continuous variables and variables with processes.
+    """Continuous variables and variables with processes."""
 
-    Attributes
-    ----------
-    laws : tuple of PowerLaw or ExponentialLaw
-        Laws of the continuous variables.
-    lower, upper : array, shape (k,)
-        Bounds of their tolerances.
-    rate : array, shape (r, k)
-        Variance of each response per unit of their squared tolerance, not negative.
-    tables : tuple of tuple of Process
-        Processes of each other variable, the finest first; each wider process is cheaper.
-    table_rate : array, shape (r, d)
-        Like `rate`, for the variables with tables.
-    room : array, shape (r,)
-        Permitted variance of each response due to all these variables.
-    """
-
-    laws: tuple[ContinuousLaw, ...]
-    lower: Array
+    laws: tuple[ContinuousLaw, ...]  # of the continuous variables
+    lower: Array  # bounds of their tolerances, shape (k,)
     upper: Array
-    rate: Array
+    rate: Array  # variance of each response per unit of their squared tolerance, not negative, shape (r, k)
+    # processes of each other variable, the finest first; each wider process is cheaper
     tables: tuple[tuple[Process, ...], ...]
-    table_rate: Array
-    room: Array
+    table_rate: Array  # like `rate`, for the variables with tables, shape (r, d)
+    room: Array  # permitted variance of each response due to all these variables, shape (r,)
 
 
 def cheapest_choice(programme: Programme) -> tuple[Optimum, tuple[Process, ...]] | None:

@@ -27,35 +27,16 @@ _LEAST_VALUES = 50
 
 @dataclass(frozen=True)
 class Surface:
-    """A polynomial of the standardised variables, fitted to one response.
+    """A polynomial of the standardised variables, fitted to one response."""
 
-    Attributes
-    ----------
-    y : array, shape (n,)
-        Values of the response at the fitted samples.
-    x : array, shape (n, k)
-        Standardised variables at the fitted samples.
-    terms : array, shape (n, terms)
-        Terms of the polynomial: 1, the variables, and their squares and products if `quadratic`.
-    coefficients : array, shape (terms,)
-    inverse : array, shape (terms, terms)
-        Inverse of the normal matrix.
-    residual : array, shape (n,)
-        ``y - g(x)``.
-    quadratic : bool
-        Whether the polynomial has squares and products; else it is linear.
-    unexplained : float
-        Unexplained share of the variance, adjusted for the number of terms.
-    """
-
-    y: Array
-    x: Array
-    terms: Array
-    coefficients: Array
-    inverse: Array
-    residual: Array
+    y: Array  # response at the fitted samples, shape (n,)
+    x: Array  # standardised variables there, shape (n, k)
+    terms: Array  # 1, the variables, and their squares and products if `quadratic`, shape (n, terms)
+    coefficients: Array  # shape (terms,)
+    inverse: Array  # of the normal matrix, shape (terms, terms)
+    residual: Array  # ``y - g(x)``, shape (n,)
     quadratic: bool
-    unexplained: float
+    unexplained: float  # share of the variance, adjusted for the number of terms
 
     def moved(self, to: Mapping[int, Array]) -> tuple[NDArray[np.intp], Array]:
         """Return which terms change if some standardised variables have other values, and by how much.
@@ -78,12 +59,7 @@ class Surface:
 def fit_surface(y: Array, variables: Mapping[str, Array]) -> Surface | None:
     """Return the polynomial of one response; None with too few values or too large an unexplained share.
 
-    Parameters
-    ----------
-    y : array, shape (n,)
-        Finite values, not all equal.
-    variables : mapping of str to array, each of shape (n,)
-        Varying variables at the same samples.
+    The values, shape (n,), are finite and not all equal, and the variables vary.
     """
     x = np.column_stack([(column - column.mean()) / column.std() for column in variables.values()])
     n, k = x.shape
@@ -112,19 +88,8 @@ def moved_cpk(
     """Return Cpk with some variables moved, and its interval; None without spread.
 
     The interval allows for the errors of the samples and of the coefficients; its lower end also allows for a residual
-    that grows with the variables.
-
-    Parameters
-    ----------
-    surface : Surface
-    change : (mapping of int to array of shape (n,), float)
-        New standardised values by index of the variable, and the factor on their standard deviations.
-    limits : (lsl, usl)
-        Limits, at least one.
-    confidence : float
-        Two-sided confidence.
-    lots : array, shape (n,), or None
-        Production lot of each sample.
+    that grows with the variables. `change` has the new standardised values, shape (n,), by index of the variable, and
+    the factor on their standard deviations. At least one limit is needed.
     """
     to, factor = change
     columns, difference = surface.moved(to)
@@ -145,6 +110,7 @@ def moved_cpk(
     by_coefficient = surface.inverse[:, columns] @ np.einsum("ij,i->j", difference, slope)
     of_coefficients = np.einsum("ij,j->i", surface.terms, by_coefficient) * surface.residual
     low, high = mean_interval(index, by_lot(own + of_coefficients, lots), confidence)
+    # A larger sigma moves an index towards 0: it would raise a lower end that is below 0.
     grown = max(factor**2 - 1, 0.0) * surface.unexplained * float(np.var(surface.y, ddof=1))
     return float(index), (low / math.sqrt(1 + grown / std**2) if low > 0 else low, high)
 

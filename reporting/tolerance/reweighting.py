@@ -37,35 +37,20 @@ _HILL_SHARE = 0.2  # of the weights
 
 @dataclass(frozen=True)
 class Change:
-    """The effect of a changed distribution on the density of each sample.
+    """The effect of a changed distribution on the density of each sample."""
 
-    Attributes
-    ----------
-    log_ratio : array, shape (n,) or (n, k)
-        ``log p_new(x_i) - log p_old(x_i)`` of each sample, or of each sample and variable; minus infinity where the
-        new density is zero. A constant offset has no effect.
-    outside : float
-        Probability of new values outside the range of the old distribution.
-    spread : float or None
-        Ratio of the new to the old standard deviation of the changed variable; used for advice on tolerances.
-    moved : array, shape (n,), or mapping of str to such an array, or None
-        Values of the changed variable at the same ranks under the new distribution, if it has a density; by name for
-        several changed variables.
-    limit : str
-        Why `spread` is closer to 1 than requested; empty if it is as requested.
-    settings : tuple of str
-        Settings of the campaign file for this change, each ``VARIABLE.KEY=VALUE``.
-    worth : float
-        Number of new runs that one sample is equivalent to for the sigma of the changed variable itself, by the two
-        distributions alone; 1 if unknown.
-    """
-
+    # ``log p_new(x_i) - log p_old(x_i)`` of each sample, shape (n,), or of each sample and variable, shape (n, k);
+    # minus infinity where the new density is zero. A constant offset has no effect.
     log_ratio: ArrayLike
-    outside: float = 0.0
-    spread: float | None = None
+    outside: float = 0.0  # probability of new values outside the range of the old distribution
+    spread: float | None = None  # ratio of the new to the old sigma of the changed variable; for advice
+    # Values of the changed variable at the same ranks under the new distribution, shape (n,), if it has a density; by
+    # name for several changed variables.
     moved: ArrayLike | Mapping[str, ArrayLike] | None = None
-    limit: str = ""
-    settings: tuple[str, ...] = ()
+    limit: str = ""  # why `spread` is closer to 1 than requested; empty if it is as requested
+    settings: tuple[str, ...] = ()  # of the campaign file for this change, each ``VARIABLE.KEY=VALUE``
+    # Number of new runs that one sample is equivalent to for the sigma of the changed variable itself, by the two
+    # distributions alone; 1 if unknown.
     worth: float = 1.0
 
     def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
@@ -77,43 +62,22 @@ class Change:
 
 @dataclass(frozen=True)
 class Weights:
-    """Normalised weights and their diagnostics.
+    """Normalised weights and their diagnostics."""
 
-    Attributes
-    ----------
-    weight : array, shape (n,)
-        Smoothed weights; the sum is 1.
-    effective : float
-        Kish's effective sample size, ``1 / sum(w^2)``.
-    largest : float
-        Largest weight before smoothing.
-    pareto_k : float or None
-        Shape of the tail of the weights; None if they are equal or too few.
-    pareto_k_bar : float
-        Largest accepted shape.
-    outside : float
-        Probability of new values outside the range of the old distribution.
-    refusal : str
-        Why the weights cannot be used; empty if they can.
-    """
-
-    weight: Array
-    effective: float
-    largest: float
-    pareto_k: float | None
-    pareto_k_bar: float
-    outside: float
-    refusal: str
+    weight: Array  # smoothed, shape (n,); the sum is 1
+    effective: float  # Kish's sample size, ``1 / sum(w^2)``
+    largest: float  # weight before smoothing
+    pareto_k: float | None  # shape of the tail of the weights; None if they are equal or too few
+    pareto_k_bar: float  # largest accepted shape
+    outside: float  # probability of new values outside the range of the old distribution
+    refusal: str  # why the weights cannot be used; empty if they can
 
 
 def weights(change: Change) -> Weights:
     """Return the weights of the samples under a change.
 
-    Raises
-    ------
-    ReportError
-        If a log ratio is NaN or plus infinity (the old density is never zero at a sample), or `outside` is not a
-        probability.
+    ReportError: a log ratio is NaN or plus infinity (the old density is never zero at a sample), or `outside` is not a
+    probability.
     """
     ratio = np.asarray(change.log_ratio, np.float64)
     total = ratio.sum(axis=1) if ratio.ndim == 2 else ratio
@@ -128,6 +92,7 @@ def weights(change: Change) -> Weights:
     bar = min(PARETO_BAR, 1 - 1 / math.log10(n)) if n > 10 else 0.0
     if n == 0 or not np.any(total > -np.inf):
         return Weights(np.zeros(n), 0.0, 1.0, None, bar, change.outside, _refusal(0.0, 1.0, None, bar, change.outside))
+    # A common factor has no effect, and none of these weights overflows.
     raw = np.exp(total - total.max())
     largest = float(raw.max() / raw.sum())
     smooth, k = pareto_smoothed(raw)

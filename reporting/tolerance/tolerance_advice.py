@@ -30,79 +30,40 @@ Rescale = Callable[[Mapping[str, float], Rows], Change]
 
 @dataclass(frozen=True)
 class Shortfall:
-    """A response below its target, and the changes that lift it there.
-
-    Attributes
-    ----------
-    response : str
-    cpk, target : float
-        Present and required Cpk.
-    centred : float or None
-        Cpk with the mean in the middle between the limits; None with one limit.
-    alone : tuple of Advice
-        For each variable, how far its spread must shrink while the others stay.
-    together : Advice or None
-        Common factor by which the spreads of all variables must shrink; None if there is nothing to shrink.
-    text : str
-        Recommendation in words.
-    """
+    """A response below its target, and the changes that lift it there."""
 
     response: str
-    cpk: float
-    target: float
-    centred: float | None
-    alone: tuple[Advice, ...]
+    cpk: float  # present
+    target: float  # required
+    centred: float | None  # Cpk with the mean in the middle between the limits; None with one limit
+    alone: tuple[Advice, ...]  # for each variable, how far its spread must shrink while the others stay
+    # common factor by which the spreads of all variables must shrink; None if there is nothing to shrink
     together: Advice | None
-    text: str
+    text: str  # recommendation in words
 
 
 @dataclass(frozen=True)
 class ToleranceAdvice:
-    """Advice on tolerances.
+    """Advice on tolerances."""
 
-    Attributes
-    ----------
-    kept : tuple of str
-        Responses at their target, which stay there in spite of the growth.
-    growth : tuple of Advice
-        For each variable, how far its spread may grow; empty if no response is at its target.
-    shortfalls : tuple of Shortfall
-        Responses below their target, the worst first.
-    note : str
-        Why there is no advice, or what it omits.
-    """
-
-    kept: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()  # responses at their target, which stay there in spite of the growth
+    # for each variable, how far its spread may grow; empty if no response is at its target
     growth: tuple[Advice, ...] = ()
-    shortfalls: tuple[Shortfall, ...] = ()
-    note: str = ""
+    shortfalls: tuple[Shortfall, ...] = ()  # responses below their target, the worst first
+    note: str = ""  # why there is no advice, or what it omits
 
 
 @dataclass(frozen=True)
 class AdvisedSamples:
-    """The samples on which the advice is based.
+    """The samples on which the advice is based."""
 
-    Attributes
-    ----------
-    responses : mapping of str to array, each of shape (n,)
-        Values of all independently drawn samples, including failed ones; NaN where a run has no value.
-    limits : mapping of str to (lsl, usl)
-    columns : mapping of str to array, each of shape (n,)
-        Values of the variables.
-    varied : sequence of str
-        Variables whose spread may change.
-    lots : array, shape (n,), or None
-        Production lot of each sample.
-    most_failed : float
-        Share of runs without a value above which there is no verdict, and no advice.
-    """
-
+    # all independently drawn samples, including failed ones, shape (n,); NaN without a value
     responses: Mapping[str, ArrayLike]
     limits: Limits
-    columns: Mapping[str, Array]
-    varied: Sequence[str]
+    columns: Mapping[str, Array]  # values of the variables, shape (n,)
+    varied: Sequence[str]  # variables whose spread may change
     lots: LotLabels | None = None
-    most_failed: float = MOST_FAILED
+    most_failed: float = MOST_FAILED  # share of runs without a value above which there is no verdict, and no advice
 
 
 def tolerance_advice(
@@ -110,17 +71,9 @@ def tolerance_advice(
 ) -> ToleranceAdvice:
     """Return the advice on tolerances from the samples.
 
-    Parameters
-    ----------
-    samples : AdvisedSamples
-    cpks : mapping of str to float or None
-        Cpk of the responses with limits, over the samples with a value; None if it is undefined.
-    target : float
-        Cpk that every response must have.
-    rescale : callable (factors by variable, rows) -> Change
-        Change of the density at the rows if the standard deviations of some variables are multiplied by factors.
-    confidence : float
-        Confidence of the intervals, two-sided.
+    `cpks` are those of the responses with limits, over the samples with a value; None if undefined. Every response must
+    have the Cpk `target`. `rescale` (factors by variable, rows) gives the change of the density at the rows if the
+    standard deviations of some variables are multiplied by factors.
     """
     known = {name: cpk for name, cpk in cpks.items() if cpk is not None}
     if not known:
@@ -139,6 +92,7 @@ def tolerance_advice(
         of = {name: values[name] for name in names}
         return asked(of, samples.limits, dict.fromkeys(of, target), samples.columns, rows, confidence, samples.lots)
 
+    # Variables whose spread can shrink as far as the search goes; one row is enough to ask.
     free = [v for v in samples.varied if rescale({v: LEAST_FACTOR}, rows[:1]).spread in (None, LEAST_FACTOR)]
     together = [ALL_TOGETHER] if len(free) > 1 else []
     alone: dict[str, list[Advice]] = {name: [] for name in below}

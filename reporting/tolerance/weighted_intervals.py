@@ -46,14 +46,8 @@ def _variance(squares: float, count: int) -> float:
 def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
     """Return the two-sided interval of an estimate from its influence function.
 
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    terms : array, shape (m,)
-        Contribution of each independent sample, or lot, to the error of the estimate: weight times influence function.
-    confidence : float
-        Two-sided confidence.
+    `terms`, shape (m,), are the contributions of each independent sample, or lot, to the error of the estimate: weight
+    times influence function.
     """
     squares = float(np.sum(terms**2))
     variance = _variance(squares, terms.size)
@@ -74,21 +68,10 @@ def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
 
 
 def share_interval(is_out: NDArray[np.bool_], weight: Array, lots: LotLabels | None, confidence: float) -> Interval:
-    """Return the two-sided interval of a weighted share.
+    """Return the two-sided interval of a weighted share; the weights sum to 1.
 
     With equal weights it is the interval of Clopper and Pearson. If no sample is out, it is their interval for a number
     of samples of 1 divided by the largest weight.
-
-    Parameters
-    ----------
-    is_out : array of bool, shape (n,)
-        Mask of the counted samples.
-    weight : array, shape (n,)
-        Weights that sum to 1.
-    lots : array, shape (n,), or None
-        Lot of each sample; None for independent samples.
-    confidence : float
-        Two-sided confidence.
     """
     upper = 0.5 + confidence / 2
     share = min(float(np.sum(weight[is_out])), 1.0)

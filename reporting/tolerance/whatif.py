@@ -40,75 +40,41 @@ HEAVY_TAIL = 0.7
 
 @dataclass(frozen=True)
 class Estimate:
-    """A reweighted number.
-
-    Attributes
-    ----------
-    value : float
-    interval : (float, float)
-    effective : float
-        Number of new runs that would give the same error, at most Kish's effective sample size.
-    """
+    """A reweighted number."""
 
     value: float
     interval: Interval
-    effective: float
+    effective: float  # number of new runs that would give the same error, at most Kish's effective sample size
 
 
 @dataclass(frozen=True)
 class WhatIf:
-    """A response under the new distributions; a number is None where it is undefined or refused.
+    """A response under the new distributions; a number is None where it is undefined or refused."""
 
-    Attributes
-    ----------
-    n, dropped : int
-        Number of finite values, and of rows without a finite value.
-    effective, largest : float
-        Kish's effective sample size, and the largest weight of a sample.
-    pareto_k, pareto_k_bar : float or None
-        Shape of the tail of the weights, and the largest accepted shape.
-    pareto_k_sigma : float or None
-        Shape of the tail of the samples' contributions to sigma; None if the weights do not make it heavier.
-    outside : float
-        Probability of new values outside the range of the old distribution.
-    mean, std : Estimate or None
-        Mean and standard deviation in the response's unit.
-    cp, cpl, cpu, cpk : Estimate or None
-    ppm, ppm_below, ppm_above : Estimate or None
-        Weighted share out of limits; the upper end of the interval includes `outside`. If rejects have small weights,
-        the value may be far below one effective sample: then only the upper end of the interval is informative.
-    ppm_expected : float or None
-        Share out of limits of a normal distribution with the new mean and sigma.
-    missing : float or None
-        Weighted share of rows without a value: the share of failures under the new distributions.
-    refusal : str
-        Why there are no numbers; empty if there are.
-    runs : int
-        Number of new runs that determine Cpk (without limits: sigma) to 5 %.
-    notes : tuple of str
-    """
-
-    n: int
-    dropped: int
-    effective: float
-    largest: float
-    pareto_k: float | None
-    pareto_k_bar: float
-    outside: float
-    runs: int
+    n: int  # finite values
+    dropped: int  # rows without a finite value
+    effective: float  # Kish's sample size
+    largest: float  # weight of a sample
+    pareto_k: float | None  # shape of the tail of the weights
+    pareto_k_bar: float  # largest accepted shape
+    outside: float  # probability of new values outside the range of the old distribution
+    runs: int  # new runs that determine Cpk (without limits: sigma) to 5 %
+    # shape of the tail of the contributions to sigma; None if the weights do not make it heavier
     pareto_k_sigma: float | None = None
-    mean: Estimate | None = None
-    std: Estimate | None = None
+    mean: Estimate | None = None  # in the response's unit
+    std: Estimate | None = None  # in the response's unit
     cp: Estimate | None = None
     cpl: Estimate | None = None
     cpu: Estimate | None = None
     cpk: Estimate | None = None
+    # Weighted share out of limits; the upper end of the interval includes `outside`. If rejects have small weights, the
+    # value may be far below one effective sample: then only the upper end of the interval is informative.
     ppm: Estimate | None = None
     ppm_below: Estimate | None = None
     ppm_above: Estimate | None = None
-    ppm_expected: float | None = None
-    missing: float | None = None
-    refusal: str = ""
+    ppm_expected: float | None = None  # out of limits, of a normal distribution with the new mean and sigma
+    missing: float | None = None  # weighted share of rows without a value: the failures under the new distributions
+    refusal: str = ""  # why there are no numbers; empty if there are
     notes: tuple[str, ...] = ()
 
 
@@ -129,25 +95,10 @@ def what_if(
     confidence: float = 0.95,
     lots: LotLabels | None = None,
 ) -> WhatIf:
-    """Return the capability of one response under a change of the variables' distributions.
+    """Return the capability of one response, NaN where it has no value, under a change of the variables' distributions.
 
-    Parameters
-    ----------
-    y : array_like, shape (n,)
-        The response at each sample; NaN where it has no value.
-    change : Change
-        Log ratio of the densities at the same samples.
-    lsl, usl : float or None
-        Limits, in the response's unit.
-    confidence : float
-        Confidence of the intervals, two-sided.
-    lots : array, shape (n,), or None
-        Production lot of each sample; None for independent samples.
-
-    Raises
-    ------
-    ReportError
-        If response, lots and log ratios differ in length, or a log ratio is not a number.
+    Response, lots and log ratios, shape (n,), belong to the same samples. ReportError: they differ in length, or a log
+    ratio is not a number.
     """
     return _under(np.asarray(y, np.float64), weights(change), (lsl, usl), confidence, lots)
 
@@ -198,6 +149,7 @@ def _under(
         **numbers,
         ppm_expected=expected_normal(mean.value, std.value, *limits).get("total") if std else None,
         pareto_k_sigma=k,
+        # Exactly 0 if every row has a value: the weights add up to 1 only within rounding.
         missing=max(1.0 - with_value, 0.0) if n < y.size else 0.0,
         runs=runs_for(cpk.value) if cpk else usual_runs,
         notes=tuple(_notes(std is not None, limited, k)),

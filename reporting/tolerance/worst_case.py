@@ -10,52 +10,25 @@ from reporting.errors import ReportError
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The extremes of a response over the corners of the tolerance box; None if no corner has a value.
+    """The extremes of a response over the corners of the tolerance box; None if no corner has a value."""
 
-    Attributes
-    ----------
-    lowest, highest : float or None
-        Smallest and largest value, LSL_Y and USL_Y of the paper (eqs. 24, 25).
-    nominal, tolerance : float or None
-        Mean and half the difference of the two, N_Y and T_Y (eqs. 26, 27).
-    lowest_corner, highest_corner : dict of str to float
-        Inputs at the extremes: each variable at an end of its range.
-    corners, missing : int
-        Number of simulated corners, and of corners without a value.
-    within : bool or None
-        Whether every corner has a value and keeps the limits; None without limits.
-    """
-
-    lowest: float | None
-    highest: float | None
-    nominal: float | None
-    tolerance: float | None
-    lowest_corner: dict[str, float]
+    lowest: float | None  # LSL_Y of the paper (eq. 24)
+    highest: float | None  # USL_Y (eq. 25)
+    nominal: float | None  # mean of the two, N_Y (eq. 26)
+    tolerance: float | None  # half their difference, T_Y (eq. 27)
+    lowest_corner: dict[str, float]  # inputs at the extreme: each variable at an end of its range
     highest_corner: dict[str, float]
-    corners: int
-    missing: int
-    within: bool | None
+    corners: int  # simulated
+    missing: int  # corners without a value
+    within: bool | None  # every corner has a value and keeps the limits; None without limits
 
 
 def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
-    """Return the worst case of one response.
+    """Return the worst case of one response, NaN where it has no value; columns have the shape (n,).
 
     The extremes lie at corners only if the response is monotone in every input. Other samples, such as the centre, are
-    included; a response that is not monotone may still have larger extremes inside the box.
-
-    Parameters
-    ----------
-    y : array, shape (n,)
-        The response at each sample; NaN where it has no value.
-    inputs : dict of str to array, each of shape (n,)
-        The variables at each sample.
-    lsl, usl : float or None
-        Limits.
-
-    Raises
-    ------
-    ReportError
-        If the columns differ in length.
+    included; a response that is not monotone may still have larger extremes inside the box. ReportError: the columns
+    differ in length.
     """
     y = np.asarray(y, np.float64)
     wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]

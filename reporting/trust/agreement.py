@@ -59,6 +59,8 @@ def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -
     c = response.capability
     if c.cpk is None or c.cpk_interval is None:
         return False
+    # Each of the verdicts may fail only with its part of the error (Bonferroni); the half width of an interval of Cpk
+    # grows with the normal quantile.
     wider = float(ndtri(1 - (1 - confidence) / (2 * judged)) / ndtri(0.5 + confidence / 2))
     return len({class_of(c.cpk + wider * (end - c.cpk)) for end in c.cpk_interval}) == 1
 

@@ -10,6 +10,7 @@ from reporting.trust.check import Check
 
 # Bounds for every ok row: relative residual of the friction problem; penetration, by unit.
 RESIDUAL_BAR = 1e-6
+# The same length in both units; in any other unit there is no bound to compare with.
 PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
 
 
@@ -54,6 +55,7 @@ def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | 
     row = int(stated[np.argmax(values[stated])])
     most, suffix = float(values[row]), f" {unit}" if unit else ""
     text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {samples.sample[row]}"
+    # An ok sample without the number may be over the bound, whatever the largest of the others is.
     if stated.size < rows.size:
         return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples do not have it.", most)
     if bar is None:

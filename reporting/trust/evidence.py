@@ -38,6 +38,7 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
     text = f"Cpk is known to ±{_rounded(widths[at])} or better (widest: {response.spec.name})"
     if widths[at] > WANTED_HALF_WIDTH:
+        # The width of an interval falls as 1 / sqrt(n).
         needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} {what} would give ±5\u00a0%"
     uncertain = [r.spec.name for r, c in indexed if len({class_of(end) for end in c.cpk_interval or ()}) > 1]

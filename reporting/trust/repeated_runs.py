@@ -120,4 +120,5 @@ def _percent(share: float | None) -> str:
     """Return a share as percent, with one decimal below 10 %."""
     if share is None:
         return format_numbers.NONE
+    # From 9.95 % on one decimal would round to 10.0 %.
     return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"

@@ -15,28 +15,16 @@ Drawn = Literal["random"] | tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Play:
-    """A start along the axes.
+    """A start along the axes."""
 
-    Attributes
-    ----------
-    name : str
-        Row of the table.
-    lifts : tuple of four floats, or "random"
-        Heights of moving contact, plate, hook and tripping bar above the published pose at the start, mm; "random":
-        anywhere within the drawn stops, at a different place in each sample.
-    opened : dict
-        Additional play of each flange beyond the drawn one, mm; "random": between 0 and 0.3 mm, drawn for each sample.
-    preset : str, optional
-        Preset of the mechanism that sets the start positions.
-    free_fall : bool
-        Whether it is also simulated with preset paper, whose free fall takes longer than the shipped drag.
-    """
-
-    name: str
+    name: str  # row of the table
+    # Heights of moving contact, plate, hook and tripping bar above the published pose at the start [mm]; "random":
+    # anywhere within the drawn stops, at a different place in each sample.
     lifts: Drawn = (0.0, 0.0, 0.0, 0.0)
+    # Additional play of each flange beyond the drawn one [mm]; "random": between 0 and 0.3 mm, drawn for each sample.
     opened: dict[str, float] | Literal["random"] | None = None
-    preset: str | None = None
-    free_fall: bool = False
+    preset: str | None = None  # of the mechanism that sets the start positions
+    free_fall: bool = False  # also simulated with preset paper, whose free fall takes longer than the shipped drag
 
 
 def plays() -> list[Play]:

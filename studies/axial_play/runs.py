@@ -22,6 +22,7 @@ def run(play: Play, free_fall: bool, sample: int, gaps: Mapping[str, float]) -> 
 
 def starts(play: Play, sample: int) -> dict[str, float]:
     """Return the numbers of the mechanism that differ from the published ones in a sample, by their keys."""
+    # A sample draws the same numbers in every variant, so that its runs can be compared one by one.
     rng = np.random.default_rng([shipped().seed, sample])
     values = dict(_c60().preset(play.preset)) if play.preset else {}
     lifts = _anywhere(rng) if play.lifts == "random" else play.lifts

@@ -26,19 +26,9 @@ def count_listed() -> int:
 
 
 def posed_assembly(files: Mapping[str, Sequence[Path]], mechanism: Mechanism) -> CadAssembly:
-    """Return all files as one assembly with one part for each body that has a file.
+    """Return all files, in the frames of their bodies [mm], as one assembly with a part for each body that has a file.
 
-    Parameters
-    ----------
-    files : mapping
-        STEP files by body, each in the frame of its body [mm].
-    mechanism : Mechanism
-        Mechanism that defines the start pose of the bodies.
-
-    Raises
-    ------
-    CadError
-        If a file cannot be read.
+    The mechanism defines the start pose of the bodies. CadError: a file cannot be read.
     """
     bodies, first_face = [], 0
     for name, paths in files.items():

@@ -25,32 +25,18 @@ Gaps = dict[str, float]
 
 @dataclass(frozen=True)
 class ComparedJoint:
-    """A joint of the mechanism file and the corresponding pin in a hole of the CAD files; lengths in mm.
-
-    Attributes
-    ----------
-    drawn_radii, given_radii : tuple of float
-        Radii of the journal, from the CAD files and from the mechanism file.
-    clearance : float
-        Difference of the drawn radii, the smallest one of the seats.
-    bearing_off, journal_off : float
-        Distances of the mechanism file's points from the axes in the CAD files.
-    rings_inside : bool
-        Whether all rings lie where both pin and hole exist.
-    drawn_gap, given_gap : float
-        Smallest gap of a ring at the start: the mechanism file's clearance minus the offset of the axes in the CAD
-        files; and the gap with which a run starts.
-    """
+    """A joint of the mechanism file and the corresponding pin in a hole of the CAD files; lengths in mm."""
 
     name: str
-    drawn_radii: tuple[float, ...]
-    given_radii: tuple[float, ...]
-    clearance: float
-    bearing_off: float
-    journal_off: float
-    rings_inside: bool
+    drawn_radii: tuple[float, ...]  # of the journal, from the CAD files
+    given_radii: tuple[float, ...]  # of the journal, from the mechanism file
+    clearance: float  # difference of the drawn radii, the smallest one of the seats
+    bearing_off: float  # distance of the mechanism file's point from the axis in the CAD files
+    journal_off: float  # like `bearing_off`
+    rings_inside: bool  # all rings lie where both pin and hole exist
+    # smallest gap of a ring at the start: the file's clearance minus the offset of the axes in the CAD files
     drawn_gap: float
-    given_gap: float
+    given_gap: float  # the gap with which a run starts
 
 
 def start_gaps(mechanism: Mechanism) -> Gaps:
@@ -62,11 +48,7 @@ def start_gaps(mechanism: Mechanism) -> Gaps:
 def compared_joints(assembly: CadAssembly, mechanism: Mechanism) -> tuple[dict[str, ComparedJoint], list[PinInHole]]:
     """Return the joints of a mechanism that are in the CAD files, and the pins in holes that match no joint.
 
-    Parameters
-    ----------
-    assembly : CadAssembly
-        All bodies in the start pose of the mechanism [mm].
-    mechanism : Mechanism
+    All bodies of the assembly are in the start pose of the mechanism [mm].
     """
     found, gaps = pins_in_holes(assembly)[0], start_gaps(mechanism)
     compared: dict[str, ComparedJoint] = {}

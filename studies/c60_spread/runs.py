@@ -75,8 +75,10 @@ def run(variant: Variant, sample: int, gaps: dict[str, float]) -> dict[str, floa
     """Return the responses of one sample, with the variant's response as FC-1; empty unless the run is ok."""
     rng = np.random.default_rng([shipped().seed, sample])
     mechanism = mechanism_of(variant, rng)
+    # The last one wins: what a variant changes overrides the preset and the clearances.
     values = _on_bench(None).preset("paper") | gaps | variant.values
     for key, share in variant.varied.items():
+        # Beyond 5 sigmas a friction that varies by 20 % would be negative.
         values[key] = get_value(mechanism, key) * (1 + share * float(np.clip(rng.standard_normal(), -4, 4)))
     found = simulate(mechanism, values, step=variant.step)
     return found.responses | {"FC-1": found.responses[variant.response]} if found.status == "ok" else {}

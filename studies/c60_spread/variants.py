@@ -14,48 +14,23 @@ SPEEDS = (0.5, 0.05)
 
 @dataclass(frozen=True)
 class Variant:
-    """Differences from the shipped campaign whose clearances close in free fall, as in the paper.
+    """Differences from the shipped campaign whose clearances close in free fall, as in the paper."""
 
-    Attributes
-    ----------
-    name : str
-        Row of the table.
-    tables : dict
-        Tables that override those of the mechanism file, as in a test bench.
-    values : dict
-        Changed numbers of the mechanism by key.
-    varied : dict
-        Inputs that vary besides the clearances: key and standard deviation, relative to the value.
-    speeds : tuple of two floats
-        Standard deviations of each body's initial velocity (mm/ms) and angular velocity (rad/ms), per component.
-    clearances : dict
-        Distribution of every clearance, as in a campaign file; that of the campaign if empty.
-    correlation : float
-        Rank correlation of every two clearances; with 1 the joints share the clearance of J1.
-    bench : str, optional
-        Test bench of the mechanism.
-    response : str
-        Response used as FC-1.
-    step : float, optional
-        Fixed step, ms.
-    fewer : int
-        For expensive variants: only every `fewer`-th sample is simulated.
-    heading : str
-        Column in the tables of all responses; omitted if empty.
-    """
-
-    name: str
-    tables: dict[str, Any] = field(default_factory=dict)
-    values: dict[str, float] = field(default_factory=dict)
+    name: str  # row of the table
+    tables: dict[str, Any] = field(default_factory=dict)  # override those of the mechanism file, as in a test bench
+    values: dict[str, float] = field(default_factory=dict)  # changed numbers of the mechanism by key
+    # inputs that vary besides the clearances: key and standard deviation, relative to the value
     varied: dict[str, float] = field(default_factory=dict)
+    # Standard deviations of each body's initial velocity [mm/ms] and angular velocity [rad/ms], per component.
     speeds: tuple[float, float] = (0.0, 0.0)
+    # distribution of every clearance, as in a campaign file; that of the campaign if empty
     clearances: dict[str, Any] = field(default_factory=dict)
-    correlation: float = 0.0
-    bench: str | None = None
-    response: str = "FC-1"
-    step: float | None = None
-    fewer: int = 1
-    heading: str = ""
+    correlation: float = 0.0  # rank correlation of every two clearances; with 1 the joints share the clearance of J1
+    bench: str | None = None  # test bench of the mechanism
+    response: str = "FC-1"  # used as FC-1
+    step: float | None = None  # fixed [ms]
+    fewer: int = 1  # for expensive variants: only every `fewer`-th sample is simulated
+    heading: str = ""  # column in the tables of all responses; omitted if empty
 
 
 def variants() -> list[Variant]:

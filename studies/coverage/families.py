@@ -22,25 +22,17 @@ Key = tuple[str, str, int]  # of a tally: number, production, size
 
 @dataclass(frozen=True)
 class Case:
-    """Replications of one estimate for one production and size.
-
-    Attributes
-    ----------
-    estimate : callable
-    production : Production
-    n : int
-        Number of samples.
-    replications : int
-    """
+    """Replications of one estimate for one production and size."""
 
     estimate: Estimate
     production: Production
-    n: int
+    n: int  # number of samples
     replications: int
 
     def tallies(self) -> dict[Key, Tally]:
         """Draw and judge all replications; replication r does not depend on their number."""
         name = f"{self.estimate.__name__} of {self.production.name}, {self.n}"
+        # Not `hash`, which differs between processes: a case has the same draws wherever it is computed.
         seed = (SEED, zlib.crc32(name.encode()))
         found = tallied(
             self.estimate(self.production, self.n, np.random.default_rng((*seed, r))) for r in range(self.replications)
@@ -77,6 +69,7 @@ def cases(share: float = 1.0) -> list[Case]:
     found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
+    # So that no process is left with a long case when the others have finished.
     return sorted(found, key=lambda case: -case.n * case.replications)
 
 

@@ -25,23 +25,12 @@ CONSERVATIVE = re.compile(
 
 @dataclass(frozen=True)
 class Statement:
-    """An interval of the page, and the true value.
+    """An interval of the page, and the true value."""
 
-    Attributes
-    ----------
-    number : str
-        Row of the table: the quantity of the interval.
-    interval : (float, float) or None
-        The interval; None if the page has none.
-    truth : float
-    warned : bool
-        Whether the page warns that the interval may not be valid.
-    """
-
-    number: str
-    interval: Interval | None
+    number: str  # row of the table: the quantity of the interval
+    interval: Interval | None  # None if the page has none
     truth: float
-    warned: bool = False
+    warned: bool = False  # the page warns that the interval may not be valid
 
     def outcome(self) -> str:
         """Return the outcome of the interval; it misses low if it ends below the true value."""
@@ -80,12 +69,7 @@ class Tally:
     def fault(self, number: str, *, textbook: bool) -> str:
         """Return the fault of the interval, if it is beyond chance; empty otherwise.
 
-        Parameters
-        ----------
-        number : str
-            Quantity of the interval.
-        textbook : bool
-            Whether the values are normal, without lots and numerous, so that a warning is a false alarm.
+        `textbook`: the values are normal, without lots and numerous, so that a warning is a false alarm.
         """
         low, _ = share_interval(self.counts[WARNED], self.total, SURE)
         if textbook and low > FALSE_ALARMS:

@@ -40,6 +40,7 @@ def _of(distribution: stats.rv_continuous) -> Curve:
 
 def _two_normals(apart: float) -> Curve:
     """Return the function from scores to values of a mixture of two normal distributions, `apart` sigmas apart."""
+    # The lower half only, which is mirrored: shares near 1 have no digits left for the upper tail.
     x = np.linspace(-25.0, 0.0, 4001)
     lower = stats.norm.ppf(stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1))
     interpolated = PchipInterpolator([*lower, *-lower[-2::-1]], [*x, *-x[-2::-1]])
@@ -58,29 +59,14 @@ CURVES: dict[str, Curve] = {
 
 @dataclass(frozen=True)
 class Production:
-    """A production of values.
+    """A production of values."""
 
-    Attributes
-    ----------
-    name : str
-        Column of the table.
-    shape : str
-        Key of `CURVES`.
-    lots : int
-        Number of production lots; 0 for independent values.
-    between : float
-        Sigma of the shifts of lots, relative to sigma within a lot.
-    growth : float
-        Size of a lot relative to the previous lot.
-    jump : float
-        Increase of the response if the first variable is above 1; then only first-order indices are known.
-    """
-
-    name: str
-    shape: str
-    lots: int = 0
-    between: float = 1.0
-    growth: float = 1.0
+    name: str  # column of the table
+    shape: str  # key of `CURVES`
+    lots: int = 0  # 0 for independent values
+    between: float = 1.0  # sigma of the shifts of lots, relative to sigma within a lot
+    growth: float = 1.0  # size of a lot relative to the previous lot
+    # increase of the response if the first variable is above 1; then only first-order indices are known
     jump: float = 0.0
 
     @property
@@ -135,25 +121,15 @@ LOTS_IN_TURN = (
 
 @dataclass(frozen=True)
 class Truth:
-    """True values of a production whose score has any sigma.
-
-    Attributes
-    ----------
-    mean, std, median : float
-    low, high : float
-        Quantiles at 0.135 % and 99.865 %.
-    below, above : float
-        Shares out of limits, in ppm.
-    lsl, usl, target : float
-    """
+    """True values of a production whose score has any sigma."""
 
     mean: float
     std: float
     median: float
-    low: float
-    high: float
-    below: float
-    above: float
+    low: float  # quantile at 0.135 %
+    high: float  # quantile at 99.865 %
+    below: float  # share out of limits [ppm]
+    above: float  # share out of limits [ppm]
     lsl: float
     usl: float
     target: float
@@ -236,6 +212,7 @@ def first_order(production: Production) -> tuple[float, ...]:
 def explained(shape: str, share: float) -> float:
     """Return the share of a shape's variance explained by a part of its score with the share `share` of variance."""
     _, std = moments(shape)
+    # Coarser, because the integral is over pairs of scores.
     scores, density = _SCORES[::10], 10 * _DENSITY[::10]
     both = np.sqrt(share) * scores[:, None] + np.sqrt(1 - share) * scores[None, :]
     expected = CURVES[shape](both.ravel()).reshape(both.shape) @ density

@@ -44,6 +44,7 @@ def _explained(correlation: float) -> float:
     """Return the correlation of the event for two scores with the given correlation."""
     low, high = NEAR
     inside = float(norm.cdf(high) - norm.cdf(low))
+    # Two equal scores have no joint density.
     if correlation > 1 - 1e-9:
         return 1.0
     both = multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], abseps=1e-11)

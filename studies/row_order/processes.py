@@ -13,21 +13,11 @@ Draw = Callable[[np.random.Generator, int], Array]
 
 @dataclass(frozen=True)
 class Process:
-    """A process.
+    """A process."""
 
-    Attributes
-    ----------
-    name : str
-        Row of the table.
-    draw : callable (generator, n) -> array, shape (n,)
-        Values in the order in which they are made; without what disturbs it the process has mean 0 and sigma 1.
-    stable : bool
-        An alarm would be false.
-    """
-
-    name: str
-    draw: Draw
-    stable: bool = False
+    name: str  # row of the table
+    draw: Draw  # in the order in which they are made; undisturbed values have mean 0 and sigma 1
+    stable: bool = False  # an alarm would be false
 
 
 def drift(total: float) -> Draw:
@@ -49,6 +39,7 @@ def neighbours(correlation: float) -> Draw:
     """Return normal values, each correlated with the one before (first-order autoregression)."""
 
     def drawn(rng: np.random.Generator, n: int) -> Array:
+        # The first value has sigma 1 as all others have: the process needs no time to become stationary.
         start = np.array([rng.normal() * correlation])
         shocks = rng.normal(size=n) * np.sqrt(1 - correlation**2)
         return np.asarray(lfilter([1.0], [1.0, -correlation], shocks, zi=start)[0])

@@ -13,40 +13,19 @@ LIMIT = "drag 20, steps from 0.008, travel 0.004"  # beyond it, more drag and sh
 
 @dataclass(frozen=True)
 class Settling:
-    """A settling, independent of that in the mechanism file.
+    """A settling, independent of that in the mechanism file."""
 
-    Attributes
-    ----------
-    name : str
-        Row of the tables.
-    drag : tuple of float
-        Rate of the drag in each phase, 1/ms: with the latch held, with the latch free, and in further phases.
-    step, longest : float
-        Shortest and longest step, ms.
-    travel : float
-        Permitted travel of a contact point in a step longer than the shortest one, mm.
-    theta : float
-        Position within a step at which loads and contacts are evaluated.
-    window : float
-        Time without motion that ends a phase, ms.
-    held : float, optional
-        Time for which the latch is held, ms; until rest if not given.
-    free : bool
-        Whether the latch is never held, so that the first phase has the latch free.
-    fewer : int
-        Only every `fewer`-th sample is simulated.
-    """
-
-    name: str
+    name: str  # row of the tables
+    # rate in each phase [1/ms]: with the latch held, with the latch free, and in further phases
     drag: tuple[float, ...] = (0.0, 0.0)
-    step: float = 2e-3
-    longest: float = 0.064
-    travel: float = 8e-3
-    theta: float = 0.5
-    window: float = 0.3
-    held: float | None = None
-    free: bool = False
-    fewer: int = FEWER
+    step: float = 2e-3  # shortest [ms]
+    longest: float = 0.064  # step [ms]
+    travel: float = 8e-3  # permitted to a contact point in a step longer than the shortest one [mm]
+    theta: float = 0.5  # position within a step at which loads and contacts are evaluated
+    window: float = 0.3  # time without motion that ends a phase [ms]
+    held: float | None = None  # time for which the latch is held [ms]; None: until rest
+    free: bool = False  # the latch is never held, so that the first phase has the latch free
+    fewer: int = FEWER  # only every `fewer`-th sample is simulated
 
     def tables(self) -> dict[str, Any]:
         """Return the tables that override those of the mechanism file, as in a test bench."""

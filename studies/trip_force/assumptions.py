@@ -17,45 +17,22 @@ MAPPED = "friction of the latch"  # the grid whose sets have a table of their ow
 
 @dataclass(frozen=True)
 class Assumptions:
-    """One set of assumptions; the defaults are the shipped values.
+    """One set of assumptions; the defaults are the shipped values."""
 
-    Attributes
-    ----------
-    latch, bump, bar, pin, flanges : float
-        Friction of the latch (C4), of the bar's bump on the hook (C5), of the bar on its pin (J4), of the testing pin
-        in its hole, and of the stops along the axes.
-    plastics, steel : float
-        Friction of all other contacts of plastic on plastic, and of steel on plastic.
-    torque : float
-        Closing torque of a spring on the tripping bar, N mm.
-    stiffness : float
-        Increase of the closing torque per rad of opening of the bar relative to the plate, N mm.
-    preload : float
-        Preload of A3, rad. With the shipped value the contact force of the paper's other test agrees.
-    bump_radius : float
-        Radius of the bump, mm; a smaller radius gives a deeper latch.
-    bench : str
-        Place where the pin pushes: ``trip_pin`` in its hole, ``trip_lamage`` at the spot face.
-    held : bool
-        Whether the pin is guided laterally and does not give way.
-    preset : str
-        Preset for the settling before the test; the shipped drag if empty.
-    """
-
-    latch: float = 0.3
-    bump: float = 0.3
-    bar: float = 0.3
-    pin: float = 0.1
-    flanges: float = 0.3
-    plastics: float = 0.3
-    steel: float = 0.1
-    torque: float = 0.0
-    stiffness: float = 0.0
-    preload: float = 0.9599
-    bump_radius: float = 0.48
-    bench: str = "trip_pin"
-    held: bool = False
-    preset: str = ""
+    latch: float = 0.3  # friction, C4
+    bump: float = 0.3  # friction of the bar's bump on the hook, C5
+    bar: float = 0.3  # friction of the bar on its pin, J4
+    pin: float = 0.1  # friction of the testing pin in its hole
+    flanges: float = 0.3  # friction of the stops along the axes
+    plastics: float = 0.3  # friction of all other contacts of plastic on plastic
+    steel: float = 0.1  # and of steel on plastic
+    torque: float = 0.0  # closing, of a spring on the tripping bar [N mm]
+    stiffness: float = 0.0  # increase of the closing torque per rad of opening of the bar relative to the plate [N mm]
+    preload: float = 0.9599  # of A3 [rad]; with the shipped value the contact force of the paper's other test agrees
+    bump_radius: float = 0.48  # [mm]; a smaller radius gives a deeper latch
+    bench: str = "trip_pin"  # place where the pin pushes: ``trip_pin`` in its hole, ``trip_lamage`` at the spot face
+    held: bool = False  # the pin is guided laterally and does not give way
+    preset: str = ""  # for the settling before the test; the shipped drag if empty
 
     @property
     def published(self) -> bool:

@@ -31,6 +31,7 @@ def run(assumed: Assumptions) -> Push:
     mechanism = bench(assumed.bench, assumed.held)
     shipped = load_c60()
     presets = shipped.preset("prototype") | (shipped.preset(assumed.preset) if assumed.preset else {})
+    # Of the presets only the settling is taken: the steps stay those of the bench.
     values = {key: x for key, x in presets.items() if not key.startswith("simulation.")} | {
         **{f"materials.{name}.friction": getattr(assumed, name) for name in FRICTION},
         "materials.plastic_plastic.friction": assumed.plastics,

@@ -80,6 +80,7 @@ def miss_cells(miss: Miss) -> list[str]:
 
 def verdict(grids: Mapping[str, Tried]) -> list[str]:
     """Return lines on which sets give all three numbers, separately for published sets and for others."""
+    # A set that is in several grids counts once.
     every = list({assumed: (assumed, push) for tried in grids.values() for assumed, push in tried}.values())
     lines = []
     for what, tried in (

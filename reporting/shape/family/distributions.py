@@ -24,31 +24,18 @@ _HALVINGS = 80
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """A distribution, as functions of arrays.
+    """A distribution, as functions of arrays."""
 
-    Attributes
-    ----------
-    logpdf : callable
-        Logarithm of the density at a value.
-    cdf, sf : callable
-        Probability of values up to, and above, a value.
-    ppf : callable
-        Quantile of a probability.
-    """
-
-    logpdf: Function
-    cdf: Function
-    sf: Function
-    ppf: Function
+    logpdf: Function  # logarithm of the density at a value
+    cdf: Function  # probability of values up to a value
+    sf: Function  # probability of values above a value
+    ppf: Function  # quantile of a probability
 
 
 def normal_after(score: Function, log_slope: Function, inverse: Function) -> ClosedForm:
     """Return the distribution of values whose increasing `score` is standard normal.
 
-    Parameters
-    ----------
-    score, log_slope, inverse : callable
-        Functions that return the score of a value, the logarithm of its derivative, and the value of a score.
+    `log_slope` is the logarithm of its derivative, `inverse` the value of a score.
     """
     return ClosedForm(
         logpdf=lambda z: log_slope(z) - 0.5 * score(z) ** 2 - _HALF_LOG_2PI,

@@ -36,19 +36,11 @@ _MOST_FREEDOM = 6.0
 
 @dataclass(frozen=True)
 class Scaled:
-    """The distribution of ``x = shift + scale z``.
+    """The distribution of ``x = shift + scale z``."""
 
-    Attributes
-    ----------
-    base : ClosedForm
-        Distribution of z.
-    shift, scale : float
-        Shift and scale in the unit of x; a negative scale mirrors the distribution.
-    """
-
-    base: ClosedForm
+    base: ClosedForm  # of z
     shift: float
-    scale: float
+    scale: float  # in the unit of x, like the shift; a negative scale mirrors the distribution
 
     def logpdf(self, x: ArrayLike) -> Array:
         """Return the logarithm of the density [1/unit]."""
@@ -77,33 +69,20 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Family:
-    """A family of distributions.
+    """A family of distributions."""
 
-    Attributes
-    ----------
-    name, title : str
-        Key in `FAMILIES`, and the name in words.
-    parameters : mapping of str to callable
-        Functions of (its theta, shift, scale) that return each parameter in the unit of the values, by name and in the
-        order of theta.
-    frame : str
-        How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
-        values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
-    build : callable
-        Function from theta to the distribution of z; arrays of shape (b, 1) instead of numbers give b distributions.
-    start : callable
-        Function from the condensed values of z to the theta at which the search starts.
-    framed : bool
-        Whether the parameters are those of z, so that shift and scale belong to them.
-    """
-
-    name: str
-    title: str
+    name: str  # key in `FAMILIES`
+    title: str  # the name in words
+    # Functions of (its theta, shift, scale) that return each parameter in the unit of the values, by name and in the
+    # order of theta.
     parameters: Mapping[str, Reading]
+    # How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
+    # values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
     frame: str
+    # from theta to the distribution of z; arrays of shape (b, 1) instead of numbers give b distributions
     build: Callable[[Sequence[Parameter]], ClosedForm]
-    start: Callable[[Condensed], Theta]
-    framed: bool = False
+    start: Callable[[Condensed], Theta]  # from the condensed values of z to the theta at which the search starts
+    framed: bool = False  # whether the parameters are those of z, so that shift and scale belong to them
 
     def in_units(self, theta: Theta, shift: float, scale: float) -> dict[str, float]:
         """Return the parameters of ``x = shift + scale z`` by name."""
@@ -163,12 +142,13 @@ def _laplace_start(c: Condensed) -> Theta:
 def _student_start(c: Condensed) -> Theta:
     """Return parameters from the moments, with five degrees of freedom."""
     mean, log_sd = _moments(c)
-    return mean, log_sd + 0.5 * math.log(0.6), math.log(5.0)
+    return mean, log_sd + 0.5 * math.log(0.6), math.log(5.0)  # its variance is 5/3 of the squared scale
 
 
 def _gumbel_start(c: Condensed) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
+    # Euler's constant 0.5772 is the mean of Gumbel's distribution of mode 0 and scale 1.
     scale = math.exp(log_sd) * math.sqrt(6) / math.pi
     return mean - 0.5772 * scale, math.log(scale)
 
@@ -182,6 +162,7 @@ def _beta_start(c: Condensed) -> Theta:
 
 def _sl_start(c: Condensed) -> Theta:
     """Return parameters from the moments of the logarithms above a threshold."""
+    # A threshold at -1.5, which is theta = log 0.5: the values fill -1 to 1.
     logs = np.log(c.values + 1.5)
     mean = c.mean(logs)
     return math.log(0.5), mean, 0.5 * math.log(c.mean((logs - mean) ** 2))

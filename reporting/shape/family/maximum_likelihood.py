@@ -36,13 +36,8 @@ def maximise(loglik: Likelihood, start: Theta) -> Theta | None:
     """Return the maximiser of `loglik`; None if `loglik` is not finite at `start`.
 
     Newton's method with central differences. Where the likelihood is not concave, the magnitudes of the curvatures are
-    used; a step is halved until the likelihood rises.
-
-    Parameters
-    ----------
-    loglik : callable
-        Function from points, shape (p, k), to the log-likelihood of each; infinite or NaN for impossible parameters.
-    start : tuple of float, length k
+    used; a step is halved until the likelihood rises. `loglik` takes points, shape (p, k), and returns the
+    log-likelihood of each; infinite or NaN for impossible parameters.
     """
     theta = np.asarray(start, dtype=np.float64)
     best = float(loglik(theta[None])[0])
