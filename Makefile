@@ -23,7 +23,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock bench clean
+.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock release bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -115,8 +115,17 @@ lock: $(TOOLS)/uv ## lock the newest versions of all packages: those that a clus
 	$(COMPILE) --no-annotate --extra dev --constraint $(LOCK) --output-file $(DEV) pyproject.toml
 	$(COMPILE) --no-annotate --output-file $(AUDIT) deploy/audit.in
 
+release: $(TOOLS)/uv ## VERSION=1.2.3: set it, write the notes, build wheel, source distribution and list of packages into dist/
+	test -n "$(VERSION)"
+	$(TOOLS)/uv version --quiet --frozen --no-sync "$(VERSION)"
+	$(TOOLS)/towncrier build --yes --version "$(VERSION)"
+	rm -rf dist
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(TOOLS)/uv build --quiet --out-dir dist
+	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file dist/clearcap-$(VERSION).sbom.json
+	@ls -l dist; printf '\nRead CHANGELOG.md, then: git commit --all --message "clearcap $(VERSION)" && git tag v$(VERSION)\n'
+
 bench: $(VENV)/.dev ## measure: microseconds per step, friction solver, campaign efficiency
 	$(BIN)/python -m benchmarks
 
 clean: ## remove the environment and all caches, keep results
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache build *.egg-info
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info

@@ -99,6 +99,15 @@ def test_command(line):
     assert exit_code_of_help(*path) == 0
 
 
+def test_notes_of_changes():
+    """`make release` finds every file in changelog/: one of another ending would be left out without a word."""
+    kinds = {
+        kind["directory"] for kind in tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["towncrier"]["type"]
+    }
+    notes = [path.name for path in (ROOT / "changelog").iterdir() if path.name != "README.md"]
+    assert [name for name in notes if not re.fullmatch(rf"[a-z0-9-]+\.({'|'.join(kinds)})\.md", name)] == []
+
+
 def test_make_targets():
     """Every `make` target that a page shows is in the Makefile."""
     targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.M))
