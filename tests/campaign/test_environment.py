@@ -87,6 +87,7 @@ def test_a_job_of_the_service_gets_them_and_one_thread(monkeypatch):
     assert "hush" not in given.values()
 
 
+@pytest.mark.slow
 def test_workers_of_this_machine_inherit_them(monkeypatch):
     """Both kinds of process; they load NumPy, so only what any processor can do is set."""
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")

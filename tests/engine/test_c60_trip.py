@@ -61,6 +61,7 @@ def test_it_ends_in_the_tripped_position(tripped):
         assert abs(angle[-1] - angle[np.searchsorted(motion.time, motion.time[-1] - 0.5)]) < 5e-3
 
 
+@pytest.mark.slow
 def test_nothing_is_lost(tripped):
     """Every pin in its bore, every part between case and cover, the bar not past its stop."""
     _, motion = tripped

@@ -196,6 +196,7 @@ def test_killed_anywhere(store, plan, seed):
     assert store.table().equals(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", range(5))
 def test_stopped_at_every_step(store, plan, monkeypatch, steps):
     """Stopped before the write or before any removal, every row is read once, and merging again completes it."""

@@ -31,6 +31,7 @@ def test_nothing_is_lost_with_a_supported_numba(outcomes):
     assert outcomes[""] == {"logged": [], "result": (2.0 * 0.5 + 3.0 + 7.0).hex(), "missing": True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("saving", SAVINGS)
 def test_a_saving_that_misses_a_name_is_off(outcomes, saving):
     """For each name: one line says what is lost and which name is gone; the kernel computes the same bits."""

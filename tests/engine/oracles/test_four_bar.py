@@ -70,6 +70,7 @@ def angles(motion: Trajectory) -> list[np.ndarray]:
     return [motion.responses["coupler"], motion.responses["rocker"]]
 
 
+@pytest.mark.slow
 def test_it_is_of_first_order_in_the_step(exact):
     """Angles, energy and the impulse of the pin's force, from the first impact on."""
     steps = [8e-4, 4e-4, 2e-4, 1e-4]

@@ -10,7 +10,6 @@ import pytest
 from reporting.analysis import Analysis
 from reporting.drawing import DrawnWords, LegendEntry, MechanismDrawing
 from reporting.render.one_page import ROWS, cut, render_one_page
-from tests.counts import some
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 LONG = "a very long name of something that nobody wants to read to its end, <b>bold</b> & more " * 6
@@ -64,7 +63,8 @@ def crowded(count: int, words: str) -> Analysis:
     return analysis_of(table, spec)
 
 
-@pytest.mark.parametrize(("count", "words"), some([(1, ""), (1, LONG), (5, LONG), (8, LONG), (12, LONG)]))
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "words"), [(1, ""), (1, LONG), (5, LONG), (8, LONG), (12, LONG)])
 def test_it_is_one_page_of_a4(count, words) -> None:
     weasyprint = pytest.importorskip("weasyprint")
     page = render_one_page(crowded(count, words))

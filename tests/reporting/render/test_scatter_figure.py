@@ -49,6 +49,7 @@ def test_the_unit_of_a_slope(response, variable, unit) -> None:
     assert slope_unit(response, variable) == unit
 
 
+@pytest.mark.slow
 def test_ten_responses_of_many_samples_stay_small() -> None:
     """The page says how many of the samples it shows, and has less than two megabytes."""
     spec = c60_spec(3_000)

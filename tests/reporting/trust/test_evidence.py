@@ -34,6 +34,7 @@ def _with_limits(spec, responses, far: float):
     return replace(spec, responses=moved)
 
 
+@pytest.mark.slow
 def test_failures_as_rejects_ask_for_attention_with_what_follows() -> None:
     """Three of 300: Cpk 0.77 at best, and 10,000 ppm at least."""
     found = line(analysis_of(c60_table(300, 3), c60_spec(300)), "Failures as rejects")
