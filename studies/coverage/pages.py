@@ -6,7 +6,7 @@ from engine.arrays import Array
 from reporting import ReportSpec, ResponseSpec, VariableSpec
 from reporting.analysis import Analysis, analyse
 from reporting.samples import Samples
-from reporting.trust.check import Check
+from reporting.trust.checks import Check
 from studies.coverage.productions import VARIABLES, Production, Truth
 
 RESPONSE, BATCH = "y", "production batch"
