@@ -20,7 +20,6 @@ from benchmarks import (
     gaps,
     heaps,
     machine,
-    motions,
     overhead,
     report,
     web_answers,
@@ -83,7 +82,7 @@ def main() -> None:
     if "siconos" in parts:
         numbers["siconos"] = against_siconos.measure()
         _show(console, "friction solver against Siconos, from nothing, medians", numbers["siconos"])
-        numbers["siconos_motions"] = motions.measure()
+        numbers["siconos_motions"] = against_siconos.measure_motions()
         _show(console, "whole motions against Siconos' time stepping, m or rad", numbers["siconos_motions"])
     if "builds" in parts:
         costs, moved = builds.measure()

@@ -22,17 +22,23 @@ from reporting.product.product_yield import product_yield
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import CONFIDENCE, RESPONSE, page, request, samples_of, warned_of_all, warned_of_normal
 from studies.coverage.productions import (
+    CONFIDENCE,
     CURVES,
     LIMITS,
+    RESPONSE,
     SHARES,
     Production,
     Truth,
     distance_from_normal,
     explained,
+    page,
+    request,
+    samples_of,
     share_below,
     truth,
+    warned_of_all,
+    warned_of_normal,
 )
 
 INFINITE = float("inf")

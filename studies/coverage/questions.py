@@ -16,8 +16,18 @@ from reporting.tolerance.advice import Rows, advise
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import Estimate, what_if
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import CONFIDENCE, RESPONSE, request, samples_of
-from studies.coverage.productions import SHARES, VARIABLES, Production, first_order, moments, truth
+from studies.coverage.productions import (
+    CONFIDENCE,
+    RESPONSE,
+    SHARES,
+    VARIABLES,
+    Production,
+    first_order,
+    moments,
+    request,
+    samples_of,
+    truth,
+)
 
 # Closer limits than in the other modules, as scores: 2.9 % of the samples are rejects.
 NEAR = (-2.5, 2.0)
