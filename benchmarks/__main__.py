@@ -14,17 +14,14 @@ from benchmarks import (
     builds,
     c60,
     campaign,
-    chains,
+    chain,
     first_use,
     friction,
     gaps,
-    hard,
     heaps,
     machine,
-    motions,
     overhead,
     report,
-    surface_gaps,
     web_answers,
     web_load,
 )
@@ -55,7 +52,7 @@ def main() -> None:
         numbers["friction"] = friction.measure(unit)
         _show(console, "friction solver, medians", numbers["friction"])
     if "hard" in parts:
-        numbers["hard"] = hard.measure()
+        numbers["hard"] = friction.measure_hard()
         _show(
             console, "friction problems made to be hard, from nothing and from a neighbour's impulses", numbers["hard"]
         )
@@ -68,7 +65,7 @@ def main() -> None:
         numbers["c60_parts"] = c60.measure_parts(unit)
         _show(console, "c60, processor time of the parts of a run, medians", numbers["c60_parts"])
     if "chain" in parts:
-        numbers["chain"] = chains.measure(unit)
+        numbers["chain"] = chain.measure(unit)
         _show(console, "chain of n links, processor time of a step a link", numbers["chain"])
     if "campaign" in parts:
         numbers["campaign"] = campaign.measure()
@@ -85,7 +82,7 @@ def main() -> None:
     if "siconos" in parts:
         numbers["siconos"] = against_siconos.measure()
         _show(console, "friction solver against Siconos, from nothing, medians", numbers["siconos"])
-        numbers["siconos_motions"] = motions.measure()
+        numbers["siconos_motions"] = against_siconos.measure_motions()
         _show(console, "whole motions against Siconos' time stepping, m or rad", numbers["siconos_motions"])
     if "builds" in parts:
         costs, moved = builds.measure()
@@ -104,7 +101,7 @@ def main() -> None:
         numbers["gaps"] = gaps.measure(unit)
         _show(console, "a query of a contact's gap, point and frame", numbers["gaps"])
     if "surfaces" in parts:
-        numbers["surfaces"] = surface_gaps.measure()
+        numbers["surfaces"] = gaps.measure_surfaces()
         _show(console, "gaps on surfaces of patches beside closed forms, processor time of one", numbers["surfaces"])
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")

@@ -1,10 +1,51 @@
-"""Chains of any length: a mechanism for which the time of a step should be proportional to the number of links."""
+"""A chain of n links released off the vertical: the step cost per link should not grow with n.
+
+Ideal joints have bilateral rows only; a joint with clearance has two rings and friction 0.1.
+"""
 
 from math import cos, sin
+from time import process_time
 from typing import Any
+
+from engine.assembly import assemble
+from engine.kernels.time_loop import ITERATIONS, OK, REPEATED, STATUS, STEPS
+from engine.loop import control_of, drive
+from engine.mechanism import mechanism_from
 
 LENGTH, MASS, PIN, HALF_WIDTH = 0.1, 0.05, 0.005, 0.01  # of a link: m, kg; radius of a pin, station of a ring
 ACROSS = [0.0, 1.0, 0.0]
+LINKS = (10, 30, 100, 300, 1000)
+CLEARANCES = {"ideal": 0.0, "with play": 1e-4}  # m
+TIME, WALL_LIMIT = 0.05, 300.0  # s
+
+
+def measure(unit_us: float) -> list[dict[str, Any]]:
+    """Return a row for each kind of joint and number of links; ``unit_us`` is the reference [us]."""
+    rows = []
+    for kind in CLEARANCES:
+        least = 0.0
+        for links in LINKS:
+            row = _row(kind, links)
+            least = least or row["us a link"]
+            rows.append({**row, "in solves": row["us a link"] / unit_us, "to 10 links": row["us a link"] / least})
+    return rows
+
+
+def _row(kind: str, links: int) -> dict[str, Any]:
+    mechanism = mechanism_from(chain(links, CLEARANCES[kind]), "chain")
+    assembly, control = assemble(mechanism), control_of(mechanism, True)._replace(horizon=TIME)
+    start = process_time()  # time of this process only, without other load
+    course = drive(assembly, control, WALL_LIMIT)
+    steps = int(course.counts[STEPS])
+    return {
+        "joints": kind,
+        "links": links,
+        "steps": steps,
+        "solved": bool(course.counts[STATUS] == OK),
+        "repeated": int(course.counts[REPEATED]),
+        "iterations": float(course.counts[ITERATIONS]) / steps,
+        "us a link": 1e6 * (process_time() - start) / steps / links,
+    }
 
 
 def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: float = 0.5) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Siconos on complete motions: `python3 siconos_motions.py OUT.npz STEP`.
 
 `benchmarks.against_siconos` runs this file with the Python that has Siconos, so it imports only NumPy and Siconos. The
-time stepping is the scheme of Moreau and Jean with theta = 1/2, the coordinates are minimal. `benchmarks.motions`
+time stepping is the scheme of Moreau and Jean with theta = 1/2, the coordinates are minimal. That module
 describes the same three motions for clearcap.
 """
 

@@ -3,11 +3,9 @@
 One analysis model (`reporting.analysis`) has many renderings (`reporting.render.html`, `reporting.render.json`).
 """
 
-from reporting.assumptions import Assumption
 from reporting.capability.summary import Capability, capability
-from reporting.designs import Design
 from reporting.errors import ReportError
-from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
+from reporting.spec import Assumption, Design, ReportSpec, ResponseSpec, VariableSpec
 from reporting.write import write_report
 
 __all__ = [

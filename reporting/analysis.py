@@ -9,30 +9,33 @@ import numpy as np
 from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
-from reporting.designs import Design
 from reporting.errors import ReportError
-from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
-from reporting.ok_share import counts_by_status, why_no_verdict
 from reporting.product.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
-from reporting.repeats import Repeats
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.rounding import leveled_samples
-from reporting.samples import Samples, read_samples
+from reporting.samples import Repeats, Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
 from reporting.sensitivity.unexplained import Known
-from reporting.spec import ReportSpec
-from reporting.tolerance.advice import Advice
+from reporting.spec import Design, ReportSpec
+from reporting.statuses import (
+    FailedSample,
+    StatusCount,
+    count_statuses,
+    counts_by_status,
+    list_failures,
+    why_no_verdict,
+)
+from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.tolerance_advice import AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.trust.card import trust_checks
-from reporting.trust.check import Check
-from reporting.trust.rare_shares import rare_checks
+from reporting.trust.checks import Check
+from reporting.trust.evidence import rare_checks
 from reporting.trust.repeated_runs import repeatable
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ from reporting.capability.intervals import Interval, welch
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
-from reporting.ok_share import counts_by_status, why_no_verdict
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
+from reporting.statuses import counts_by_status, why_no_verdict
 
 # Cohen's (1988) words for d; below the first threshold the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 from reporting.capability.verdict import changed_by_failures
 from reporting.format_numbers import grouped
-from reporting.ok_share import failures_in_words, statuses_in_words, why_no_verdict
 from reporting.samples import OK
 from reporting.spec import ReportSpec
+from reporting.statuses import failures_in_words, statuses_in_words, why_no_verdict
 
 if TYPE_CHECKING:
     from reporting.response import ResponseAnalysis

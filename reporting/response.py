@@ -4,37 +4,48 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from reporting.arrays import Array
 from reporting.capability.convergence import Convergence, convergence
+from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
-from reporting.capability.subgroup_sigma import SubgroupSigma, subgroup_sigmas
 from reporting.capability.summary import Capability, capability
 from reporting.capability.target_indices import TargetIndices, target_indices
 from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, verdict
-from reporting.capability.yields import Yield, yield_with_failures
+from reporting.capability.within import SubgroupSigma, subgroup_sigmas
 from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.scatter import Scatter, scatters
-from reporting.shape.expected_share import ExpectedShare, expected_share
-from reporting.shape.fits import Fits, fit_families, unfitted
+from reporting.shape.estimates import ExpectedShare, expected_share, index_estimates, without_intervals
+from reporting.shape.fitting import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
-from reporting.shape.index_estimates import index_estimates
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import DEPARTURE_P, Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
-from reporting.shape.withheld import without_intervals
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.tolerance.linear_stack import LinearStack, linear_stack
-from reporting.tolerance.worst_case import WorstCase, worst_case
+from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
 
 # Share out of limits of a centred normal response with Cp 1.33.
 CLAIM_PPM = 64.0
 _FEWEST_FOR_A_FIT = 20
+
+
+@dataclass(frozen=True)
+class Yield:
+    """The yield of a response over all finished samples, with failures counted as rejects."""
+
+    finished: int  # samples
+    conforming: int  # ok samples within the limits
+    share: float  # conforming
+    lower: float  # one-sided Clopper-Pearson bound of `share`
+    # As if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed share f.
+    # Equal to Cpk without failures.
+    cpk: float | None
 
 
 @dataclass(frozen=True)
@@ -138,6 +149,27 @@ def analyse_response(
         scatters=()
         if numbers.std == 0
         else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
+    )
+
+
+def yield_with_failures(
+    numbers: Capability, counted: Nonconforming | None, finished: int, confidence: float
+) -> Yield | None:
+    """Return the yield, with failures and missing values counted as rejects; None without limits or samples."""
+    if finished == 0 or (numbers.lsl is None and numbers.usl is None):
+        return None
+    conforming = numbers.n - (numbers.below or 0) - (numbers.above or 0)
+    failed = (finished - numbers.n) / finished
+    effect = 1.0 if counted is None else finished / counted.with_failures.worth  # above 1 with production lots
+    cpk = numbers.cpk
+    if cpk is not None and failed > 0:
+        cpk = -float(ndtri(failed + (1 - failed) * float(ndtr(-3 * cpk)))) / 3
+    return Yield(
+        finished=finished,
+        conforming=conforming,
+        share=conforming / finished,
+        lower=share_lower_bound(conforming / effect, finished / effect, confidence),
+        cpk=cpk,
     )
 
 

@@ -43,9 +43,9 @@ def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
     if x.size < 2:
         return x
     low, high = float(x.min()), float(x.max())
-    least = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)))
-    if not 0.0 < high - low <= least:
+    negligible = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)))
+    if not 0.0 < high - low <= negligible:
         return x
     # Keep only meaningful decimals: 1.0000000000000002 becomes 1, and 3e-15 beside a limit of 1e-3 becomes 0.
-    decimals = min(-math.floor(math.log10(least)), 300)
+    decimals = min(-math.floor(math.log10(negligible)), 300)
     return np.full(x.size, round(float(np.median(x)), decimals) + 0.0)

@@ -1,12 +1,13 @@
-"""The rows of a campaign as checked arrays; no other module knows their columns.
+"""The rows of a campaign, and those of its repeats, as checked arrays; no other module knows their columns.
 
 Rows come as one table or as a stream of tables. Only the first messages of each status are stored, so that the texts of
-a million rows are never in memory together.
+a million rows are never in memory together. Repeats are samples that were simulated a second time
+with half the step.
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -235,3 +236,35 @@ def _unit(table: "pyarrow.Table", name: str) -> str:
     """Return the unit in the metadata of a column; empty without one."""
     metadata: dict[bytes, bytes] = table.schema.field(name).metadata or {}
     return metadata.get(b"unit", b"").decode()
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """The repeats of a campaign, one entry per repeat."""
+
+    # the sample that is repeated, shape (m,)
+    sample: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    ok: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))  # whether the repeat succeeded
+    values: dict[str, Array] = field(default_factory=dict)  # responses by name, shape (m,), NaN where there is no value
+    planned: int = 0  # samples to be repeated
+    remedy: str = ""  # sentence that says how to get more repeats; may be empty
+
+
+def read_repeats(table: "pyarrow.Table | None", responses: Sequence[str], planned: int, remedy: str) -> Repeats:
+    """Return the repeats of a table with the columns ``sample``, ``status`` and the responses; None without repeats.
+
+    ReportError: a column is missing or of the wrong type, or a sample is repeated more than once.
+    """
+    if table is None:
+        return Repeats(planned=planned, remedy=remedy)
+    import pyarrow
+
+    try:
+        sample = table["sample"].to_numpy().astype(np.int64)
+        ok = np.array([status == OK for status in table["status"].to_pylist()], np.bool_)
+        values = {name: np.asarray(table[name].cast(pyarrow.float64()).to_numpy(), np.float64) for name in responses}
+    except (KeyError, pyarrow.ArrowInvalid) as error:
+        raise ReportError(f"the table of repeats cannot be read: {error}; give that of the campaign") from error
+    if np.unique(sample).size < sample.size:
+        raise ReportError("a sample is repeated more than once; give each repeat one row")
+    return Repeats(sample, ok, values, planned, remedy)

@@ -1,18 +1,104 @@
 """Data about a campaign that a report needs besides its rows, as plain frozen classes.
 
-The rows hold the results; these classes hold the request: limits, distributions, header, provenance. The caller fills
-them in; reporting never reads a campaign or mechanism file.
+The rows hold the results; these classes hold the request: limits, distributions, header, provenance, the design of the
+samples, what is the same in every run, and a drawing of the mechanism. The caller fills them in; reporting never reads
+a campaign or mechanism file.
 """
 
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from reporting.assumptions import Assumption
-from reporting.designs import INDEPENDENT, Design
-from reporting.drawing import MechanismDrawing
 from reporting.errors import ReportError
 from reporting.format_numbers import plain
+
+Points = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Design:
+    """Description of samples drawn by one sampler.
+
+    Attributes
+    ----------
+    production : bool
+        Whether the samples represent production: only then are sigma and capability meaningful.
+    text : str
+        Consequences for the reader of the report.
+    """
+
+    production: bool
+    text: str
+
+
+INDEPENDENT = Design(True, "Independent random samples, as the intervals assume.")
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """A quantity that is the same in every run.
+
+    Attributes
+    ----------
+    group : str
+        Heading under which it is listed, such as "Friction and impact".
+    name : str
+        Name in words, such as "stiffness of spring A3".
+    value : float, tuple of float, or str
+        A number, the components of a vector, or a text.
+    unit : str
+        Unit of the value, "1" for a pure number, empty for a text.
+    key : str
+        Key in the mechanism file; empty if it has none.
+    """
+
+    group: str
+    name: str
+    value: float | tuple[float, ...] | str
+    unit: str
+    key: str
+
+
+class DrawnLine(NamedTuple):
+    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with its head at the last point."""
+
+    points: Points
+    colour: str
+    style: str
+
+
+class DrawnWords(NamedTuple):
+    """Lines of text centred at (x, y), one below the other; ``bold`` for the name of a response."""
+
+    x: float
+    y: float
+    lines: tuple[str, ...]
+    colour: str
+    bold: bool
+
+
+class LegendEntry(NamedTuple):
+    """A response: its name, its title, what it measures or where, and its colour; empty if it has no place."""
+
+    name: str
+    title: str
+    value: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class MechanismDrawing:
+    """The mechanism and what its responses measure, on a canvas with the origin at its upper left corner."""
+
+    width: float  # of the canvas
+    height: float
+    text: float  # font size
+    areas: tuple[tuple[Points, str], ...]  # outlines of moving bodies, and their colours "#rrggbb"
+    strokes: tuple[DrawnLine, ...]
+    dots: tuple[tuple[float, float, str], ...]  # x, y, colour
+    words: tuple[DrawnWords, ...]
+    legend: tuple[LegendEntry, ...]  # one entry per response
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Write the files of a report; each file is written completely or not at all."""
 
+import logging
 import os
 import tempfile
 from collections.abc import Callable, Collection
@@ -14,9 +15,7 @@ from reporting.render.html import render_html
 from reporting.render.json import render_json
 from reporting.render.one_page import render_one_page
 from reporting.render.parquet import render_parquet
-from reporting.render.pdf import render_pdf
-from reporting.repeats import Repeats
-from reporting.samples import Samples, read_samples
+from reporting.samples import Repeats, Samples, read_samples
 from reporting.spec import ReportSpec
 
 if TYPE_CHECKING:
@@ -102,6 +101,29 @@ def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str
         "parquet": lambda: render_parquet(analysis),
     }
     return {kind: render[kind]() for kind in NAMES if kind in available}
+
+
+def render_pdf(page: str) -> bytes:
+    """Return the page, HTML of `reporting.render.html.render_html`, as PDF on A4, without any request.
+
+    ReportError: the libraries that WeasyPrint needs are not installed.
+    """
+    try:
+        from weasyprint import HTML
+    except OSError as error:
+        raise ReportError(
+            f"report.pdf: WeasyPrint finds no Pango ({error}); install it (Debian: libpango-1.0-0 libpangoft2-1.0-0)"
+            " or leave the PDF out"
+        ) from error
+    # WeasyPrint logs every rule of the style sheet that applies to screens only.
+    logging.getLogger("weasyprint").setLevel(logging.ERROR)
+    content: bytes = HTML(string=page, url_fetcher=_refuse).write_pdf()
+    return content
+
+
+def _refuse(url: str, *_: object, **__: object) -> dict[str, object]:
+    """Refuse every request, because the page is self-contained."""
+    raise ReportError(f"the page refers to {url[:80]}, but a report must not load anything from outside")
 
 
 def lacks_package(kind: str) -> bool:

@@ -91,8 +91,8 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     rule = plan.spec.stop
     assert rule is not None
     from campaign.reports.samples import lots_of  # see `_interval`
-    from reporting.ok_share import too_few_ok
     from reporting.rounding import leveled
+    from reporting.statuses import too_few_ok
 
     name = f"{rule.statistic} of {rule.response}"
     x, sample = values(store, plan, rule.response, samples)

@@ -4,7 +4,7 @@ import logging
 
 from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.plan import Plan
-from reporting.drawing import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
+from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
 
 logger = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from campaign.plan import Plan
 from campaign.row_build import differences
 from campaign.store import Store
 from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
-from reporting.repeats import Repeats
-from reporting.repeats import read_repeats as checked
+from reporting.samples import Repeats
+from reporting.samples import read_repeats as checked
 
 ASKED, MOST = 0.1, 1.0  # shares
 

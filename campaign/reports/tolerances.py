@@ -20,10 +20,9 @@ from engine.arrays import Array
 from reporting import ReportError, capability
 from reporting.capability.verdict import CAPABLE
 from reporting.sensitivity.summary import sensitivity
-from reporting.tolerance.allocation import Allocation, allocate
-from reporting.tolerance.allocation_problem import CostedVariable, Requirement
+from reporting.tolerance.advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
+from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.tolerance_advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
 
 
 def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:

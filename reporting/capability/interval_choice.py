@@ -23,7 +23,7 @@ from reporting.arrays import Array
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import FEW_LOTS, Lots
-from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
+from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
 from reporting.capability.robust_intervals import joint_interval, robust_intervals
 

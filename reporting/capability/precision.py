@@ -22,7 +22,7 @@ from scipy.special import chdtri, ndtri, stdtrit
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, lots_worth, variance_components
-from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
+from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 
 # Floor of the spread of squares: at its lower bound 0 sigma would be exact, which a few values cannot prove.
 _LEAST_SPREAD_OF_SQUARES = 0.2

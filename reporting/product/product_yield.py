@@ -1,8 +1,17 @@
-"""Yield of the whole product: the share of samples that keep the limits of all responses together."""
+"""Yield of the whole product: the share of samples that keep the limits of all responses together, and its losses.
+
+The loss by a response is Shapley's attribution of the rejects. The rejects of a set of responses are the samples that
+break a limit of at least one of them. Shapley's (1953) value of that game shares each reject equally among the
+responses whose limits it breaks: a reject that breaks the limits of three responses counts a third for each. Neither
+sets nor random orders must be enumerated, however many responses there are, because the game is a sum of one game per
+reject, in which those responses are interchangeable and the others contribute nothing. The Shapley values of the
+responses add up to the reject share.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +20,7 @@ from scipy.special import pdtr, pdtrc
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval, share_lower_bound
 from reporting.capability.lots import describe_lots, design_effect, independent
-from reporting.product.loss import ResponseLoss, response_losses
+from reporting.capability.shares import weighted_share_interval
 from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
 from reporting.spec import ReportSpec, ResponseSpec
@@ -30,6 +39,20 @@ class CountedYield:
     interval: Interval  # two-sided
     lower: float  # one-sided lower bound
     worth: float  # effective number of independent samples; n without production lots
+
+
+@dataclass(frozen=True)
+class ResponseLoss:
+    """Yield loss that one response causes."""
+
+    response: str
+    rejects: int  # samples that break a limit of this response
+    only: int  # those of them that keep all other limits: the marginal gain if this response never failed
+    share: float  # Shapley value: part of the reject share, as a share of all samples
+    share_interval: Interval  # by Fay and Feuer (1997)
+    part: float | None  # Shapley value as a share of the rejects; None without a reject
+    yield_without: float  # of the product if this response never failed
+    yield_without_interval: Interval  # by Clopper and Pearson
 
 
 @dataclass(frozen=True)
@@ -92,31 +115,39 @@ def count_yield(conforming: int, n: int, confidence: float, effect: float = 1.0)
     )
 
 
-def _effects(
+def response_losses(
     failed: dict[str, NDArray[np.bool_]],
-    rejected: NDArray[np.bool_],
-    lots: NDArray[np.int64] | None,
-    values: Mapping[str, Array],
     confidence: float,
-) -> tuple[float, dict[str, float]]:
-    """Return the design effects (samples per independent sample) for the yield of the product and of each response.
+    effects: Mapping[str, float] = MappingProxyType({}),
+    effect: float = 1.0,
+) -> tuple[ResponseLoss, ...]:
+    """Return the yield loss of each response, the largest first.
 
-    The product has no intraclass correlation of its own: the largest one of its responses is used.
+    `failed` marks the samples that break a limit of the response, shape (n,) with n above 0. Design effects (samples
+    per independent sample): `effects` of the rejects of each response, 1 if not named; `effect` of those of the
+    product.
     """
-    if lots is None or rejected.size == 0:
-        return 1.0, {}
-    described = {name: describe_lots(values[name], lots) for name in failed}
-    most = max(described.values(), key=lambda each: each.intraclass)
-    effects = {name: design_effect(out, lots, described[name], confidence) for name, out in failed.items()}
-    return design_effect(rejected, lots, most, confidence), effects
-
-
-def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
-    """Return whether each sample breaks a limit of a response; a value on a limit conforms."""
-    values = samples.values[response.name]
-    low = -math.inf if response.lsl is None else response.lsl
-    high = math.inf if response.usl is None else response.usl
-    return (values < low) | (values > high)
+    matrix = np.array(list(failed.values()))
+    broken = np.count_nonzero(matrix, axis=0)
+    rejected, n = int(np.count_nonzero(broken)), broken.size
+    losses = []
+    for name, column in failed.items():
+        weights = 1 / broken[column]
+        only = int(np.count_nonzero(broken[column] == 1))
+        total = float(np.sum(weights))
+        losses.append(
+            ResponseLoss(
+                response=name,
+                rejects=weights.size,
+                only=only,
+                share=total / n,
+                share_interval=weighted_share_interval(weights, n, confidence, effects.get(name, 1.0)),
+                part=total / rejected if rejected else None,
+                yield_without=(n - rejected + only) / n,
+                yield_without_interval=share_interval((n - rejected + only) / effect, n / effect, confidence),
+            )
+        )
+    return tuple(sorted(losses, key=lambda loss: -loss.share))
 
 
 def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: bool = True) -> str:
@@ -149,3 +180,30 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
             "the product of the single yields says."
         )
     return "The difference is no larger than chance makes it if responses fail independently."
+
+
+def _effects(
+    failed: dict[str, NDArray[np.bool_]],
+    rejected: NDArray[np.bool_],
+    lots: NDArray[np.int64] | None,
+    values: Mapping[str, Array],
+    confidence: float,
+) -> tuple[float, dict[str, float]]:
+    """Return the design effects (samples per independent sample) for the yield of the product and of each response.
+
+    The product has no intraclass correlation of its own: the largest one of its responses is used.
+    """
+    if lots is None or rejected.size == 0:
+        return 1.0, {}
+    described = {name: describe_lots(values[name], lots) for name in failed}
+    most = max(described.values(), key=lambda each: each.intraclass)
+    effects = {name: design_effect(out, lots, described[name], confidence) for name, out in failed.items()}
+    return design_effect(rejected, lots, most, confidence), effects
+
+
+def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
+    """Return whether each sample breaks a limit of a response; a value on a limit conforms."""
+    values = samples.values[response.name]
+    low = -math.inf if response.lsl is None else response.lsl
+    high = math.inf if response.usl is None else response.usl
+    return (values < low) | (values > high)

@@ -2,20 +2,38 @@
 
 A content security policy enforces this in the browser: the page runs no script, loads nothing and sends nothing. The
 only style sheet it allows is the page's own.
+
+On a telephone a row of a wide table becomes a card, one cell below the other, so that nothing is cut off: each cell has
+the name of its column, which the style sheet shows instead of the head.
 """
 
+import re
+from collections.abc import Iterable
+from functools import cache
+from itertools import groupby
+from operator import attrgetter
+from typing import Any
+
+from jinja2 import Environment
+from markupsafe import Markup
+
+from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
-from reporting.capability.shares import runs_to_claim
+from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
-from reporting.render import overview
-from reporting.render.goal_plot import goal_figure
+from reporting.render import figures, overview
 from reporting.render.mechanism_figure import mechanism_figure
-from reporting.render.narrow import label_cells
-from reporting.render.templating import as_markup, environment
+from reporting.render.page_templates import page_environment
+from reporting.render.svg import unit_suffix
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
 
+WIDE = 2  # columns; wider tables become cards on a narrow screen
+_TABLE = re.compile(r"<table\b[^>]*>.*?</table>", re.S)
+_ROW = re.compile(r"<tr\b[^>]*>.*?</tr>", re.S)
+_CELL = re.compile(r"<(t[dh])\b([^>]*)>(.*?)</\1>", re.S)
+_TAG = re.compile(r"<[^>]*>")
 MARKS = {
     "capable": "✓",
     "marginal": "!",
@@ -58,7 +76,7 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             critical=CRITICAL_SHARE,
             claims=[(ppm, runs_to_claim(ppm, analysis.confidence)) for ppm in CLAIMS],
             overview=as_markup(overview.overview_figure(analysis)),
-            goal=as_markup(goal_figure(analysis)),
+            goal=as_markup(overview.goal_figure(analysis)),
             one_sided=overview.one_sided(analysis),
             out_of_figures=overview.out_of_figures(analysis),
             mechanism=as_markup(mechanism_figure(analysis.spec.drawing) if analysis.spec.drawing else None),
@@ -74,3 +92,116 @@ def weakest(analysis: Analysis) -> ResponseAnalysis | None:
         return None
     indices = [(r.capability.cpk, i) for i, r in enumerate(analysis.responses) if r.capability.cpk is not None]
     return analysis.responses[min(indices)[1]] if indices else None
+
+
+@cache
+def environment() -> Environment:
+    """Return the environment of the templates, with filters for numbers and figures.
+
+    It is created once: it caches compiled templates, and compiling takes most of the time of a page.
+    """
+    made = page_environment("reporting.render")
+    made.filters.update(
+        fixed=format_numbers.fixed,
+        z=format_numbers.z_score,
+        least_ppm=least_ppm,
+        largest_z=largest_z,
+        share=format_numbers.part,
+        p=format_numbers.probability,
+        unit=unit_suffix,
+        places=format_numbers.decimals_for,
+        assumed=_assumed_text,
+        grouped_by=_grouped_by,
+        histogram=lambda r: as_markup(figures.response_figure(r)),
+        probability_plot=lambda r: as_markup(figures.probability_figure(r)),
+        convergence_plot=lambda r: as_markup(figures.convergence_figure(r)),
+        tornado=lambda r: as_markup(figures.tornado_figure(r)),
+        variable_histogram=lambda v: as_markup(figures.variable_figure(v)),
+        scatter_plot=lambda s, r, unit: as_markup(figures.scatter_figure(r, s, unit)),
+        slope_unit=figures.slope_unit,
+        compared=lambda c: as_markup(figures.compared_figure(c)),
+    )
+    return made
+
+
+def _grouped_by(items: Iterable[Any], attribute: str) -> list[tuple[Any, list[Any]]]:
+    """Return groups of consecutive items with the same attribute, in order."""
+    return [(kind, list(members)) for kind, members in groupby(items, attrgetter(attribute))]
+
+
+def _assumed_text(value: float | tuple[float, ...] | str) -> str:
+    """Return the value of an assumption as text, not rounded."""
+    if isinstance(value, tuple):
+        return f"({', '.join(map(format_numbers.plain, value))})"
+    return value if isinstance(value, str) else format_numbers.plain(value)
+
+
+def as_markup(svg: str | None) -> Markup | None:
+    """Return a figure marked as safe HTML."""
+    return None if svg is None else Markup(svg)
+
+
+def label_cells(page: str) -> str:
+    """Return the page with the name of its column added to every cell of wide tables.
+
+    It reads HTML from this package's templates: user input is escaped, so every tag comes from the templates.
+    """
+    return _TABLE.sub(lambda found: _labelled(found[0]), page)
+
+
+def _labelled(table: str) -> str:
+    """Return a table with labels; a narrow table is returned unchanged."""
+    head, end, body = table.partition("</thead>")
+    names = _column_names(_ROW.findall(head))
+    if len(names) <= WIDE:
+        return table
+    rows = _ROW.sub(lambda row: _labelled_row(row[0], names), body)
+    return _stacked(head) + end + rows
+
+
+def _stacked(head: str) -> str:
+    """Return the opening tag of a table with the class of tables that become cards."""
+    tag, _, rest = head.partition(">")
+    tag = tag.replace('class="', 'class="stack ') if 'class="' in tag else f'{tag} class="stack"'
+    return f"{tag}>{rest}"
+
+
+def _column_names(rows: list[str]) -> list[str]:
+    """Return the name of each column; for a head with two rows, the name of the group and that of the column."""
+    names: list[str] = []
+    groups: list[tuple[int, int]] = []  # first column and number of columns of each group cell
+    for cells in map(_CELL.findall, rows[:1]):
+        for _, attributes, content in cells:
+            span = _span(attributes)
+            groups += [(len(names), span)] if span > 1 else []
+            names += [_words(content)] * span
+    below = [_words(content) for row in rows[1:2] for _, _, content in _CELL.findall(row)]
+    places = [column for first, span in groups for column in range(first, first + span)]
+    for column, name in zip(places, below, strict=False):
+        names[column] = f"{names[column]} {name}"
+    return names
+
+
+def _labelled_row(row: str, names: list[str]) -> str:
+    """Return a row whose cells have the names of their columns; the row heading gets none."""
+    column = 0
+
+    def label(cell: re.Match[str]) -> str:
+        nonlocal column
+        name, column = names[column] if column < len(names) else "", column + _span(cell[2])
+        if cell[1] == "th" or not name:
+            return cell[0]
+        return f'<td{cell[2]} data-label="{name}">{cell[3]}</td>'
+
+    return _CELL.sub(label, row)
+
+
+def _span(attributes: str) -> int:
+    """Return how many columns a cell spans."""
+    found = re.search(r'colspan="(\d+)"', attributes)
+    return int(found[1]) if found else 1
+
+
+def _words(content: str) -> str:
+    """Return the text of a cell, still escaped, including quotation marks, because it becomes an attribute."""
+    return " ".join(_TAG.sub(" ", content).split()).replace('"', "&#34;")

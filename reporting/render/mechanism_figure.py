@@ -2,8 +2,8 @@
 
 import math
 
-from reporting.drawing import DrawnLine, DrawnWords, MechanismDrawing
 from reporting.render.svg import PlotArea, box, dots, line, svg, text
+from reporting.spec import DrawnLine, DrawnWords, MechanismDrawing
 
 _WIDTHS = {"thin": 0.8, "dashed": 0.8, "thick": 3.0, "arrow": 1.6}
 _HEAD = 9.0  # length of an arrow's head

@@ -5,12 +5,10 @@ from collections import Counter
 from reporting.analysis import Analysis
 from reporting.format_numbers import index, part
 from reporting.headline import WORST_FIRST
-from reporting.render.html import MARKS
+from reporting.render.html import MARKS, as_markup, environment, label_cells
 from reporting.render.mechanism_figure import mechanism_figure
-from reporting.render.narrow import label_cells
-from reporting.render.templating import as_markup, environment
 from reporting.response import ResponseAnalysis
-from reporting.trust.check import Check
+from reporting.trust.checks import Check
 
 # Capacity of the page in rows and in letters; the rest is counted, and is in the report.
 ROWS, CHECKS, FIELDS, CAUSES = 8, 4, 4, 3

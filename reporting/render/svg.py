@@ -1,4 +1,4 @@
-"""SVG marks in the coordinates of a plot: lines, bands, boxes, dots, text and axes.
+"""SVG marks in the coordinates of a plot: lines, bands, boxes, dots, text, axes, and an enlarged view inside a figure.
 
 The report draws its own SVG instead of using matplotlib for four reasons: the same numbers give the same bytes; text
 stays text, in the font of the page, for search and screen readers; the 24 figures of six responses take 0.02 s and
@@ -17,6 +17,12 @@ from markupsafe import escape
 INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
 SIZE = 13.0  # font size, in the figure's units
 _WIDTH_OF_A_LETTER = 0.56  # relative to the font size, on average
+BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
+# Figures are as wide as a telephone, so that their text is readable on one; wider screens show two side by side.
+HALF, TALL = 480.0, 262.0
+# Values that occupy less than this part of the axis are shown enlarged.
+SLIVER = 0.2
+_GAP, _WIDEST = 18.0, 240.0
 
 
 @dataclass(frozen=True)
@@ -131,6 +137,29 @@ def axis_y(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | Non
     return "\n".join(marks)
 
 
+def unit_suffix(unit: str) -> str:
+    """Return the unit with a space before it; empty for a number without unit."""
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def around(values: list[float]) -> tuple[float, float]:
+    """Return the ends of an axis that shows all values, with a margin."""
+    low, high = min(values), max(values)
+    room = 0.04 * (high - low) or 0.02 * abs(low) or 1.0
+    return low - room, high + room
+
+
+def axis_name(name: str, unit: str) -> str:
+    """Return the label of an axis."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def density_name(unit: str) -> str:
+    """Return the label of a density axis."""
+    bare = unit in ("", "1")
+    return "density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]"
+
+
 def y_room(low: float, high: float) -> float:
     """Return the margin that the numbers and the label of a y axis need."""
     return 30.0 + max((text_width(words) for _, words in labelled(low, high, 4)), default=0.0)
@@ -175,3 +204,45 @@ def _round_step(about: float) -> float:
     """Return the next larger number of the form 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(about))
     return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))
+
+
+def is_sliver(low: float, high: float, frame: PlotArea) -> bool:
+    """Return whether the range from `low` to `high` is too narrow in a figure to be readable."""
+    return 0 < high - low < SLIVER * (frame.x[1] - frame.x[0])
+
+
+def inset_area(frame: PlotArea, x: tuple[float, float], y: tuple[float, float], limits: Iterable[float]) -> PlotArea:
+    """Return the rectangle of an enlarged view of the ranges `x` and `y`: where there is more room, off the limits."""
+    start, end = frame.across(x[0]), frame.across(x[1])
+    lines = [frame.across(limit) for limit in limits]
+    last = min([frame.width - frame.right, *(at for at in lines if at > end)])
+    first = max([frame.left, *(at for at in lines if at < start)])
+    if last - end > start - first:
+        left, right = end + _GAP, min(last - _GAP, end + _GAP + _WIDEST)
+    else:
+        left, right = max(first + _GAP, start - _GAP - _WIDEST), start - _GAP
+    return PlotArea(
+        frame.width,
+        frame.height,
+        x,
+        y,
+        left=left,
+        right=frame.width - right,
+        top=frame.top + 20,
+        bottom=frame.bottom + 34,
+    )
+
+
+def inset(area: PlotArea, marks: Iterable[str]) -> str:
+    """Return the enlarged view: its frame, its axis and its marks."""
+    left, right = area.left, area.width - area.right
+    corners = [(left, area.top), (right, area.top), (right, area.ground), (left, area.ground), (left, area.top)]
+    return "\n".join(
+        [
+            box(left - 8, area.top - 18, right - left + 16, area.ground - area.top + 42, "white"),
+            line(corners, MUTED, 0.8),
+            *marks,
+            axis_x(area),
+            text(0.5 * (left + right), area.top - 6, "enlarged", colour=MUTED),
+        ]
+    )

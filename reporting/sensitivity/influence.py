@@ -1,10 +1,25 @@
-"""Data classes for the sensitivity of responses to variables; `reporting.sensitivity.criticality` has the verdicts."""
+"""The sensitivity of responses to variables, and the verdicts: which variable is critical for which response.
 
-from dataclasses import dataclass
+A variable is *critical* for a response if the interval of its share of the variance begins at a tenth or above, and
+chance is excluded (Bonferroni over the variables). It is *not critical* if the interval ends below a tenth, and
+interactions that no total-order index covers hold less than a tenth. Otherwise it is *open*. The share is the
+total-order index if a design gives one, the Shapley effect if variables are correlated, else the first-order index.
+
+A correlated variable is critical only if it also acts itself, that is, with all others fixed it causes at least 1 % of
+the variance. A variable that has a tenth, but certainly causes less than 1 % itself, is *only correlated*.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from reporting.capability.intervals import Interval
+from reporting.sensitivity.first_order import jackknife_quantile
+from reporting.sensitivity.measures import Measures
+from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.reject_attribution import RejectAttribution
 from reporting.sensitivity.rejects import RejectCauses, WorstSample
+from reporting.sensitivity.total_order import TotalOrder
 
 CRITICAL_SHARE = 0.10
 NEGLIGIBLE_SHARE = 0.001
@@ -108,3 +123,147 @@ class Sensitivity:
         """Return the variables that are "not critical" or "only correlated" for every response."""
         verdicts = {v: {r.influences[i].verdict for r in self.responses} for i, v in enumerate(self.variables)}
         return tuple(name for name, seen in verdicts.items() if seen and seen <= {NOT_CRITICAL, CORRELATED})
+
+
+def influence_of(variable: str, at: int, measures: Measures, interaction: float, confidence: float) -> Influence:
+    """Return the influence of one variable on the response at position `at` of the measures.
+
+    `interaction` is the largest possible share of the variance due to interactions.
+    """
+    if variable not in measures.variables:
+        return Influence(variable, verdict=NOT_CRITICAL)
+    i, quantile = measures.variables[variable], jackknife_quantile(measures.groups, confidence)
+    line, ranks, alone, std = measures.linear, measures.rank, measures.effects, float(measures.std[at])
+    coefficient, error = float(line.coefficient[at, i]), float(line.coefficient_error[at, i])
+    share, share_error = float(alone.share[at, i]), float(alone.share_error[at, i])
+    contribution = None if line.contribution is None else float(line.contribution[at, i])
+    contribution_error = 0.0 if line.contribution_error is None else float(line.contribution_error[at, i])
+    curve = measures.mean[at] + std * alone.curve[at, i]
+    swing, swing_half = float(np.ptp(curve)), quantile * std * float(alone.swing_error[at, i])
+    errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
+    linear_effect = abs(coefficient) > errors_needed * error and coefficient**2 > NEGLIGIBLE_SHARE
+    significant = linear_effect or share > max(errors_needed * share_error, NEGLIGIBLE_SHARE)
+    low, high = share_interval(share, quantile * share_error)
+    interval = low, as_share(high + float(alone.missed[at, i]))
+    return Influence(
+        variable=variable,
+        coefficient=coefficient,
+        coefficient_interval=(coefficient - quantile * error, coefficient + quantile * error),
+        contribution=contribution,
+        contribution_interval=(
+            None if contribution is None else share_interval(contribution, quantile * contribution_error)
+        ),
+        inflation=float(line.inflation[i]) if np.isfinite(line.inflation[i]) else None,
+        spearman=float(ranks.spearman[at, i]),
+        spearman_interval=(float(ranks.spearman_low[at, i]), float(ranks.spearman_high[at, i])),
+        rank_coefficient=float(ranks.coefficient[at, i]),
+        first_order=as_share(share),
+        first_order_interval=interval,
+        estimator=RANKS if alone.by_ranks[at, i] else POLYNOMIAL,
+        carriers=float(alone.carriers[at, i]),
+        low=float(curve.min()),
+        high=float(curve.max()),
+        swing_interval=(max(swing - swing_half, 0.0), swing + swing_half),
+        curve=tuple(zip(alone.curve_x[i].tolist(), curve.tolist(), strict=True)),
+        significant=bool(significant),
+        verdict=_word(interval, interaction, significant=bool(significant)),
+    )
+
+
+def with_total_order(influence: Influence, totals: TotalOrder, confidence: float) -> Influence:
+    """Return an influence with its total-order index added, which then decides the verdict."""
+    if influence.first_order is None or influence.variable not in totals.variables:
+        return influence
+    i, quantile = totals.variables.index(influence.variable), jackknife_quantile(GROUPS, confidence)
+    total, error = float(totals.total[i]), float(totals.total_error[i])
+    interactions, half = float(totals.interactions[i]), quantile * float(totals.interactions_error[i])
+    errors_needed = needed_errors(len(totals.variables), confidence)
+    significant = bool(influence.significant) or total > max(errors_needed * error, NEGLIGIBLE_SHARE)
+    interval = share_interval(total, quantile * error)
+    return replace(
+        influence,
+        total=as_share(total),
+        total_interval=interval,
+        interactions=as_share(interactions),
+        interactions_interval=share_interval(interactions, half),
+        significant=significant,
+        verdict=_word(interval, 0.0, significant=significant),
+    )
+
+
+def with_shapley(influence: Influence, at: int, measures: Measures, scatter: float, confidence: float) -> Influence:
+    """Return the influence of a correlated variable with its Shapley effect added, which then decides the verdict.
+
+    The share `scatter` of the variance, a part of what the regression does not explain, belongs to no variable.
+    """
+    if measures.independent or influence.variable not in measures.variables:
+        return influence
+    if measures.shapley is None:
+        return replace(influence, verdict=OPEN)
+    effects, i = measures.shapley, measures.variables[influence.variable]
+    quantile = jackknife_quantile(measures.groups, confidence)
+    errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
+    share, half = float(effects.share[at, i]), quantile * float(effects.share_error[at, i])
+    own, own_half = float(effects.own[at, i]), quantile * float(effects.own_error[at, i])
+    left = max(float(effects.remainder[at]) - scatter, 0.0)
+    most_left = left + quantile * float(effects.remainder_error[at])
+    low, high = share_interval(share, half)
+    # What the regression leaves unexplained may belong to this variable, all of it.
+    interval = low, as_share(high + left)
+    significant = share > max(errors_needed * float(effects.share_error[at, i]), NEGLIGIBLE_SHARE)
+    word = _word(interval, most_left, significant=significant)
+    if word == CRITICAL and own - own_half < OWN_EFFECT:
+        word = CORRELATED if own + own_half < OWN_EFFECT else OPEN
+    return replace(
+        influence,
+        shapley=as_share(share),
+        shapley_interval=interval,
+        own=max(own, 0.0),
+        own_interval=(max(own - own_half, 0.0), max(own + own_half, 0.0)),
+        through=_acting(influence.variable, at, measures, quantile) if word == CORRELATED else (),
+        significant=significant,
+        verdict=word,
+    )
+
+
+def _acting(variable: str, at: int, measures: Measures, quantile: float) -> tuple[str, ...]:
+    """Return the variables that act themselves and are correlated with this one beyond chance, the strongest first."""
+    effects, i = measures.shapley, measures.variables[variable]
+    if effects is None:
+        return ()
+    closeness = np.abs(measures.linear.correlation[i])
+    acting = effects.own[at] - quantile * effects.own_error[at] >= OWN_EFFECT
+    close = {v: closeness[j] for v, j in measures.variables.items() if v != variable and acting[j]}
+    largest = max(close.values(), default=0.0)
+    return tuple(v for v in sorted(close, key=lambda name: -close[name]) if close[v] >= largest / 2)
+
+
+def needed_errors(variables: int, confidence: float, groups: int = GROUPS) -> float:
+    """Return how many standard errors an effect must differ from 0 (Bonferroni over the variables)."""
+    # Two two-sided tests for each variable.
+    return jackknife_quantile(groups, 1 - (1 - confidence) / (2 * variables))
+
+
+def _word(interval: Interval, interaction: float, *, significant: bool) -> str:
+    """Return the verdict on a variable from the interval of its share and the largest share of interactions."""
+    if significant and interval[0] >= CRITICAL_SHARE:
+        return CRITICAL
+    return OPEN if max(interval[1], interaction) >= CRITICAL_SHARE else NOT_CRITICAL
+
+
+def response_verdict(influences: tuple[Influence, ...], interaction: float) -> str:
+    """Return the verdict of a response whose interactions explain at most the share `interaction`."""
+    verdicts = {influence.verdict for influence in influences}
+    if CRITICAL in verdicts:
+        return CRITICAL
+    return OPEN if OPEN in verdicts or interaction >= CRITICAL_SHARE else NOT_CRITICAL
+
+
+def as_share(value: float) -> float:
+    """Return an estimate of a share, clipped to 0 and 1."""
+    return min(max(value, 0.0), 1.0)
+
+
+def share_interval(value: float, half: float) -> Interval:
+    """Return the interval of a share, clipped to 0 and 1."""
+    return as_share(value - half), as_share(value + half)

@@ -22,8 +22,7 @@ from reporting.capability.intervals import Interval
 from reporting.capability.moments import ROUNDING, location_and_shape
 from reporting.capability.precision import precision_of_values
 from reporting.capability.summary import capability
-from reporting.repeats import Repeats
-from reporting.samples import Samples
+from reporting.samples import Repeats, Samples
 from reporting.spec import ReportSpec
 
 FEWEST_PAIRS = 5  # for an interval

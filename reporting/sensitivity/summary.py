@@ -15,14 +15,6 @@ from reporting import format_numbers
 from reporting.arrays import Array
 from reporting.capability.lots import LEAST_LOTS
 from reporting.errors import ReportError
-from reporting.sensitivity.criticality import (
-    as_share,
-    influence_of,
-    needed_errors,
-    response_verdict,
-    with_shapley,
-    with_total_order,
-)
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.influence import (
     CORRELATED,
@@ -33,6 +25,12 @@ from reporting.sensitivity.influence import (
     Influence,
     ResponseSensitivity,
     Sensitivity,
+    as_share,
+    influence_of,
+    needed_errors,
+    response_verdict,
+    with_shapley,
+    with_total_order,
 )
 from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
 from reporting.sensitivity.regression import MOST_SHARED

@@ -1,22 +1,29 @@
-"""One family fitted to the values by maximum likelihood.
+"""Distributions fitted to a response: all families, those that may be used, and the chosen one.
 
-The search uses the sample condensed to 600 values, the goodness of fit 4,000 (`reporting.shape.condensed`), so a
-million values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma
-has the divisor n - 1, as everywhere in the report.
+A family may be used if it passes a test of its fit (`reporting.shape.goodness`). Among these, the family with the
+smallest AIC is considered no better than a simpler one within `AIC_MARGIN`. The data do not rule out the families
+within `AIC_SUPPORT`, so statements on the tails must be valid for all of them.
+
+Each family is fitted by maximum likelihood. The search uses the sample binned to 600 values, the goodness of fit
+4,000 (`reporting.shape.binned_sample`), so a million values cost as much as a few thousand. Normal and lognormal
+distributions use the moments of all values; sigma has the divisor n - 1, as everywhere in the report.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
-from reporting.shape.atoms import Ties
-from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
+from reporting.capability.moments import ROUNDING, series
+from reporting.shape import atoms
+from reporting.shape.atoms import Atom, Ties
+from reporting.shape.binned_sample import BinnedSample, anderson_darling, bin_sample, distance
 from reporting.shape.family.families import FAMILIES, Family, Scaled, Theta
 from reporting.shape.family.maximum_likelihood import covariance, curvature, maximise
-from reporting.shape.goodness import LEAST_P, bootstrap, tail_misfit
+from reporting.shape.goodness import LEAST_P, PRACTICAL, bootstrap, tail_misfit
 
 SEARCHED, JUDGED = 600, 4000
 # Values needed for each parameter.
@@ -27,6 +34,10 @@ LEAST_VARIATION = 0.01
 _SPIKE_SHARE, _FEWEST_IN_SPIKE = 0.05, 8
 # With a threshold closer to the extreme value, in mean distances of values, the likelihood has no maximum.
 _CLOSEST = 0.01
+# Burnham, Anderson (2002): a family within 2 of the smallest AIC has substantial support.
+AIC_MARGIN = 2.0
+# Up to this difference the values do not rule out a family: the 95 % point of chi-square plus the margin.
+AIC_SUPPORT = 3.84 + AIC_MARGIN
 
 
 @dataclass(frozen=True)
@@ -56,6 +67,96 @@ class Fit:
     misfit: str  # why it may not be used; else empty
 
 
+@dataclass(frozen=True)
+class Fits:
+    """All families fitted to a response."""
+
+    fits: tuple[Fit, ...]  # in ascending order of AIC
+    # Chosen family: the one with the fewest parameters among those that pass and are within `AIC_MARGIN` of the
+    # smallest AIC; among several, the normal one. None if no family passes.
+    best: str | None
+    # Families that pass and that the data do not rule out, by AIC. Differences of AIC are scaled to those of
+    # `PRACTICAL` values.
+    candidates: tuple[str, ...]
+    atoms: tuple[Atom, ...]  # of the values; if there are any, no family is fitted
+    refused: dict[str, str]  # families that were not fitted, with the reason
+    notes: tuple[str, ...]  # how the families were fitted, or why none was fitted or is used
+
+    def of(self, family: str | None) -> Fit | None:
+        """Return the fit of a family; None if there is none."""
+        return next((fit for fit in self.fits if fit.family == family), None)
+
+
+def fit_families(
+    x: ArrayLike,
+    bounds: tuple[float, float] | None = None,
+    names: Iterable[str] | None = None,
+    limits: Sequence[float | None] = (None, None),
+) -> Fits:
+    """Fit every family that is possible for the values `x`, or those named; values that are not finite are left out.
+
+    `bounds` are the physical bounds of the response, for the beta distribution. A family that contradicts the count of
+    values beyond the lower or the upper of the `limits` does not pass. ReportError: `x` is not a series of numbers.
+    """
+    values = series(x)
+    values = np.sort(values[np.isfinite(values)])
+    n = int(values.size)
+    if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
+        return unfitted("Fewer than two different values, so no distribution is fitted.")
+    # The square of a double above 1e154 overflows, a sum of squares earlier.
+    if not float(np.max(np.abs(values))) < 1e150 or not float(np.std(values)) > 0:
+        return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
+    ties = atoms.ties(values)
+    found = ties.atoms()
+    if found:
+        reasons = (
+            *(atoms.in_words(atom) for atom in found),
+            "No smooth distribution describes that, so none is fitted.",
+        )
+        return unfitted(" ".join(reasons), found)
+    if ties.discrete:
+        return unfitted(f"Only {ties.values.size} different values, so no smooth distribution is fitted.")
+    fitting = Fitting(values, ties, bounds, limits)
+    families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
+    outcomes = {family.name: fitting.fit(family) for family in families}
+    fits = sorted((fit for fit in outcomes.values() if isinstance(fit, Fit)), key=lambda fit: fit.aic)
+    refused = {name: reason for name, reason in outcomes.items() if isinstance(reason, str)}
+    passing = [fit for fit in fits if fit.passes]
+    notes: tuple[str, ...] = ()
+    if n > SEARCHED:
+        notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
+    if fits and not passing:
+        notes += (f"No family is used: of {len(fits)} fitted, none agrees with the values.",)
+    return Fits(tuple(fits), _choose(passing), _candidates(passing), (), refused, notes)
+
+
+def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
+    """Return a result without fits, with the reason."""
+    return Fits((), None, (), found, {}, (reason,))
+
+
+def handicap(fit: Fit, fits: Fits) -> float:
+    """Return the excess of AIC over the smallest one of a family that passes, scaled to `PRACTICAL` values."""
+    return _handicap(fit, [each for each in fits.fits if each.passes])
+
+
+def _handicap(fit: Fit, passing: list[Fit]) -> float:
+    return (fit.aic - passing[0].aic) * min(1.0, PRACTICAL / fit.n)
+
+
+def _choose(passing: list[Fit]) -> str | None:
+    """Return the simplest family that is as good as the best."""
+    if not passing:
+        return None
+    close = [fit for fit in passing if fit.aic <= passing[0].aic + AIC_MARGIN]
+    return min(close, key=lambda fit: (len(fit.theta), fit.family != "normal", fit.aic)).family
+
+
+def _candidates(passing: list[Fit]) -> tuple[str, ...]:
+    """Return the families that the values do not rule out."""
+    return tuple(fit.family for fit in passing if _handicap(fit, passing) <= AIC_SUPPORT)
+
+
 class Fitting:
     """The ascending values of a response, shape (n,), ready for many families.
 
@@ -72,7 +173,7 @@ class Fitting:
     ) -> None:
         self.ordered, self.bounds, self.limits = ordered, bounds, limits
         self.smooth = ties.spread()
-        self.few, self.many = condense(self.smooth, SEARCHED), condense(self.smooth, JUDGED)
+        self.few, self.many = bin_sample(self.smooth, SEARCHED), bin_sample(self.smooth, JUDGED)
         self.bootstrap = bootstrap(ordered.size)
         self.median, self.std = float(np.median(ordered)), float(np.std(ordered))
         z = (ordered - self.median) / self.std
@@ -173,7 +274,7 @@ class Fitting:
         return ""
 
 
-def log_likelihood(family: Family, sample: Condensed) -> Callable[[Array], Array]:
+def log_likelihood(family: Family, sample: BinnedSample) -> Callable[[Array], Array]:
     """Return the log-likelihood of a sample of z as a function of parameters, shape (p, k), for p of them."""
 
     def loglik(points: Array) -> Array:

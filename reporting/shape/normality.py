@@ -2,6 +2,11 @@
 
 With 30,000 values a test rejects departures without practical importance; with 20 values it accepts any distribution.
 The verdict is therefore based on the interval of the distance from the normal distribution with equal mean and sigma.
+
+The tails are judged by their weights, and whether chance explains the difference. The weight of a tail is the fourth
+moment of its side, ``mean(z^4)`` with 0 for values of the other side, relative to 1.5, that of a normal distribution.
+It detects heavy tails long before a count of distant values does: of 500 values of Student's t with 5 degrees of
+freedom hardly two more lie beyond three sigma than of 500 normal values.
 """
 
 import math
@@ -14,9 +19,13 @@ from scipy.special import betaincinv, ndtr, ndtri
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import location_and_shape, series
-from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
-from reporting.shape.tail_weight import TailWeight, tail_weights
+from reporting.shape.binned_sample import BinnedSample, anderson_darling, bin_sample, distance
 
+NORMAL_WEIGHT = 1.5  # of a tail
+FEWEST_FOR_TAILS = 50
+# A tail is called heavier or lighter up to this p-value; whether a response departs at all is decided before, for all
+# responses together.
+DIRECTION_P = 0.01
 # A response is normal up to the first distance, and not normal above the second.
 CLOSE, FAR = 0.02, 0.05
 # If the interval of the distance reaches beyond this, a small distance may be due to chance.
@@ -30,6 +39,18 @@ _MOST_FOR_SHAPIRO = 5000
 _JUDGED = 20_000
 # With six normal responses of 30 to 5,000 values, one of them is called not normal in 4 to 5 % of campaigns (measured).
 DEPARTURE_P = 0.04
+
+
+@dataclass(frozen=True)
+class TailWeight:
+    """One tail of a response compared with that of a normal distribution with its mean and sigma."""
+
+    side: str  # "below" or "above" the mean
+    # Relative to a normal tail: 1 for a normal distribution, 2 for Student's t with 6 degrees of freedom, 0.6 for a
+    # uniform distribution.
+    weight: float
+    p: float  # two-sided probability of a weight at least as far from 1 in a sample of normal values
+    word: str  # "heavier", "lighter" or "like normal"
 
 
 @dataclass(frozen=True)
@@ -85,7 +106,7 @@ def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None
             return Normality(n)
         z = (ordered - shape["mean"]) / std
     w, p = _shapiro(z)
-    sample = condense(z, _JUDGED)
+    sample = bin_sample(z, _JUDGED)
     cdf = ndtr(sample.values)
     far = distance(sample, cdf)
     # With Massart's constant the band holds for every n and every distribution.
@@ -137,6 +158,18 @@ def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) ->
     return ProbabilityPlot(*(tuple(column.tolist()) for column in columns))
 
 
+def tail_weights(sample: BinnedSample, worth: float) -> tuple[TailWeight, ...]:
+    """Return the weights of the lower and the upper tail of standardised values (divisor n - 1); empty below 50 values.
+
+    In samples of normal values ``weight^(-1/2)`` is approximately normal: simulated with 3,000 to 60,000 samples of 50
+    to 20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 are correct to a third.
+    `worth` is the effective number of independent values.
+    """
+    if worth < FEWEST_FOR_TAILS:
+        return ()
+    return tuple(_tail(sample, worth, side, sign) for side, sign in (("below", -1.0), ("above", 1.0)))
+
+
 def _ordered(x: ArrayLike) -> Array:
     """Return the finite values in ascending order."""
     values = series(x)
@@ -165,7 +198,7 @@ def _stephens(statistic: float, n: int) -> float:
     return 1 - math.exp(-13.436 + 101.14 * a - 223.73 * a * a)
 
 
-def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
+def _errors(sample: BinnedSample, quantile: float) -> tuple[float, float]:
     """Return the half widths of the intervals of skewness and kurtosis, from their influence functions."""
     z = sample.values
     g1, b2 = sample.mean(z**3), sample.mean(z**4)
@@ -174,6 +207,19 @@ def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
     spreads = (math.sqrt(sample.mean(each * each) / sample.n) for each in (of_skewness, of_kurtosis))
     skewness, kurtosis = (quantile * spread for spread in spreads)
     return skewness, kurtosis
+
+
+def _tail(sample: BinnedSample, worth: float, side: str, sign: float) -> TailWeight:
+    """Return the weight of the tail on one side."""
+    z = sign * sample.values
+    moment = sample.mean(np.where(z > 0, z, 0.0) ** 4)
+    if moment == 0:
+        return TailWeight(side, 0.0, 0.0, "lighter")
+    expected = NORMAL_WEIGHT**-0.5 + 4.4 / worth
+    error = 1.272 / math.sqrt(worth) * (1 - 0.55 / math.sqrt(worth))
+    p = 2 * float(ndtr(-abs(moment**-0.5 - expected) / error))
+    word = "like normal" if p > DIRECTION_P else "heavier" if moment**-0.5 < expected else "lighter"
+    return TailWeight(side, moment / NORMAL_WEIGHT, p, word)
 
 
 def _verdict(measures: Normality) -> tuple[str, str]:

@@ -10,20 +10,20 @@ from scipy.special import ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-from reporting.shape.condensed import Condensed
+from reporting.shape.binned_sample import BinnedSample
 from reporting.shape.family.families import FAMILIES
 from reporting.shape.family.maximum_likelihood import curvature
 from reporting.shape.fitting import Fit, log_likelihood
 from reporting.shape.goodness import PRACTICAL
 
 # Number of weighted values that represent the sample.
-CONDENSED = 240
+BINNED = 240
 _DRAWS = 600
 # The draws extend beyond the curvature's range by this factor, but at most this far: parameters are of order one.
 _BEYOND, _FARTHEST = 1.4, 1.5
 
 
-def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
+def parameter_draws(fit: Fit, sample: BinnedSample) -> tuple[Array, Array]:
     """Return parameters, shape (draws, k), and their weights, shape (draws,), which sum to 1.
 
     More than `PRACTICAL` values are weighted as `PRACTICAL` values: a family is a model, and more values do not make

@@ -20,11 +20,10 @@ from reporting.capability.intervals import Interval, OpenInterval
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.shape.atoms import ties
-from reporting.shape.condensed import Condensed, condense
-from reporting.shape.fits import AIC_MARGIN, Fits, handicap
-from reporting.shape.fitting import Fit
+from reporting.shape.binned_sample import BinnedSample, bin_sample
+from reporting.shape.fitting import AIC_MARGIN, Fit, Fits, handicap
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
-from reporting.shape.parameter_draws import CONDENSED, parameter_draws, weighted_interval
+from reporting.shape.parameter_draws import BINNED, parameter_draws, weighted_interval
 
 # Families whose ppm differ by more than this factor are shown as a range.
 AGREEMENT = 3.0
@@ -60,7 +59,7 @@ def supported_indices(
     }
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
-    sample = condense(ties(ordered).spread(), CONDENSED)
+    sample = bin_sample(ties(ordered).spread(), BINNED)
     bar = float(chdtri(1, 1 - confidence)) + AIC_MARGIN
     parts = [_intervals(fit, sample, lsl, usl, math.sqrt(max(bar - handicap(fit, fits), 0.0))) for fit in candidates]
     ppm = _union(part["ppm"] for part in parts)
@@ -78,7 +77,7 @@ def supported_indices(
 
 
 def _intervals(
-    fit: Fit, sample: Condensed, lsl: float | None, usl: float | None, reach: float
+    fit: Fit, sample: BinnedSample, lsl: float | None, usl: float | None, reach: float
 ) -> dict[str, Interval | None]:
     """Return the intervals of one family by method and index; they extend `reach` normal quantiles to each side."""
     confidence = max(float(2 * ndtr(reach) - 1), 0.0)

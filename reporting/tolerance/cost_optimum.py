@@ -83,16 +83,16 @@ def _prices(tolerance: Array, saving: Array, rate: Array, room: Array, bounds: t
     from scipy.optimize import nnls  # see `cheapest`
 
     lower, upper = bounds
-    told = saving > _NO_SAVING * np.max(saving, initial=0.0)
+    decisive = saving > _NO_SAVING * np.max(saving, initial=0.0)
     active = room - rate @ tolerance**2 <= _ACTIVE * room
     at_upper, at_lower = tolerance > upper * (1 - _ACTIVE), tolerance < lower * (1 + _ACTIVE)
     unit = np.sum(saving * tolerance) / np.where(room > 0, room, 1.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         slopes = 2 * tolerance / saving * rate[active] * unit[active, None]
     sides = np.eye(tolerance.size)
-    balance = np.hstack([slopes.T, sides[:, at_upper], -sides[:, at_lower]])[told]
+    balance = np.hstack([slopes.T, sides[:, at_upper], -sides[:, at_lower]])[decisive]
     price = np.zeros(room.size)
-    if np.any(told):
+    if np.any(decisive):
         # SciPy's own limit, 3 steps a column, is reached or not as the rounding of a processor has it
         multipliers, _ = nnls(balance, np.ones(balance.shape[0]), maxiter=30 * balance.shape[1])
         price[active] = multipliers[: np.count_nonzero(active)]

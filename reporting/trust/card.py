@@ -4,24 +4,31 @@ They check that the campaign is complete, that the simulation meets its bounds i
 statistics support the verdicts.
 """
 
-from reporting.designs import INDEPENDENT
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
-from reporting.spec import ReportSpec
-from reporting.trust.agreement import many_statements, verdicts_hold
-from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
-from reporting.trust.check import Check
+from reporting.spec import INDEPENDENT, ReportSpec
+from reporting.trust.checks import (
+    PENETRATION_BAR,
+    RESIDUAL_BAR,
+    Check,
+    complete,
+    drawn_as_requested,
+    failures,
+    largest,
+    settled,
+)
 from reporting.trust.evidence import (
     converged,
     enough_samples,
     failures_as_rejects,
+    many_statements,
     missing_values,
     production_lots,
     row_order,
+    verdicts_hold,
 )
 from reporting.trust.normal_shape import normal_shape
-from reporting.trust.requested_inputs import drawn_as_requested
 
 
 def trust_checks(

@@ -1,6 +1,12 @@
-"""Lines of the trust card on the statistics: enough samples, agreement of both halves, failures, missing values."""
+"""Lines of the trust card on the statistics.
+
+Enough samples, agreement of both halves and of the estimates, failures, missing values, the joint confidence of many
+statements; and on rare rejects, whether their shares are known and whether the weights are correct.
+"""
 
 import math
+
+from scipy.special import ndtri
 
 from reporting import format_numbers
 from reporting.capability.convergence import DRIFT_BAR
@@ -8,9 +14,10 @@ from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
 from reporting.capability.summary import Capability
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, class_of
+from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
-from reporting.trust.check import Check
+from reporting.trust.checks import Check
 
 _NO_PRODUCTION = "The samples do not represent production."
 _TOO_FEW = "Too few samples to compare their halves."
@@ -18,6 +25,8 @@ _TOO_FEW = "Too few samples to compare their halves."
 WANTED_HALF_WIDTH = 0.05
 # An interval wider than +-25 % says little about Cpk, whatever class it lies in.
 LOOSE_HALF_WIDTH = 0.25
+# A larger allowance for regions without an aimed component, as a share of the rare share, gives a warning.
+LOOSE_ALLOWANCE = 0.2
 FEW = 3  # responses named in a line
 
 
@@ -107,12 +116,74 @@ def row_order(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
     if not tested:
         return ()
     found = [f"{response}: {order.finding}" for response, order in tested if order.finding]
-    least = min(order.p for _, order in tested)
+    smallest_p = min(order.p for _, order in tested)
     if not found:
         text = "No response drifts from row to row, and neighbours do not resemble each other beyond chance"
-        return (Check(name, "good", f"{text} (smallest p {format_numbers.probability(least)}).", least),)
+        return (Check(name, "good", f"{text} (smallest p {format_numbers.probability(smallest_p)}).", smallest_p),)
     alarm = f"By chance alone this is said of {100 * FALSE_ALARMS:.0f} % of stable responses."
-    return (Check(name, "attention", f"{' '.join(found)} {alarm}", least),)
+    return (Check(name, "attention", f"{' '.join(found)} {alarm}", smallest_p),)
+
+
+def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
+    """Check that every verdict is certain, and quote the evidence against those that are not."""
+    judged = [r for r in responses if r.verdict.certain is not None]
+    if not judged:
+        return Check("Verdicts", "info", "No response has a verdict.")
+    doubtful = [r for r in judged if r.verdict.reasons]
+    if not doubtful:
+        return Check("Verdicts", "good", "Cpk, count of rejects and all other estimates agree on every verdict.", 0.0)
+    alike: dict[str, list[str]] = {}
+    for r in doubtful:
+        alike.setdefault(f"({_in_words(r)}): {' '.join(r.verdict.reasons)}", []).append(r.spec.name)
+    text = " ".join(f"{', '.join(names)} {words}" for words, names in alike.items())
+    return Check("Verdicts", "attention", text, float(len(doubtful)))
+
+
+def _in_words(response: ResponseAnalysis) -> str:
+    """Return the verdict on a response in words."""
+    return response.verdict.word + ("" if response.verdict.certain else ", not certain")
+
+
+def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) -> Check:
+    """State how many of the page's intervals may be wrong by chance, and which verdicts hold jointly."""
+    certain = [r for r in responses if r.verdict.certain]
+    shares = sum(
+        influence.first_order_interval is not None
+        for r in responses
+        if r.sensitivity
+        for influence in r.sensitivity.influences
+    )
+    judged = [r for r in responses if r.verdict.certain is not None]
+    count = len(judged) + shares
+    level = f"{format_numbers.plain(round(100 * confidence, 1))} %"
+    if count < 2:
+        return Check("All at once", "info", f"Each interval contains the true value in {level} of campaigns.")
+    missing = format_numbers.plain(round(count * (1 - confidence), 1))
+    text = (
+        f"{_counted(len(judged), 'verdict')} and {_counted(shares, 'share')} of variables are each stated at {level} "
+        f"confidence on their own, so about {missing} of these {count} may be wrong by chance."
+    )
+    if len(certain) > 1:
+        together = [r.spec.name for r in certain if _certain_among(r, len(judged), confidence)]
+        names = "all certain ones" if len(together) == len(certain) else ", ".join(together) or "none"
+        text += f" Verdicts that hold at {level} all at once (Bonferroni): {names}."
+    return Check("All at once", "info", text, count * (1 - confidence))
+
+
+def _counted(count: int, what: str) -> str:
+    """Return a number of things in words."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -> bool:
+    """Return whether the interval of Cpk stays in one class if it is widened to hold for all verdicts jointly."""
+    c = response.capability
+    if c.cpk is None or c.cpk_interval is None:
+        return False
+    # Each of the verdicts may fail only with its part of the error (Bonferroni); the half width of an interval of Cpk
+    # grows with the normal quantile.
+    wider = float(ndtri(1 - (1 - confidence) / (2 * judged)) / ndtri(0.5 + confidence / 2))
+    return len({class_of(c.cpk + wider * (end - c.cpk)) for end in c.cpk_interval}) == 1
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
@@ -154,3 +225,56 @@ def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:
     listed = ", ".join(f"{name} {format_numbers.grouped(count)}" for name, count in incomplete)
     text = f"Ok samples without a finite number, left out of the statistics and counted as rejects: {listed}."
     return Check("Values", "bad", text, float(sum(count for _, count in incomplete)))
+
+
+def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:
+    """Return the lines for an importance-sampling campaign; empty for other campaigns."""
+    return () if rare is None else (_rare_shares_known(rare), _weights_agree(rare))
+
+
+def _rare_shares_known(rare: RareRejects) -> Check:
+    """Check that the share of every response is supported by its weights."""
+    name, shares = "Rare rejects", {r.response: r.total for r in rare.responses}
+    if not shares:
+        return Check(name, "info", "No response has limits.")
+    doubts = [f"{response}: {share.doubt}" for response, share in shares.items() if share.doubt]
+    if doubts:
+        text = f"Only an upper bound is known for {'; '.join(doubts)}. clearcap design uses these runs to aim better."
+        return Check(name, "attention", text, float(len(doubts)))
+    loose = [
+        f"{response} up to {format_numbers.ppm(share.by_chance_ppm)} ppm"
+        for response, share in shares.items()
+        if share.rejects and share.by_chance_ppm > LOOSE_ALLOWANCE * share.ppm
+    ]
+    if loose:
+        text = (
+            f"Regions at which no component aims may hold further rejects: {', '.join(loose)}, which the upper ends of"
+            " the intervals include. More runs of a component of scale 2 narrow this; if rejects were found there,"
+            " clearcap design aims at them."
+        )
+        return Check(name, "attention", text, float(len(loose)))
+    found = {response: share.standard_error for response, share in shares.items() if share.standard_error is not None}
+    none = [response for response in shares if response not in found]
+    text = f"Weighted over {format_numbers.grouped(rare.runs)} runs."
+    if found:
+        widest = max(found, key=found.__getitem__)
+        error = format_numbers.percent(found[widest])
+        text += f" Shares are known to a standard error of {error} or better (widest: {widest})."
+    if none:
+        text += f" No reject of {', '.join(none)} was found: below {format_numbers.ppm(rare.unseen_ppm)} ppm."
+    return Check(name, "good", text)
+
+
+def _weights_agree(rare: RareRejects) -> Check:
+    """Check weighted shares against counted shares, and the mean weight against 1."""
+    errors = {f"{check.response} {check.side} {check.at:.6g}": abs(check.errors) for check in rare.checks}
+    errors["the mean weight and 1"] = abs(rare.mean_weight_errors)
+    worst = max(errors, key=errors.__getitem__)
+    distance = format_numbers.fixed(errors[worst], 1, (CHECK_BAR,))
+    text = (
+        f"Weighted shares differ from those counted in the {format_numbers.grouped(rare.plain)} plain runs by at most"
+        f" {distance} standard errors, at {len(rare.checks)} limits moved in until both have rejects (largest: {worst})"
+    )
+    if errors[worst] <= CHECK_BAR:
+        return Check("Weights", "good", f"{text}.", errors[worst])
+    return Check("Weights", "bad", f"{text}: the weights do not fit the runs.", errors[worst])

@@ -1,11 +1,12 @@
 """Line of the trust card on normality: which responses are not normal, in which tail, and the effect on the ppm."""
 
+from collections.abc import Sequence
+
 from reporting import format_numbers
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT
 from reporting.response import ResponseAnalysis
-from reporting.shape.holm import holm
 from reporting.shape.normality import DEPARTURE_P, PROVEN_P
-from reporting.trust.check import Check
+from reporting.trust.checks import Check
 
 # A single response with a p-value below this would be called not normal.
 PERHAPS_P = 0.05
@@ -116,11 +117,21 @@ def _farthest(some: list[ResponseAnalysis]) -> str:
 
 def _so_few(some: list[ResponseAnalysis]) -> str:
     """Return the number of values in words; with lots, the smallest effective number of independent values."""
-    worth = [r.capability.lots.effective for r in some if r.capability.lots is not None]
-    return f"values in lots, worth {min(worth):.0f} independent ones," if worth else "so few values"
+    effective = [r.capability.lots.effective for r in some if r.capability.lots is not None]
+    return f"values in lots, worth {min(effective):.0f} independent ones," if effective else "so few values"
 
 
 def _smallest_p(some: list[ResponseAnalysis]) -> str:
     """Return the smallest p-value of the test that judged the responses."""
     smallest = min((r.normality.p for r in some if r.normality.p is not None), default=None)
     return f"smallest p, tails included, {format_numbers.probability(smallest)}"
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values adjusted by Holm (1979), so that all those below 5 % hold jointly at 5 % under any dependence."""
+    order = sorted(range(len(p_values)), key=p_values.__getitem__)
+    adjusted, largest = [1.0] * len(p_values), 0.0
+    for rank, at in enumerate(order):
+        largest = max(largest, min((len(p_values) - rank) * p_values[at], 1.0))
+        adjusted[at] = largest
+    return adjusted

@@ -1,10 +1,10 @@
 """Line of the trust card on repeats: whether runs of the same sample with different steps agree."""
 
 from reporting import format_numbers
-from reporting.repeats import Repeats
 from reporting.response import ResponseAnalysis
+from reporting.samples import Repeats
 from reporting.sensitivity.repeatability import FEWEST_PAIRS, NOTABLE_SHARE, Repeatability
-from reporting.trust.check import Check
+from reporting.trust.checks import Check
 
 NAME = "Repeatability"
 NOTABLE_SHIFT = 0.3  # of the response's sigma: permitted shift of the mean when the step is halved

@@ -1,28 +1,55 @@
-"""The estimates of one response: indices, shares, methods without the normal distribution, tails.
+"""The estimates of one response, of tolerance intervals, and of a product of two responses.
+
+Of one response they are indices, shares, methods without the normal distribution, and tails.
 
 Each function draws one campaign and yields the report's statements on it.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from reporting.capability.intervals import with_ends
-from reporting.capability.notes import NOT_NORMAL
 from reporting.capability.shares import nonconforming
-from reporting.capability.summary import capability
+from reporting.capability.summary import NOT_NORMAL, capability
 from reporting.capability.target_indices import target_indices
 from reporting.capability.verdict import class_of, index_of_share
+from reporting.content.tolerance_intervals import tolerance_intervals
+from reporting.product.product_yield import product_yield
 from reporting.shape.nonnormal import NonnormalIndices
+from reporting.shape.normality import normality
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import CONFIDENCE, page, warned_of_all, warned_of_normal
-from studies.coverage.productions import Production, Truth, distance_from_normal, explained, truth
+from studies.coverage.productions import (
+    CONFIDENCE,
+    CURVES,
+    LIMITS,
+    RESPONSE,
+    SHARES,
+    Production,
+    Truth,
+    distance_from_normal,
+    explained,
+    page,
+    request,
+    samples_of,
+    share_below,
+    truth,
+    warned_of_all,
+    warned_of_normal,
+)
 
 INFINITE = float("inf")
 # Limits as scores at which normal values are marginal; another shape may be capable or not, by its Cpk alone.
 JUDGED = (-4.5, 3.5)
 CLASSES = ("not capable", "marginal", "capable")
+SECOND = "second"
+CONTENTS = (0.95, 0.9973)
+_WEIGHTS = np.sqrt(SHARES)
+# The second response uses the variables of the first one in another order.
+_SECOND_WEIGHTS = _WEIGHTS[[2, 0, 1, 3, 4]]
 
 
 def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -93,15 +120,6 @@ def methods(production: Production, n: int, rng: np.random.Generator) -> Iterato
     yield Statement("yield, at least", (analysed.yield_.lower, INFINITE), 1 - 1e-6 * true.ppm, warned)
 
 
-def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the class of a certain verdict, and the worse of the true classes by index and by share."""
-    true = truth(production.shape, limits=JUDGED)
-    analysed = page(production, production.draw(n, rng), true).responses[0].verdict
-    right = min(CLASSES.index(class_of(index)) for index in (true.cpk, index_of_share(max(true.below, true.above))))
-    given = float(CLASSES.index(analysed.word)) if analysed.certain else None
-    yield Statement("certain verdict", None if given is None else (given, given), float(right))
-
-
 def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bool) -> Iterator[Statement]:
     """Yield the intervals of one method."""
     if word.startswith("Z"):
@@ -116,3 +134,68 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
     yield Statement(f"Ppk, {word}", with_ends(m.ppk_interval) if m and m.ppk_interval else None, min(ppl, ppu), caution)
     if word.startswith("Z"):
         yield Statement("ppm, fitted", m.ppm_expected_interval if m else None, true.ppm, caution)
+
+
+def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the class of a certain verdict, and the worse of the true classes by index and by share."""
+    true = truth(production.shape, limits=JUDGED)
+    analysed = page(production, production.draw(n, rng), true).responses[0].verdict
+    right = min(CLASSES.index(class_of(index)) for index in (true.cpk, index_of_share(max(true.below, true.above))))
+    given = float(CLASSES.index(analysed.word)) if analysed.certain else None
+    yield Statement("certain verdict", None if given is None else (given, given), float(right))
+
+
+def contents(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the share that each tolerance interval claims to contain at least, and the share that it contains."""
+    y = production.draw(n, rng)
+    found = tolerance_intervals(y, normality(y, CONFIDENCE), CONFIDENCE, production.lot_of(n))
+    for claim in found.claims:
+        if claim.content not in CONTENTS:
+            continue
+        cautioned = "contains less" in found.note
+        for kind, between, above, below, warned in (
+            ("normal", claim.normal, claim.normal_lower, claim.normal_upper, cautioned),
+            ("any", claim.free, claim.free_lower, claim.free_upper, False),
+        ):
+            shares = (
+                ("between", None if between is None else _share(production.shape, *between)),
+                ("above", None if above is None else _share(production.shape, above, np.inf)),
+                ("below", None if below is None else _share(production.shape, -np.inf, below)),
+            )
+            for side, share in shares:
+                claimed = None if share is None else (claim.content, 1.0)
+                yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0, warned)
+
+
+def _share(shape: str, low: float, high: float) -> float:
+    """Return the share of a shape's values between two values."""
+    return share_below(shape, high) - share_below(shape, low)
+
+
+def products(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of the product's yield and of its losses."""
+    true = truth(production.shape)
+    x = production.variables(n, rng)
+    samples = samples_of(production, production.values(x))
+    spec = request(production, n, true)
+    second = CURVES[production.shape](x @ _SECOND_WEIGHTS)
+    samples = replace(samples, values={**samples.values, SECOND: second})
+    spec = replace(spec, responses=(*spec.responses, replace(spec.responses[0], name=SECOND)))
+    found = product_yield(samples, spec, CONFIDENCE)
+    assert found is not None
+    assert found.counted is not None
+    conforming, loss = product_shares()
+    yield Statement("yield of the product", found.counted.interval, conforming)
+    yield Statement("yield of the product, at least", (found.counted.lower, np.inf), conforming)
+    losses = {part.response: part.share_interval for part in found.losses}
+    yield Statement("loss by a response", losses.get(RESPONSE), loss)
+
+
+@lru_cache(maxsize=1)
+def product_shares() -> tuple[float, float]:
+    """Return the yield of both responses together, and the part of the rejects due to each of them."""
+    correlation = float(_WEIGHTS @ _SECOND_WEIGHTS)
+    together = multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], abseps=1e-10)
+    low, high = LIMITS
+    conforming = float(together.cdf([high, high], lower_limit=[low, low]))
+    return conforming, (1 - conforming) / 2

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.coverage.estimates import counts, indices, methods, verdicts
+from studies.coverage.estimates import contents, counts, indices, methods, products, verdicts
 from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
-from studies.coverage.products import contents, products
-from studies.coverage.questions import advice, causes, changes, differences
+from studies.coverage.questions import advice, attributions, causes, changes, differences
 from studies.coverage.rarities import AIMED, rare_shares
-from studies.coverage.rejects import attributions
 from studies.coverage.stops import stops
 
 SEED = 95

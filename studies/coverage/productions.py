@@ -1,8 +1,9 @@
-"""Productions with known true values: a response of some shape, with or without lots.
+"""Productions with known true values: a response of some shape, with or without lots, and its page in the report.
 
 Every response is ``value(w)``, an increasing function of a standard normal score w, so a share below a value is a
 normal probability, and moments are integrals over scores. The score is a weighted sum of independent normal variables,
-so the true first-order indices, and the true values for changed variables, are integrals over scores as well.
+so the true first-order indices, and the true values for changed variables, are integrals over scores as well. A draw is
+a synthetic campaign in the form that the report takes: samples and request.
 """
 
 from collections.abc import Callable
@@ -14,6 +15,10 @@ from scipy import stats
 from scipy.interpolate import PchipInterpolator
 
 from engine.arrays import Array
+from reporting import ReportSpec, ResponseSpec, VariableSpec
+from reporting.analysis import Analysis, analyse
+from reporting.samples import Samples
+from reporting.trust.checks import Check
 
 SIZES = (50, 500, 5000)
 # Shares of the score's variance due to the variables X1, X2, ...
@@ -21,6 +26,9 @@ SHARES = (0.5, 0.3, 0.15, 0.05, 0.0)
 VARIABLES = tuple(f"X{i + 1}" for i in range(len(SHARES)))
 _SCORES = np.linspace(-13.0, 13.0, 5201)
 _DENSITY = stats.norm.pdf(_SCORES) * (_SCORES[1] - _SCORES[0])
+
+RESPONSE, BATCH = "y", "production batch"
+CONFIDENCE = 0.95
 
 Curve = Callable[[Array], Array]
 
@@ -226,3 +234,58 @@ def distance_from_normal(shape: str) -> float:
     mean, std = moments(shape)
     differences = stats.norm.cdf(_SCORES) - stats.norm.cdf((CURVES[shape](_SCORES) - mean) / std)
     return float(np.abs(differences).max())
+
+
+def samples_of(production: Production, y: Array, variables: Array | None = None) -> Samples:
+    """Return values as the rows of a campaign, all with status ok."""
+    n = y.size
+    columns = {} if variables is None else dict(zip(VARIABLES, variables.T, strict=True))
+    return Samples(
+        sample=np.arange(n),
+        status=np.zeros(n, np.int16),
+        statuses=("ok",),
+        messages={},
+        ok=np.ones(n, np.bool_),
+        values={RESPONSE: y, **columns},
+        max_residual=np.zeros(n),
+        max_penetration=np.zeros(n),
+        settled=np.ones(n, np.bool_),
+        penetration_unit="mm",
+        production_batch=production.lot_of(n),
+        run_seconds=None,
+    )
+
+
+def request(production: Production, n: int, true: Truth, variables: tuple[str, ...] = ()) -> ReportSpec:
+    """Return the request of a campaign of n samples with one response."""
+    batch = -(-n // production.lots) if production.lots else 0
+    return ReportSpec(
+        title=production.name,
+        campaign="study",
+        header={},
+        responses=(ResponseSpec(RESPONSE, "", "1", true.lsl, true.usl, true.target, "study"),),
+        variables=tuple(VariableSpec(name, "1", "normal", None, None, 0.0, 1.0, (), batch=batch) for name in variables),
+        provenance={},
+        requested=n,
+        production_batch_column=BATCH if production.lots else "",
+    )
+
+
+def page(production: Production, y: Array, true: Truth) -> Analysis:
+    """Return the report's analysis of values."""
+    return analyse(samples_of(production, y), request(production, y.size, true))
+
+
+def warned_of_all(card: tuple[Check, ...]) -> bool:
+    """Return whether the trust card says that the samples support no interval."""
+    return any(
+        (check.name == "Sampling" and check.level != "info")
+        or (check.name == "Production lots" and "are needed" in check.text)
+        for check in card
+    )
+
+
+def warned_of_normal(card: tuple[Check, ...]) -> bool:
+    """Return whether the trust card says that shares of a normal distribution are, or may be, wrong."""
+    (shape,) = (check for check in card if check.name == "Shape")
+    return shape.level in ("attention", "bad") or "may be off" in shape.text

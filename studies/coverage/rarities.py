@@ -11,8 +11,7 @@ from reporting import Design
 from reporting.rare.rare_rejects import rare_rejects
 from reporting.spec import ProposalPart
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import CONFIDENCE, request, samples_of
-from studies.coverage.productions import SHARES, VARIABLES, Production, truth
+from studies.coverage.productions import CONFIDENCE, SHARES, VARIABLES, Production, request, samples_of, truth
 
 # Limits as scores: 0.48 ppm below, 1.0 ppm above.
 FAR = (-4.9, 4.75)

@@ -13,8 +13,7 @@ from campaign.spec.campaign_file import CampaignSpec
 from campaign.store import Store
 from engine.arrays import Array
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import CONFIDENCE, RESPONSE
-from studies.coverage.productions import Production, Truth, truth
+from studies.coverage.productions import CONFIDENCE, RESPONSE, Production, Truth, truth
 
 # Half widths: of Cpk, and of mean and sigma in sigmas.
 HALF_WIDTHS = {"cpk": 0.1, "mean": 0.1, "std": 0.1}

@@ -13,8 +13,7 @@ from engine import warm_up
 from engine.build import build_id
 from studies.c60_spread.runs import clearances, shipped
 from studies.c60_spread.variants import SHIPPED, Variant
-from studies.settling.runs import HALVINGS, Ending, run
-from studies.settling.settlings import CHOSEN, CONTINUED, LIMIT, WINDOWS, Settling, settlings
+from studies.settling.settlings import CHOSEN, CONTINUED, HALVINGS, LIMIT, WINDOWS, Ending, Settling, run, settlings
 from studies.settling.tables import COSTS, Endings, cost_row, distance_table, mean_table, scatter_table
 
 

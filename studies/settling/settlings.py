@@ -1,7 +1,15 @@
-"""The settlings that the study compares: drag of their phases, and steps."""
+"""The settlings that the study compares: drag of their phases, steps, and the runs of the C-60 with them."""
 
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from engine import load_mechanism, simulate
+from engine.mechanism import Mechanism
+from engine.mechanism.benches import Bench, with_bench
+from engine.mechanism.models import mechanism_from
 
 FEWER = 5
 FREE_FALL = "free fall, as in the paper"
@@ -9,6 +17,7 @@ CHOSEN = "drag 10, then 2: as shipped"
 CONTINUED = "as shipped, then on without drag"
 WINDOWS = ("as shipped, window 0.1", "as shipped, window 3")
 LIMIT = "drag 20, steps from 0.008, travel 0.004"  # beyond it, more drag and shorter steps hardly matter
+HALVINGS = range(4)  # the steps are divided by 1, 2, 4 and 8
 
 
 @dataclass(frozen=True)
@@ -50,6 +59,17 @@ class Settling:
         }
 
 
+class Ending(NamedTuple):
+    """Result of a run."""
+
+    status: str
+    responses: dict[str, float]  # empty unless the run is ok
+    steps: int
+    iterations: int
+    simulated: float  # ms
+    processor_ms: float
+
+
 def settlings() -> list[Settling]:
     """Return the compared settlings, the paper's free fall first."""
     steps = (2e-3, 4e-3, 8e-3, 1.6e-2, 3.2e-2)
@@ -60,6 +80,29 @@ def settlings() -> list[Settling]:
         *(Settling(f"drag {d:g}, theta 1, steps from 0.008", (d, d), 8e-3, theta=1.0) for d in (1, 2, 5, 10, 20)),
         *_with_coarse_steps(),
     ]
+
+
+def run(settling: Settling, gaps: Mapping[str, float], halvings: int = 0) -> Ending:
+    """Return the result of a sample with its clearances (mm by joint) and steps halved `halvings` times."""
+    mechanism = mechanism_of(settling)
+    steps = settling.steps(halvings)
+    values = {
+        **gaps,
+        "simulation.step": steps["step"],
+        **{f"simulation.adaptive.{key}": value for key, value in steps["adaptive"].items()},
+    }
+    began = time.process_time()
+    found = simulate(mechanism, values)
+    processor_ms = 1e3 * (time.process_time() - began)
+    c = found.certificate
+    return Ending(found.status, found.responses, c.steps, c.iterations, c.time, processor_ms)
+
+
+@lru_cache(maxsize=2)
+def mechanism_of(settling: Settling) -> Mechanism:
+    """Return the C-60 with this settling; cached, because reading its file takes longer than some runs."""
+    data = load_mechanism("c60").model_dump(by_alias=True, exclude_unset=True)
+    return mechanism_from(with_bench(data, "study", Bench.model_validate(settling.tables())), settling.name)
 
 
 def _with_coarse_steps() -> list[Settling]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from engine.arrays import Array
 from studies.c60_spread.tables import PLACES, RESPONSES
-from studies.settling.runs import Ending
+from studies.settling.settlings import Ending
 
 Endings = Mapping[int, Sequence[Ending]]  # by sample: with the settling's own steps, with half of them, ...
 
@@ -23,10 +23,10 @@ def cost_row(name: str, endings: Endings) -> str:
     """Return a line of the table of costs, which are means over the runs with the settling's own steps."""
     own = [runs[0] for runs in endings.values()]
     good = np.array([[run.status == "ok" for run in runs] for runs in endings.values()])
-    steps, iterations, simulated, spent = np.mean([run[2:] for run in own], axis=0)
+    steps, iterations, simulated, processor_ms = np.mean([run[2:] for run in own], axis=0)
     return (
         f"| {name} | {np.count_nonzero(good)} of {good.size} | {steps:.0f} | {iterations:.0f} | {simulated:.1f} "
-        f"| {spent:.0f} |"
+        f"| {processor_ms:.0f} |"
     )
 
 

@@ -8,8 +8,7 @@ import pyarrow as pa
 from campaign.inputs.sampling import sampler_named
 from reporting import Design, ReportSpec, ResponseSpec, VariableSpec
 from reporting.analysis import Analysis, Rescale, analyse
-from reporting.repeats import Repeats
-from reporting.samples import read_samples
+from reporting.samples import Repeats, read_samples
 
 if TYPE_CHECKING:
     from reporting.samples import Rows

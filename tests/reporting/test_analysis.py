@@ -7,8 +7,8 @@ import pyarrow as pa
 import pytest
 
 from reporting import ReportError
-from reporting.failures import STATUSES
 from reporting.shape.family.families import FAMILIES
+from reporting.statuses import STATUSES
 from reporting.tolerance.reweighting import Change
 from tests.each import each
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table

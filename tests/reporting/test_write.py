@@ -17,7 +17,7 @@ import pytest
 
 from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
-from reporting.render.histograms import response_figure
+from reporting.render.figures import response_figure
 from reporting.render.html import render_html, weakest
 from reporting.render.json import render_json
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table

@@ -9,9 +9,8 @@ from campaign.cli.options import Id, StoreUrl
 from campaign.cli.output import Json, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
-    from reporting.tolerance.advice import Advice
+    from reporting.tolerance.advice import Advice, ToleranceAdvice
     from reporting.tolerance.allocation import Allocation
-    from reporting.tolerance.tolerance_advice import ToleranceAdvice
 
 
 def advise(

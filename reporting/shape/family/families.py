@@ -13,25 +13,61 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
-from reporting.shape.condensed import Condensed
+from reporting.shape.binned_sample import BinnedSample
 from reporting.shape.family import distributions
 from reporting.shape.family.distributions import ClosedForm, Parameter
-from reporting.shape.family.parameter_units import (
-    Reading,
-    above,
-    below,
-    of_log,
-    place,
-    plain,
-    probability,
-    ratio,
-    width,
-)
 
+Reading = Callable[[float, float, float], float]
 Theta = tuple[float, ...]
 
 # With more degrees of freedom a t distribution is practically normal.
 _MOST_FREEDOM = 6.0
+
+
+# -- a parameter of ``z = (x - shift) / scale`` in the unit of x -------------------------------------------------------
+#
+# Each function takes the unconstrained parameter, the shift and the scale. The unconstrained form of a positive
+# parameter is its logarithm.
+
+
+def plain(value: float, shift: float, scale: float) -> float:
+    """Return a dimensionless number."""
+    return value
+
+
+def ratio(value: float, shift: float, scale: float) -> float:
+    """Return a positive dimensionless number."""
+    return math.exp(value)
+
+
+def place(value: float, shift: float, scale: float) -> float:
+    """Return a value of x."""
+    return shift + scale * value
+
+
+def width(value: float, shift: float, scale: float) -> float:
+    """Return a width of x."""
+    return abs(scale) * math.exp(value)
+
+
+def of_log(value: float, shift: float, scale: float) -> float:
+    """Return the mean of a logarithm."""
+    return value + math.log(abs(scale))
+
+
+def below(value: float, shift: float, scale: float) -> float:
+    """Return the end below the values, or for a mirrored family the end above them."""
+    return shift - scale * (1.0 + math.exp(value))
+
+
+def above(value: float, shift: float, scale: float) -> float:
+    """Return the end above the values."""
+    return shift + scale * (1.0 + math.exp(value))
+
+
+def probability(value: float, shift: float, scale: float) -> float:
+    """Return a share."""
+    return 1.0 / (1.0 + math.exp(-value))
 
 
 @dataclass(frozen=True)
@@ -81,7 +117,7 @@ class Family:
     frame: str
     # from theta to the distribution of z; arrays of shape (b, 1) instead of numbers give b distributions
     build: Callable[[Sequence[Parameter]], ClosedForm]
-    start: Callable[[Condensed], Theta]  # from the condensed values of z to the theta at which the search starts
+    start: Callable[[BinnedSample], Theta]  # from the binned values of z to the theta at which the search starts
     framed: bool = False  # whether the parameters are those of z, so that shift and scale belong to them
 
     def in_units(self, theta: Theta, shift: float, scale: float) -> dict[str, float]:
@@ -98,54 +134,54 @@ def _exp(value: Parameter) -> Parameter:
     return np.asarray(np.exp(np.clip(value, -40.0, 40.0)))
 
 
-def _moments(c: Condensed) -> Theta:
+def _moments(c: BinnedSample) -> Theta:
     """Return the mean and the logarithm of the standard deviation."""
     mean = c.mean(c.values)
     return mean, math.log(math.sqrt(c.mean((c.values - mean) ** 2)))
 
 
-def _log_moments(c: Condensed) -> Theta:
+def _log_moments(c: BinnedSample) -> Theta:
     """Return the mean and the logarithm of the standard deviation of the logarithms."""
     return _moments(replace(c, values=np.log(c.values)))
 
 
-def _weibull_start(c: Condensed) -> Theta:
+def _weibull_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments of the logarithms."""
     mean, log_sd = _log_moments(c)  # log x: sd pi / (sqrt(6) shape), mean log scale - 0.5772 / shape
     shape = math.pi / math.sqrt(6) / math.exp(log_sd)
     return math.log(shape), mean + 0.5772 / shape
 
 
-def _gamma_start(c: Condensed) -> Theta:
+def _gamma_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     variance = math.exp(2 * log_sd)
     return math.log(mean * mean / variance), math.log(variance / mean)
 
 
-def _root_mean_square(c: Condensed) -> Theta:
+def _root_mean_square(c: BinnedSample) -> Theta:
     """Return the logarithm of the root mean square."""
     return (0.5 * math.log(c.mean(c.values**2)),)
 
 
-def _logistic_start(c: Condensed) -> Theta:
+def _logistic_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     return mean, log_sd + math.log(math.sqrt(3) / math.pi)
 
 
-def _laplace_start(c: Condensed) -> Theta:
+def _laplace_start(c: BinnedSample) -> Theta:
     """Return the median, which is 0, and the logarithm of the mean distance from it: the maximum of the likelihood."""
     return 0.0, math.log(c.mean(np.abs(c.values)))
 
 
-def _student_start(c: Condensed) -> Theta:
+def _student_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments, with five degrees of freedom."""
     mean, log_sd = _moments(c)
     return mean, log_sd + 0.5 * math.log(0.6), math.log(5.0)  # its variance is 5/3 of the squared scale
 
 
-def _gumbel_start(c: Condensed) -> Theta:
+def _gumbel_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     # Euler's constant 0.5772 is the mean of Gumbel's distribution of mode 0 and scale 1.
@@ -153,14 +189,14 @@ def _gumbel_start(c: Condensed) -> Theta:
     return mean - 0.5772 * scale, math.log(scale)
 
 
-def _beta_start(c: Condensed) -> Theta:
+def _beta_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     both = max(mean * (1 - mean) / math.exp(2 * log_sd) - 1, 0.1)
     return math.log(mean * both), math.log((1 - mean) * both)
 
 
-def _sl_start(c: Condensed) -> Theta:
+def _sl_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments of the logarithms above a threshold."""
     # A threshold at -1.5, which is theta = log 0.5: the values fill -1 to 1.
     logs = np.log(c.values + 1.5)
@@ -168,7 +204,7 @@ def _sl_start(c: Condensed) -> Theta:
     return math.log(0.5), mean, 0.5 * math.log(c.mean((logs - mean) ** 2))
 
 
-def _mixture_start(c: Condensed) -> Theta:
+def _mixture_start(c: BinnedSample) -> Theta:
     """Return parameters from the moments of the values below and above the mean."""
     mean, log_sd = _moments(c)
     low, high = c.values < mean, c.values >= mean

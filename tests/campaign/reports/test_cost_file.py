@@ -8,8 +8,7 @@ import pytest
 
 from campaign.errors import SpecError
 from campaign.reports.cost_file import Costs, read_costs
-from reporting.tolerance.allocation import allocate
-from reporting.tolerance.allocation_problem import CostedVariable, Requirement
+from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, ProcessTable
 from tests.each import each
 

@@ -23,7 +23,7 @@ PROSE = {
     "campaign.worker.subprocess_runs",
     # Sentences of a report, which knows no store; they name a verb and are no command.
     "reporting.sensitivity.total_order",
-    "reporting.trust.rare_shares",
+    "reporting.trust.evidence",
 }
 
 

@@ -14,7 +14,7 @@ from reporting.rare.weighted import Draws, flat_bound, rare_share, tail_shape
 from reporting.render.html import render_html
 from reporting.samples import read_samples
 from reporting.spec import ProposalPart
-from reporting.trust.rare_shares import rare_checks
+from reporting.trust.evidence import rare_checks
 from tests.each import each
 from tests.reporting.synthetic import analysis_of
 

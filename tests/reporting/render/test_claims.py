@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from reporting.capability.shares import largest_z, least_ppm
 from reporting.render.html import render_html
-from reporting.shape.expected_share import ExpectedShare
+from reporting.shape.estimates import ExpectedShare
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 

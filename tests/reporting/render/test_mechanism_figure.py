@@ -1,7 +1,7 @@
 """The drawing of the mechanism as SVG: names are text and never markup, and can be read."""
 
-from reporting.drawing import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
 from reporting.render.mechanism_figure import mechanism_figure, readable
+from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
 
 HOSTILE = '</text><script>alert("x")</script>'
 

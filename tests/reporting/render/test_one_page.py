@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 import pytest
 
 from reporting.analysis import Analysis
-from reporting.drawing import DrawnWords, LegendEntry, MechanismDrawing
 from reporting.render.one_page import ROWS, cut, render_one_page
+from reporting.spec import DrawnWords, LegendEntry, MechanismDrawing
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 LONG = "a very long name of something that nobody wants to read to its end, <b>bold</b> & more " * 6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reporting.shape.atoms import ties
-from reporting.shape.fits import fit_families
+from reporting.shape.fitting import fit_families
 from tests.each import each
 
 

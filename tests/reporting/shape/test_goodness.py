@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.fits import fit_families
+from reporting.shape.fitting import fit_families
 
 
 @pytest.mark.slow

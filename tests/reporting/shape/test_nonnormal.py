@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from reporting import capability
-from reporting.shape.fits import fit_families
+from reporting.shape.fitting import fit_families
 from reporting.shape.nonnormal import ENDS, empirical_indices, fitted_indices
 from reporting.shape.order_statistics import FEWEST, empirical_percentiles
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.condensed import condense
-from reporting.shape.fits import fit_families
-from reporting.shape.fitting import SEARCHED
+from reporting.shape.binned_sample import bin_sample
+from reporting.shape.fitting import SEARCHED, fit_families
 from reporting.shape.parameter_draws import parameter_draws, weighted_interval
 
 
@@ -14,7 +13,7 @@ def test_draws_of_a_normal_mean_and_sigma_are_those_of_theory() -> None:
     """With flat priors of mean and log sigma: Student's t, and chi-square, here with one part in 50 fewer values."""
     x = np.sort(np.random.default_rng(1).normal(5, 2, 100))
     fit = fit_families(x, names=["normal"]).of("normal")
-    theta, weights = parameter_draws(fit, condense(x, SEARCHED))
+    theta, weights = parameter_draws(fit, bin_sample(x, SEARCHED))
     assert weights.sum() == pytest.approx(1.0)
     means = fit.shift + fit.scale * theta[:, 0]
     known = stats.t(97, x.mean(), x.std() / np.sqrt(97)).ppf([0.025, 0.975])
@@ -28,7 +27,7 @@ def test_a_flat_likelihood_keeps_the_draws_within_reach() -> None:
     """Johnson's SU has no maximum on normal values: its likelihood rises towards the normal distribution's."""
     x = np.sort(np.random.default_rng(2).uniform(size=200))
     fit = fit_families(x, names=["johnson_su"]).of("johnson_su")
-    theta, weights = parameter_draws(fit, condense(x, SEARCHED))
+    theta, weights = parameter_draws(fit, bin_sample(x, SEARCHED))
     assert np.all(np.isfinite(theta))
     assert np.all(np.isfinite(weights))
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 from reporting import capability
 from reporting.capability.intervals import cpk_interval, with_ends
-from reporting.shape.fits import AIC_SUPPORT, fit_families
+from reporting.shape.fitting import AIC_SUPPORT, fit_families
 from reporting.shape.nonnormal import ENDS, fitted_indices
 from reporting.shape.supported_indices import supported_indices
 

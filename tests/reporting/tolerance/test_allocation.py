@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 
 from reporting import ReportError
-from reporting.tolerance.allocation import allocate
-from reporting.tolerance.allocation_problem import CostedVariable, Requirement
+from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import PowerLaw
 from reporting.tolerance.cost_optimum import cheapest
 from reporting.tolerance.reweighting import Change

@@ -7,8 +7,7 @@ import pytest
 
 from reporting import ReportError
 from reporting.tolerance import process_choice
-from reporting.tolerance.allocation import allocate
-from reporting.tolerance.allocation_problem import CostedVariable, Requirement
+from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import cheapest, costs
 from reporting.tolerance.process_choice import Programme, cheapest_choice

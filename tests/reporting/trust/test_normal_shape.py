@@ -1,4 +1,4 @@
-"""What the card says of the shape of responses: which tail, whose ppm, and how often without reason."""
+"""What the card says of the shape of responses: which tail, whose ppm, how often without reason; Holm's adjustment."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reporting.shape.normality import normality
-from reporting.trust.normal_shape import normal_shape
+from reporting.trust.normal_shape import holm, normal_shape
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -109,3 +109,9 @@ def test_values_in_lots_that_cannot_test_the_shape_are_never_close_to_normal(res
     assert found.level != "good"
     assert "worth" in found.text
     assert "cumulative shares may be off by up to" in found.text
+
+
+def test_by_hand() -> None:
+    assert holm([0.04, 0.01, 0.03, 0.005]) == pytest.approx([0.06, 0.03, 0.06, 0.02])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+    assert holm([]) == []

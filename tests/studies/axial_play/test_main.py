@@ -7,8 +7,7 @@ import pytest
 
 from engine import load_mechanism, simulate
 from studies.axial_play.__main__ import HEAD, lines, row
-from studies.axial_play.plays import CENTRED, SHIPPED, plays
-from studies.axial_play.runs import run
+from studies.axial_play.plays import CENTRED, SHIPPED, plays, run
 from studies.c60_spread.tables import RESPONSES
 from tests.studies.c60_spread.test_tables import table_after
 

@@ -3,8 +3,7 @@
 import pytest
 
 from engine import check, load_mechanism, simulate
-from studies.settling.runs import mechanism_of, run
-from studies.settling.settlings import CHOSEN, CONTINUED, Settling, settlings
+from studies.settling.settlings import CHOSEN, CONTINUED, Settling, mechanism_of, run, settlings
 from tests.each import each
 
 pytestmark = pytest.mark.slow

@@ -4,8 +4,7 @@ import pytest
 
 from engine import load_mechanism
 from engine.mechanism import set_values
-from studies.settling.runs import mechanism_of
-from studies.settling.settlings import CHOSEN, FREE_FALL, settlings
+from studies.settling.settlings import CHOSEN, FREE_FALL, mechanism_of, settlings
 
 pytestmark = pytest.mark.slow
 

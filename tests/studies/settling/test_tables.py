@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from studies.c60_spread.tables import RESPONSES
-from studies.settling.runs import Ending
+from studies.settling.settlings import Ending
 from studies.settling.tables import cost_row, distance_table, drift, mean_table, scatter, scatter_table, sigma, values
 
 pytestmark = pytest.mark.slow

@@ -1,9 +1,11 @@
-"""Worst case and root sum of squares from the slopes of a response, using the samples of one Monte Carlo campaign.
+"""Stack-up of a response: the worst case over the corners of the tolerance box, and from the slopes of the samples.
 
-This is the stack-up sheet of a drawing office: ``y = y0 + sum s_i (x_i - m_i)``, with m_i the middle of the tolerance
-of variable i and t_i half its width. All parts at their worst end give ``sum |s_i| t_i``; independent parts give
-``sqrt(sum (s_i t_i)^2)``. The slopes s_i are those of the least-squares plane through the samples. The result is exact
-for a response that is a weighted sum; the share of the variance that the plane explains shows the departure from this.
+The worst case over the corners is that of the paper (appendix A, eqs. 24-27): it needs a campaign of corners. Worst
+case and root sum of squares from slopes use the samples of one Monte Carlo campaign. This is the stack-up sheet of a
+drawing office: ``y = y0 + sum s_i (x_i - m_i)``, with m_i the middle of the tolerance of variable i and t_i half its
+width. All parts at their worst end give ``sum |s_i| t_i``; independent parts give ``sqrt(sum (s_i t_i)^2)``. The slopes
+s_i are those of the least-squares plane through the samples. The result is exact for a response that is a weighted sum;
+the share of the variance that the plane explains shows the departure from this.
 
 The tolerance of a variable extends from its lower to its upper bound. Without a bound it ends at three standard
 deviations from the mean.
@@ -18,6 +20,7 @@ from scipy.special import fdtrc
 
 from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
+from reporting.errors import ReportError
 from reporting.spec import VariableSpec
 
 # The worst case of a plane that explains a smaller share of the variance is not reliable.
@@ -32,6 +35,56 @@ _REACH = 3.0  # standard deviations at which a tolerance without a bound ends
 _CENTRAL = (0.135, 99.865)  # percentiles that contain as much as mean +- 3 sigma of a normal distribution
 
 Command = Callable[[Mapping[str, float]], str]
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """The extremes of a response over the corners of the tolerance box; None if no corner has a value."""
+
+    lowest: float | None  # LSL_Y of the paper (eq. 24)
+    highest: float | None  # USL_Y (eq. 25)
+    nominal: float | None  # mean of the two, N_Y (eq. 26)
+    tolerance: float | None  # half their difference, T_Y (eq. 27)
+    lowest_corner: dict[str, float]  # inputs at the extreme: each variable at an end of its range
+    highest_corner: dict[str, float]
+    corners: int  # simulated
+    missing: int  # corners without a value
+    within: bool | None  # every corner has a value and keeps the limits; None without limits
+
+
+def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
+    """Return the worst case of one response, NaN where it has no value; columns have the shape (n,).
+
+    The extremes lie at corners only if the response is monotone in every input. Other samples, such as the centre, are
+    included; a response that is not monotone may still have larger extremes inside the box. ReportError: the columns
+    differ in length.
+    """
+    y = np.asarray(y, np.float64)
+    wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]
+    if wrong:
+        raise ReportError(
+            f"worst case: {', '.join(wrong)}: differs in length from the response; give columns of one table"
+        )
+    rows = np.flatnonzero(np.isfinite(y))
+    missing = y.size - rows.size
+    limited = lsl is not None or usl is not None
+    if rows.size == 0:
+        return WorstCase(None, None, None, None, {}, {}, y.size, missing, False if limited else None)
+    low, high = (int(rows[choose(y[rows])]) for choose in (np.argmin, np.argmax))
+    lowest, highest = float(y[low]), float(y[high])
+    within = (lsl is None or lowest >= lsl) and (usl is None or highest <= usl) and missing == 0
+    corner = {at: {name: float(column[at]) for name, column in inputs.items()} for at in (low, high)}
+    return WorstCase(
+        lowest=lowest,
+        highest=highest,
+        nominal=0.5 * (lowest + highest),
+        tolerance=0.5 * (highest - lowest),
+        lowest_corner=corner[low],
+        highest_corner=corner[high],
+        corners=y.size,
+        missing=missing,
+        within=within if limited else None,
+    )
 
 
 @dataclass(frozen=True)
@@ -162,29 +215,29 @@ def _plane(y: Array, x: Array) -> _Plane:
     if not deviation.std() > ROUNDING * np.abs(y).max():
         return _Plane(float(y.mean()), np.zeros(k), None, None, CONSTANT)
     slopes = np.linalg.lstsq(z, deviation, rcond=None)[0]
-    most = min(_MOST_TERMS, n // _ROWS_PER_SQUARE)
+    most_terms = min(_MOST_TERMS, n // _ROWS_PER_SQUARE)
     # Products of all pairs take ten rows for each term, and no more than 150 terms; else squares alone.
-    i, j = np.triu_indices(k) if (k + 1) * (k + 2) // 2 <= most else (np.arange(k), np.arange(k))
-    straight, curved, is_curved = _left(np.column_stack([np.ones(n), z]), deviation), None, False
-    if 1 + k + i.size <= most:
-        left = _left(np.column_stack([np.ones(n), z, z[:, i] * z[:, j]]), deviation)
-        gain = (straight[0] - left[0]) / i.size / max(left[0] / left[1], np.finfo(np.float64).tiny)
-        curved = _share(left, deviation)
-        is_curved = curved - _share(straight, deviation) >= CURVED_SHARE and fdtrc(i.size, left[1], gain) < _CHANCE
+    i, j = np.triu_indices(k) if (k + 1) * (k + 2) // 2 <= most_terms else (np.arange(k), np.arange(k))
+    straight, curved, is_curved = _residual_squares(np.column_stack([np.ones(n), z]), deviation), None, False
+    if 1 + k + i.size <= most_terms:
+        squares = _residual_squares(np.column_stack([np.ones(n), z, z[:, i] * z[:, j]]), deviation)
+        gain = (straight[0] - squares[0]) / i.size / max(squares[0] / squares[1], np.finfo(np.float64).tiny)
+        curved = _share(squares, deviation)
+        is_curved = curved - _share(straight, deviation) >= CURVED_SHARE and fdtrc(i.size, squares[1], gain) < _CHANCE
     explained = _share(straight, deviation)
     shape = CURVED if is_curved else LINEAR if explained >= LINEAR_SHARE else OTHER
     return _Plane(float(y.mean()), slopes / spread, explained, curved, shape)
 
 
-def _left(terms: Array, deviation: Array) -> tuple[float, int]:
+def _residual_squares(terms: Array, deviation: Array) -> tuple[float, int]:
     """Return the residual sum of squares of a fit of the terms, and its degrees of freedom."""
     residual = deviation - terms @ np.linalg.lstsq(terms, deviation, rcond=None)[0]
     return float(residual @ residual), terms.shape[0] - terms.shape[1]
 
 
-def _share(left: tuple[float, int], deviation: Array) -> float:
+def _share(squares: tuple[float, int], deviation: Array) -> float:
     """Return the explained share of the variance, adjusted for the number of terms; at least 0."""
-    return max(1.0 - left[0] / left[1] / float(deviation @ deviation) * (deviation.size - 1), 0.0)
+    return max(1.0 - squares[0] / squares[1] / float(deviation @ deviation) * (deviation.size - 1), 0.0)
 
 
 def _correlations(x: Array) -> Array:

@@ -1,17 +1,36 @@
-"""Lines of the trust card on the runs: each is computed, succeeded, obeyed the laws of contact and came to rest."""
+"""Lines of the trust card on the runs and their inputs, and the form of every line.
+
+Each run is computed, succeeded, obeyed the laws of contact and came to rest; the inputs were drawn as requested.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from reporting import format_numbers
 from reporting.arrays import Array
-from reporting.ok_share import too_few_ok
+from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.samples import OK, Samples
-from reporting.trust.check import Check
+from reporting.statuses import too_few_ok
 
+# A drawn mean, sigma or correlation does not deviate by more standard errors from the requested one by chance.
+INPUT_ERRORS_BAR = 4.0
+# A distribution does not have a smaller p-value by chance, even in many campaigns with many variables.
+INPUT_P_BAR = 1e-5
 # Bounds for every ok row: relative residual of the friction problem; penetration, by unit.
 RESIDUAL_BAR = 1e-6
 # The same length in both units; in any other unit there is no bound to compare with.
 PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the trust card."""
+
+    name: str  # of the checked property
+    level: str  # "good"; "attention" (read on before signing); "bad" (do not sign); "info" (nothing to judge)
+    text: str  # the finding in words
+    value: float | None = None  # the number of the finding, if there is one
 
 
 def complete(requested: int, samples: Samples) -> Check:
@@ -76,3 +95,38 @@ def settled(samples: Samples) -> Check:
     share = format_numbers.percent(moving / total)
     text = f"{format_numbers.grouped(moving)} ok samples ({share}) were still moving when their run ended."
     return Check("Settled", "attention", text, float(moving))
+
+
+def drawn_as_requested(
+    variables: tuple[VariableAnalysis, ...], correlations: tuple[CorrelationAnalysis, ...], *, production: bool
+) -> Check:
+    """Check mean, sigma, bounds, distribution and correlations of the drawn variables against the request."""
+    name = "Inputs as requested"
+    if not variables:
+        return Check(name, "info", "The campaign has no variable.")
+    outside = sum(v.outside for v in variables)
+    if outside:
+        text = f"{format_numbers.grouped(outside)} drawn values are outside the requested bounds or missing."
+        return Check(name, "bad", text, float(outside))
+    moments = [(v.spec.name, (("mean", v.mean_errors), ("sigma", v.std_errors))) for v in variables]
+    errors = {f"{word} of {v}": e for v, pairs in moments for word, e in pairs if e is not None}
+    errors |= {f"correlation of {c.first} and {c.second}": abs(c.errors) for c in correlations}
+    if not errors or not production:
+        reason = (
+            "there are too few samples"
+            if production
+            else "the samples do not represent production, so there is no reason"
+        )
+        return Check(
+            name, "info", f"All values are within their bounds; {reason} to compare the distributions with the request."
+        )
+    worst = max(errors, key=errors.__getitem__)
+    different = [v.spec.name for v in variables if v.p_value is not None and v.p_value < INPUT_P_BAR]
+    distance = format_numbers.fixed(errors[worst], 1, (INPUT_ERRORS_BAR,))
+    text = (
+        f"Means, sigmas and correlations are within {distance} standard errors of the request (largest: {worst}); "
+        "no value is outside its bounds."
+    )
+    if different:
+        text += f" The distribution of {', '.join(different)} is not the requested one (Kolmogorov)."
+    return Check(name, "attention" if different or errors[worst] > INPUT_ERRORS_BAR else "good", text, errors[worst])

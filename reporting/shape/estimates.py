@@ -1,20 +1,40 @@
-"""Estimates of the methods without the normal distribution, on the scale of Cpk, for the verdict on a response.
+"""Results of the methods without the normal distribution for one response, from its fits, percentiles and tails.
 
-Only reliable estimates are used: a fitted distribution with an interval, a Pareto tail that fits the values beyond its
-threshold, and percentiles of enough values for an interval.
+Their estimates on the scale of Cpk are for the verdict; only reliable ones are used: a fitted distribution with an
+interval, a Pareto tail that fits the values beyond its threshold, and percentiles of enough values for an interval. The
+expected share out of limits is that of the normal distribution if the response is normal, else one of theirs.
+
+Their intervals assume independent values, so they are suppressed if the values are in production lots. Intervals of
+mean, sigma, their indices and counted shares allow for lots.
 """
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from reporting.capability.intervals import OpenInterval, with_ends
+from reporting.capability.intervals import Interval, OpenInterval, with_ends
 from reporting.capability.shares import least_ppm
+from reporting.capability.summary import Capability
 from reporting.capability.verdict import IndexEstimate, index_of_share
 from reporting.format_numbers import index, index_interval, ppm
-from reporting.shape.fits import Fits
+from reporting.shape.fitting import Fits
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.tails import TailShare
+
+_NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
+OF_LOTS = "No interval: it would treat the values of a production lot as independent."
+
+
+@dataclass(frozen=True)
+class ExpectedShare:
+    """Expected share of production out of limits."""
+
+    ppm: float | None  # None if no estimate is reliable
+    # of `ppm`; if `ppm` is None, the range over the distributions that the values do not distinguish
+    interval: Interval | None
+    # "normal", the title of a fitted distribution, "fitted distributions" for a range of several, "Pareto tail"; or
+    # "not normal" if only the count is known.
+    by: str
 
 
 def index_estimates(
@@ -28,7 +48,49 @@ def index_estimates(
     return *(estimate for estimate in estimates if estimate is not None), *_by_tails(tuple(tails), least)
 
 
-_NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
+def expected_share(
+    numbers: Capability, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare], *, normal: bool
+) -> ExpectedShare | None:
+    """Return the expected share out of limits, None without an index; `normal` is False if it is proven otherwise."""
+    if numbers.ppm_expected is None:
+        return None
+    if normal:
+        return ExpectedShare(numbers.ppm_expected, numbers.ppm_expected_interval, "normal")
+    best = fits.of(fits.best)
+    for method in methods:
+        if method.method != "z_score" or method.family in (None, "normal"):
+            continue
+        if method.ppm_range is not None:
+            return ExpectedShare(None, method.ppm_range, "fitted distributions")
+        if method.ppm_expected is not None:
+            return ExpectedShare(method.ppm_expected, method.ppm_expected_interval, best.title if best else "fitted")
+    known = list(tails)
+    if known and all(tail.ppm is not None for tail in known):
+        ends = [tail.interval for tail in known if tail.interval is not None]
+        interval = (sum(low for low, _ in ends), sum(high for _, high in ends)) if len(ends) == len(known) else None
+        return ExpectedShare(sum(tail.ppm or 0.0 for tail in known), interval, "Pareto tail")
+    return ExpectedShare(None, None, "not normal")
+
+
+def without_intervals(
+    methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
+) -> tuple[tuple[NonnormalIndices, ...], tuple[TailShare, ...]]:
+    """Return methods and tails for values in lots: the estimates without their intervals, with a note on why."""
+    return (
+        tuple(
+            replace(
+                method,
+                pp_interval=None,
+                ppk_interval=None,
+                ppl_interval=None,
+                ppu_interval=None,
+                ppm_expected_interval=None,
+                notes=(*method.notes, OF_LOTS),
+            )
+            for method in methods
+        ),
+        tuple(replace(tail, interval=None, note=f"{tail.note} {OF_LOTS}".strip()) for tail in tails),
+    )
 
 
 def _by_method(method: NonnormalIndices, title: str, least: float, ended: OpenInterval | None) -> IndexEstimate | None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.capability.moment_test import normal_moments_p
+from reporting.capability.moments import normal_moments_p
 from tests.each import each
 
 

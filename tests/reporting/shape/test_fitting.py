@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from reporting.shape.condensed import anderson_darling, condense, distance
-from reporting.shape.fits import fit_families
-from reporting.shape.fitting import JUDGED, SEARCHED, distribution
+from reporting.shape.binned_sample import anderson_darling, bin_sample, distance
+from reporting.shape.fitting import JUDGED, SEARCHED, distribution, fit_families
 from tests.each import each
 
 RNG = np.random.default_rng(6)
@@ -92,10 +91,10 @@ def test_errors_of_the_parameters_are_those_of_many_samples() -> None:
     assert said == pytest.approx(spread, rel=0.13)
 
 
-def test_a_condensed_sample_is_the_sample() -> None:
+def test_a_binned_sample_is_the_sample() -> None:
     """Total weight, mean, distance and Anderson-Darling of 100,000 values, at a fiftieth of them."""
     x = np.sort(np.random.default_rng(2).gamma(3.0, size=100_000))
-    whole, part = condense(x, x.size), condense(x, 2000)
+    whole, part = bin_sample(x, x.size), bin_sample(x, 2000)
     assert (part.values.size, part.weights.sum()) == (2000, 100_000)
     assert part.mean(part.values) == pytest.approx(x.mean(), rel=1e-12)
     assert np.array_equal(part.values[:500], x[:500])

@@ -5,7 +5,7 @@ from pathlib import Path
 import openpyxl
 
 from reporting import write_report
-from reporting.render.sheet import LEAST_WIDTH, MOST_WIDTH, number_pattern
+from reporting.render.excel import LEAST_WIDTH, MOST_WIDTH, number_pattern
 from tests.each import each
 
 FENCES = (1.0, 1.33, 16.0)
