@@ -20,8 +20,18 @@ from cryptography.hazmat.primitives.serialization import (
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.reports.signing.signed_export import SignedDocument, stream_export
-from campaign.reports.signing.signed_files import check_whole, digest_file, signed_files, signed_names
-from campaign.reports.signing.signoff_document import Signoff, content_digest, differences, digests_of, sha256, sign
+from campaign.reports.signing.signoff_document import (
+    Signoff,
+    check_whole,
+    content_digest,
+    differences,
+    digest_file,
+    digests_of,
+    sha256,
+    sign,
+    signed_files,
+    signed_names,
+)
 from campaign.store import Store
 from campaign.store.layout import SUBMISSION
 from campaign.web.access import Principal

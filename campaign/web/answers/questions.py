@@ -145,8 +145,8 @@ def allocation_answer(rows: AskedRows, costs: Mapping[str, Any] | str) -> dict[s
 
 
 def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:
-    """Return the comparison of two campaigns; see `campaign.reports.campaign_comparison`."""
-    from campaign.reports.campaign_comparison import comparison_document  # loads packages that only reports need
+    """Return the comparison of two campaigns; see `campaign.reports.report`."""
+    from campaign.reports.report import comparison_document  # loads packages that only reports need
 
     if rows.campaign == other.campaign:
         raise SpecError(f"{other.campaign}: is the campaign itself; name another one to compare with")

@@ -9,7 +9,7 @@ import pytest
 
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
-from campaign.reports.signing.signed_archive import open_archive
+from campaign.reports.signing.signed_export import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.access.database import Database
 from campaign.web.signatory import KEY_FILE

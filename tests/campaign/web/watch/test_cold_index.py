@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 import s3fs
 
-from campaign.client import campaign_list
-from campaign.client.campaign_list import listed_campaigns
+from campaign.client import remote_server
+from campaign.client.remote_server import listed_campaigns
 from campaign.coordinator.state import write_state
 from campaign.errors import UnreachableError
 from campaign.plan import make_plan
@@ -199,7 +199,7 @@ class Listing:
 
 def test_a_program_gets_all_campaigns(monkeypatch):
     """It waits until the server has read them, also if that begins anew between two pages."""
-    monkeypatch.setattr(campaign_list.time, "sleep", lambda _: None)
+    monkeypatch.setattr(remote_server.time, "sleep", lambda _: None)
     server = Listing(900, 450, 0, 3, 0)
     assert [each["campaign"] for each in listed_campaigns(server, {})] == ["after ", "after 500"]
     assert server.asked == ["", "", "", "500", "500"]
@@ -207,7 +207,7 @@ def test_a_program_gets_all_campaigns(monkeypatch):
 
 def test_a_program_does_not_wait_for_ever(monkeypatch):
     now = iter(range(0, 10_000, 20))
-    monkeypatch.setattr(campaign_list, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
+    monkeypatch.setattr(remote_server, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
     with pytest.raises(UnreachableError, match=r"\b7 campaigns"):
         list(listed_campaigns(Listing(9, 8, 7), {}))
 

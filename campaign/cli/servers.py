@@ -1,4 +1,4 @@
-"""``clearcap serve``: serve pages and the API over a store."""
+"""Verbs that serve other processes: ``serve``, ``coordinate``, and ``certificates`` for the TLS of a cluster."""
 
 import hashlib
 import os
@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.options import StoreUrl, on_cluster
+from campaign.cli.drive import drive
+from campaign.cli.options import NoReport, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
+
 
 _PANEL = "Where to listen"
 
@@ -132,3 +134,66 @@ def _data_folder(url: str) -> Path:
     """Return the default data folder of a server, which differs for each store."""
     base = Path(os.environ.get("XDG_DATA_HOME") or Path("~/.local/share").expanduser())
     return base / "clearcap" / f"server-{hashlib.sha256(url.encode()).hexdigest()[:12]}"
+
+
+@on_cluster
+def coordinate(
+    where: "Cluster",
+    campaign: Annotated[
+        str | None, typer.Argument(help="Id of the campaign; without it, all queued campaigns.")
+    ] = None,
+    store: StoreUrl = "runs",
+    once: Annotated[bool, typer.Option("--once", help="Without an id: end when no campaign is queued.")] = False,
+    no_report: NoReport = False,
+    parent: Annotated[
+        int | None, typer.Option(hidden=True, help="End when this process ends, which has started it.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compute a planned campaign; without an id, serve the store: compute every queued campaign.
+
+    A process supervisor may kill and restart it at any time.
+    """
+    from campaign.cli.termination import terminate_with_parent
+    from campaign.store import open_store
+
+    if parent is not None:
+        terminate_with_parent(parent)
+    opened = open_store(store)
+    if campaign is None:
+        from campaign.coordinator.service import serve
+
+        completed = serve(opened, where, once=once, with_report=not no_report)
+        if json:
+            print_json({"store": opened.url, "campaigns": completed})
+        return
+    drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
+
+
+def certificates(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write the certificates to.")],
+    days: Annotated[int, typer.Option(help="Number of days for which they are valid, at most 825.")] = 365,
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--host",
+            help="Host name or address of the scheduler, written into its certificate; may be repeated. Dask itself"
+            " does not check it.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Make a certificate authority and the certificates for mutual TLS in a cluster.
+
+    Dask accepts every process with a certificate of the same authority, on any host. Keep the folder private, give
+    each machine only the files of its role, and make a new folder for each cluster. The authority's own key is not
+    kept.
+    """
+    from campaign.cluster.tls_certificates import make_certificates
+
+    paths = make_certificates(folder, days, hosts or ())
+    if json:
+        print_json({"folder": str(folder), "days": days, "files": {name: str(path) for name, path in paths.items()}})
+        return
+    for path in paths.values():
+        print_text(path)

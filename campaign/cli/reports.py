@@ -1,15 +1,17 @@
-"""``clearcap report``: write the report of a campaign from its rows so far."""
+"""Verbs for the documents of a campaign: ``report`` writes or fetches them, ``verify`` checks what was signed."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.at_server import ServerUrl, asked_server
 from campaign.cli.drive import fail_without_enough_ok
-from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json, print_text
+from campaign.cli.options import Id, ServerUrl, StoreUrl, asked_server
+from campaign.cli.output import Json, print_json, print_text, say
+
+if TYPE_CHECKING:
+    from campaign.reports.signing.verification import VerifiedSignoff
 
 
 def report(
@@ -46,7 +48,7 @@ def report(
         with remote:
             campaign_id = remote.find(campaign)
             fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
-        _print({"campaign": campaign_id, "store": remote.address, "against": None}, _by_kind(fetched), json)
+        _print_files({"campaign": campaign_id, "store": remote.address, "against": None}, _by_kind(fetched), json)
         return
     if folder is not None:
         raise SpecError("--folder: is for --server; a store has a folder for each report")
@@ -66,7 +68,7 @@ def report(
     kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)
     other = None if against is None else opened.find(against)
-    _print({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
+    _print_files({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
     fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
 
 
@@ -78,10 +80,58 @@ def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
     return {kinds.get(name, name): str(path) for name, path in fetched.items()}
 
 
-def _print(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
+def _print_files(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
     """Print the paths of a report's files."""
     if as_json:
         print_json({**document, "report": files})
         return
     for path in files.values():
         print_text(f"{'report' if document['against'] is None else 'comparison'}: {path}")
+
+
+def verify(
+    export: Annotated[Path, typer.Argument(metavar="FILE.zip|FOLDER", help="What a server exported.")],
+    key: Annotated[
+        str | None, typer.Option(metavar="FINGERPRINT", help="Fingerprint of the server's key, as the server shows it.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Verify who signed an exported campaign, and that plan, rows and report are the ones that were signed.
+
+    Exit status 1 says that they are not, or that the export cannot be trusted. Nothing is unpacked.
+    """
+    from campaign.reports.signing.signed_export import open_archive
+    from campaign.reports.signing.verification import verify_export
+
+    proof = verify_export(open_archive(export), key)
+    if json:
+        signoffs = [
+            {"number": each.number, "differences": each.differences, **each.signoff.model_dump(exclude={"files"})}
+            for each in proof.signoffs
+        ]
+        print_json({"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "faults": proof.faults})
+    else:
+        print_text(f"{proof.campaign}, signed with the key {proof.key}")
+        for signed in proof.signoffs:
+            _print_signoff(signed)
+        if not proof.faults:
+            files = len(proof.signoffs[-1].signoff.files)
+            print_text(f"intact: all {files} files are those of the last sign-off")
+    if key is None:
+        say("the key is the export's own; give --key FINGERPRINT, from the server or the approver, to know whose it is")
+    for fault in proof.faults:
+        say(fault)
+    if proof.faults:
+        raise typer.Exit(1)
+
+
+def _print_signoff(signed: "VerifiedSignoff") -> None:
+    """Print who signed what and when."""
+    signoff = signed.signoff
+    eyes = (
+        "who also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'an unknown user'}"
+    )
+    covered = "another version" if signed.differences else "plan, rows and report"
+    print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) signed {covered}; {eyes}")
+    if signoff.comment:
+        print_text(f"     {signoff.comment}")
