@@ -77,8 +77,7 @@ def serve(
 
     try:
         from campaign.web.configuration import read_configuration
-        from campaign.web.only_server import only_server
-        from campaign.web.server import check_settings, serve_http
+        from campaign.web.server import check_settings, instance_lock, serve_http
         from campaign.web.server import login_link as new_link
         from campaign.web.settings import Settings
         from campaign.web.web_service import open_service
@@ -117,7 +116,7 @@ def serve(
         service.close()
         print_json({"address": settings.address, "login": made}) if json else print_text(made)
         return
-    with only_server(settings):
+    with instance_lock(settings):
         has_login = any(user.has_password for user in service.users.all()) or oidc is not None
         link = new_link(service) if settings.is_local or not has_login else None
         if json:

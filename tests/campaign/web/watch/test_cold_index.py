@@ -20,8 +20,7 @@ from campaign.store.labels import LabelChange
 from campaign.store.layout import SUBMISSION
 from campaign.web.access import Role
 from campaign.web.watch import index as indexing
-from campaign.web.watch.conclusions import Weakest
-from campaign.web.watch.entry import REPORT_DOCUMENT, entry_of
+from campaign.web.watch.entry import REPORT_DOCUMENT, Weakest, entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from tests.campaign.web.conftest import serving
