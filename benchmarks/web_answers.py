@@ -20,12 +20,11 @@ from benchmarks.made_up_campaigns import made_up_campaign
 from campaign.plan import Plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
-from campaign.web.answers.answers import Answers
 from campaign.web.answers.exported_rows import RowSelection, export_rows
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.job_process import job_environment
-from campaign.web.answers.questions import AskedRows, advice_answer, histogram_answer, what_if_answer
-from campaign.web.answers.rows_version import rows_version
+from campaign.web.answers.queries import AskedRows, advice_answer, histogram_answer, what_if_answer
+from campaign.web.answers.query_service import QueryService, rows_version
 from campaign.web.jobs.mechanisms import MechanismSource, simulate_once
 from engine import warm_up
 from engine.private_folder import private_folder
@@ -114,7 +113,7 @@ def _exported(store: Store, plan: Plan) -> None:
 async def _served(store: Store, plan: Plan, folder: Path) -> list[dict[str, Any]]:
     """Return the cost in the serving process, and the time of a run in a warm process."""
     async with JobPool(1, warm_up=warm_up) as pool:
-        answers = Answers(pool, store, folder)
+        answers = QueryService(pool, store, folder)
         await answers.what_if("bench", plan.campaign_id, SETTINGS)
         start = process_time()
         for _ in range(KEPT_QUESTIONS):

@@ -1,4 +1,4 @@
-"""The command ``clearcap``: one verb per module; verbs that read a store are in `results`.
+"""The command ``clearcap``: its verbs, grouped in modules by what they do.
 
 Verbs import tables, dask and the engine inside their functions, so that ``clearcap --help`` and wrong options do not
 wait a second for them.
@@ -10,34 +10,17 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from campaign.cli.bench import bench
-from campaign.cli.cancel import cancel
+from campaign.cli.computing import cancel, repeat, rerun, resume, run, submit
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import print_text, say, show_logs, visible
-from campaign.cli.polarisation import polarisation
-from campaign.cli.replay import replay
-from campaign.cli.rerun import rerun
-from campaign.cli.results.advise import advise
-from campaign.cli.results.compact import compact
-from campaign.cli.results.delete import delete
-from campaign.cli.results.design import design
-from campaign.cli.results.label import label
-from campaign.cli.results.list_campaigns import list_campaigns
-from campaign.cli.results.repeat import repeat
-from campaign.cli.results.report import report
-from campaign.cli.results.status import status
-from campaign.cli.results.verify import verify
-from campaign.cli.results.watch import watch
-from campaign.cli.results.whatif import whatif
-from campaign.cli.resume import resume
-from campaign.cli.run import run
+from campaign.cli.overview import list_campaigns, status, watch
+from campaign.cli.predictions import advise, design, whatif
+from campaign.cli.reports import report, verify
 from campaign.cli.schema import schema_app
-from campaign.cli.servers.certificates import certificates
-from campaign.cli.servers.coordinate import coordinate
-from campaign.cli.servers.serve import serve
-from campaign.cli.simulate import simulate
-from campaign.cli.submit import submit
+from campaign.cli.servers import certificates, coordinate, serve
+from campaign.cli.single_runs import bench, polarisation, replay, simulate
 from campaign.cli.termination import terminated_in_order
+from campaign.cli.upkeep import compact, delete, label
 from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from campaign.cli.importing.import_step import import_step
-from campaign.cli.named_mechanism import named_mechanism
+from campaign.cli.import_step import import_step
+from campaign.cli.options import named_mechanism
 from campaign.cli.output import Json, print_json, print_text, say
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
@@ -181,7 +181,7 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
 def _draw(mechanism: Any, picture: Path) -> None:
     """Draw the mechanism at its start with what its responses measure."""
     from campaign.cli.output_files import PLOTS, check_output, replacing
-    from campaign.pictures.measurement_figure import plot_measurements
+    from campaign.pictures.sketches.sketch_figure import plot_measurements
 
     check_output("--picture", picture, PLOTS)
     with replacing(picture) as temporary:

@@ -1,6 +1,7 @@
-"""Arguments and options that several verbs share: which campaign, which store, where to compute."""
+"""Arguments and options that several verbs share: which campaign or mechanism, which store or server, which cluster."""
 
 import inspect
+import shlex
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -9,11 +10,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from campaign.cli.output import say
-from campaign.environment import STORE
+from campaign.environment import SERVER, STORE
 
 if TYPE_CHECKING:
+    from campaign.client.remote_server import RemoteServer
     from campaign.cluster.cluster import Cluster
+    from engine import Mechanism
 
+
+AT_SERVER = {"driver": "service", "pid": None, "log": None}  # the coordinator of a campaign submitted to a server
+ServerUrl = Annotated[
+    str | None,
+    typer.Option(
+        "--server",
+        metavar="URL",
+        envvar=SERVER,
+        help="Use this clearcap server instead of a store; the token is read from CLEARCAP_TOKEN.",
+    ),
+]
 CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 
@@ -146,3 +160,45 @@ def on_cluster(verb: Callable[..., None]) -> Callable[..., None]:
     with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
     with_options.__annotations__ = {p.name: p.annotation for p in parameters}
     return with_options
+
+
+def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | None":
+    """Return the server that a verb uses; None if it uses a store.
+
+    An option on the command line takes precedence over an environment variable. Raises SpecError if both a server and a
+    store are named, or the server cannot be used.
+    """
+    from campaign.errors import SpecError
+
+    if server is None:
+        return None
+    sources = map(context.get_parameter_source, ("server", "store"))
+    of_server, of_store = (source.name if source else "" for source in sources)
+    if of_server == of_store == "COMMANDLINE":
+        raise SpecError("--server, --store: both are given; a server has a store of its own: leave one out")
+    if of_server == of_store == "ENVIRONMENT":
+        raise SpecError(f"{SERVER}, {STORE}: both are set in the environment; unset one, or give --server or --store")
+    if of_store == "COMMANDLINE":
+        return None
+    from campaign.client.remote_server import connect
+
+    return connect(server)
+
+
+def command_at(remote: "RemoteServer", verb: str, *words: str) -> str:
+    """Return a complete command that uses the same server."""
+    return shlex.join(["clearcap", verb, *words, "--server", remote.address])
+
+
+def named_mechanism(name: str) -> "Mechanism":
+    """Load a shipped mechanism or a mechanism file; raise SpecError if the name is that of a shipped campaign.
+
+    Raises MechanismError if it cannot be found or read, or, with one line for each fault, if the file has faults.
+    """
+    from campaign.errors import SpecError
+    from campaign.spec.load import campaign_names
+    from engine import library_names, load_mechanism
+
+    if name in set(campaign_names()) - set(library_names()):
+        raise SpecError(f"{name}: is a shipped campaign, not a mechanism; compute it with: clearcap run {name}")
+    return load_mechanism(name)

@@ -1,22 +1,27 @@
 """The Python interface to a `clearcap serve` server."""
 
+import math
 import re
+import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
-from campaign.client.campaign_list import listed_campaigns
 from campaign.client.campaign_upload import campaign_upload
 from campaign.client.event_stream import progress_events
 from campaign.client.server_connection import ServerConnection
-from campaign.client.server_download import download, downloaded_table
-from campaign.errors import SpecError
+from campaign.errors import SpecError, StoreError, UnreachableError, unwritable
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+
+PIECE = 1 << 20  # bytes
+ON_A_PAGE = 500  # campaigns
+ASK_AGAIN = 0.5  # s between requests while the server still reads its store for the first time
+GIVE_UP_AFTER = 60.0  # s without progress in that reading
 MOST_NAMED = 10  # campaigns in a message
 _FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
@@ -260,3 +265,71 @@ class RemoteServer:
 def _path(campaign_id: str, below: str = "") -> str:
     """Return the API path of a campaign, or of a resource below it."""
     return f"/campaigns/{quote(campaign_id, safe='')}" + (f"/{below}" if below else "")
+
+
+def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the list entry of each campaign, once the server has read all of its store.
+
+    `question` has ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API. Raises
+    UnreachableError if the server makes no progress in reading its store for a minute.
+    """
+    cursor: str | None = ""
+    while cursor is not None:
+        listing = _whole(connection, {**question, "cursor": cursor, "limit": ON_A_PAGE})
+        yield from listing["campaigns"]
+        cursor = listing["next"]
+
+
+def _whole(connection: ServerConnection, params: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a page of the list, once the server has read all campaigns."""
+    least, since = math.inf, time.monotonic()
+    while True:
+        listing: dict[str, Any] = connection.get("/campaigns", params=params).json()
+        unread, now = listing.get("unread", 0), time.monotonic()  # older servers read all campaigns before they answer
+        if not unread:
+            return listing
+        if unread < least:
+            least, since = unread, now
+        elif now - since > GIVE_UP_AFTER:
+            raise UnreachableError(
+                f"server {connection.address}: {unread} campaigns of its store are still to be read, and none was read"
+                f" in {GIVE_UP_AFTER:.0f} s; its log says why; the same command works later"
+            )
+        time.sleep(ASK_AGAIN)
+
+
+def download(connection: ServerConnection, path: str, file: Path) -> Path:
+    """Download a file and return its path; it appears there only when it is complete.
+
+    Raises CampaignError if the server refuses, the connection is lost, or the file cannot be written.
+    """
+    partial = file.with_name(f"{file.name}.partial")
+    with connection.stream(path) as response:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with partial.open("wb") as written:
+                for piece in response.iter_bytes(PIECE):
+                    written.write(piece)
+            partial.replace(file)
+        except OSError as error:
+            raise unwritable(f"{file}: cannot be written ({error.strerror or error})", error) from error
+        finally:
+            partial.unlink(missing_ok=True)
+    return file
+
+
+def downloaded_table(connection: ServerConnection, path: str, params: dict[str, Any]) -> "pa.Table":
+    """Return a table that a server sends as an Arrow stream.
+
+    Raises CampaignError if the server refuses, the connection is lost, or the answer is not a table.
+    """
+    import pyarrow as pa
+
+    with connection.stream(path, params=params) as response:
+        content = pa.BufferOutputStream()
+        for piece in response.iter_bytes(PIECE):
+            content.write(piece)
+    try:
+        return pa.ipc.open_stream(content.getvalue()).read_all()
+    except pa.ArrowException as error:
+        raise StoreError(f"server {connection.address}: what it sent is not a table ({error})") from error

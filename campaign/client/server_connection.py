@@ -1,17 +1,23 @@
-"""Requests to a server, with a token and verified TLS, and repeated where that is harmless."""
+"""Requests to a server: checked address and token, verified TLS, harmless repetition, and refusals as errors."""
 
+import ipaddress
 import logging
+import os
 import random
 import ssl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import urlsplit
 
-from campaign.client.server_address import checked_address, checked_token
-from campaign.client.server_errors import error_of
-from campaign.errors import SpecError, UnreachableError
+from campaign.environment import SERVER, TOKEN
+from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
+
+if TYPE_CHECKING:
+    from engine.faults.fault import Fault
+
 
 try:
     import httpx
@@ -24,6 +30,8 @@ TRIES = 5
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 30.0  # s between two tries
 LATER = (429, 502, 503, 504)  # statuses of a server that may answer later
 MOST_CONNECTIONS = 8
+LONGEST_DETAIL = 20_000  # characters
+MOST_FAULTS = 100
 
 # httpx logs each URL at the level INFO; it contains no secret, but the lines would be noise
 logging.getLogger("httpx").setLevel(logging.WARNING)
@@ -116,3 +124,99 @@ class ServerConnection:
         """Return the error for a lost connection."""
         reason = str(error) or type(error).__name__
         return UnreachableError(f"server {self.address}: cannot be reached ({reason}); the same command works later")
+
+
+def checked_address(url: str) -> str:
+    """Return the address of a server as ``scheme://host[:port]``.
+
+    Raises SpecError if it is invalid, contains a secret, or would send a token over the network without TLS.
+    """
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise SpecError(f"server {url!r:.120}: not an address ({error}); write https://HOST") from error
+    if parts.username is not None or parts.password is not None or parts.query or parts.fragment:
+        raise SpecError(
+            f"server {parts.hostname}: the address holds more than a host and a port, and addresses are logged; put"
+            f" the token into the environment variable {TOKEN}"
+        )
+    if parts.scheme not in ("http", "https") or not host or parts.path not in ("", "/"):
+        raise SpecError(f"server {url!r:.120}: not the address of a server; write https://HOST or https://HOST:PORT")
+    if parts.scheme == "http" and not is_loopback(host):
+        raise SpecError(
+            f"server {url!r:.120}: over http others read the token and the results on the way; write https://{host}"
+        )
+    shown = f"[{host}]" if ":" in host else host
+    return f"{parts.scheme}://{shown}" + (f":{port}" if port is not None else "")
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host name or address is that of this machine (loopback)."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def checked_token(token: str | None) -> str:
+    """Return a token, by default the value of the environment variable ``CLEARCAP_TOKEN``.
+
+    Raises SpecError, without quoting the token, if there is none or it has characters that no token has.
+    """
+    found = (os.environ.get(TOKEN, "") if token is None else token).strip()
+    if not found:
+        raise SpecError(
+            f"no token: make one on the server's page Account, and put it into the environment variable {TOKEN};"
+            f" {SERVER} may name the server"
+        )
+    if not (found.isascii() and found.isprintable() and " " not in found):
+        raise SpecError("the token has characters that no token has; copy it once more, as the server showed it")
+    return found
+
+
+def error_of(address: str, response: "httpx.Response") -> CampaignError:
+    """Return the error for an answer with a status of 300 or more, whose body was read.
+
+    It is SpecError for an invalid request, with the faults of a file; StoreError if the server or its store cannot
+    answer now; CampaignError if the state of a campaign does not allow the request, or for too many requests.
+    """
+    status, problem = response.status_code, _problem(response)
+    detail = str(problem.get("detail") or f"answered with status {status}")[:LONGEST_DETAIL]
+    message = f"server {address}: {detail}"
+    if status == 401:
+        message += "; a token may have expired, or may have been revoked: make another on the server's page Account"
+    if 300 <= status < 400:
+        message += "; it sends to another address, which gets no token: name that address if you trust it"
+    if status >= 500:
+        return StoreError(message)
+    if status in (409, 429):
+        return CampaignError(message)
+    return SpecError(message, _faults(problem.get("faults")))
+
+
+def _problem(response: "httpx.Response") -> dict[str, Any]:
+    """Return the problem details of an answer; an empty dict if it has none."""
+    try:
+        document = response.json()
+    except ValueError:  # the answer of a proxy or of another kind of server
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _faults(listed: Any) -> "list[Fault]":
+    """Return the faults of problem details; entries of another form are left out."""
+    tables = [each for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    if not tables:
+        return []
+    from engine.faults.fault import Fault  # imported here, because it loads the engine
+
+    return [
+        Fault(
+            tuple(map(str, table.get("keys") or ())),
+            str(table.get("text", "")),
+            value=table.get("value"),
+            line=table["line"] if isinstance(table.get("line"), int) else None,
+        )
+        for table in tables[:MOST_FAULTS]
+    ]

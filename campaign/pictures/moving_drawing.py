@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from campaign.pictures.animation import HOLD, PER_SECOND
-from campaign.pictures.animation_figure import ARROW, CUT, TRAIL, arrow_lengths, common_force, limits, zigzag
+from campaign.pictures.animation import ARROW, CUT, HOLD, PER_SECOND, TRAIL, arrow_lengths, common_force, limits, zigzag
 from campaign.pictures.play import Play
 from campaign.pictures.scene import BodyFrames, Scene
 from campaign.pictures.style import MUTED, PALETTE

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from campaign.pictures.curves import file_metadata
-from campaign.pictures.journals import JournalPositions
+from campaign.pictures.play import JournalPositions
+from campaign.pictures.run_figure import file_metadata
 from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, hide_axes, styled
 from engine.arrays import Array
 

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from campaign.cluster.process_workers import process_workers
 from campaign.compiling import compile_engine
 from campaign.inputs.sampling import draw
-from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
+from campaign.pictures.play import JournalPositions, journal_positions, merge_runs
 from campaign.spec.load import Campaign
 from engine import Mechanism, Recording, read_trajectory, simulate
 

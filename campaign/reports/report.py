@@ -1,10 +1,14 @@
 """Write the report from a plan and its rows: pass the meaning of the columns to `reporting` as plain data."""
 
+import logging
+import os
 import platform
 import shlex
 import tempfile
+import time
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,26 +20,31 @@ from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.geometry_summary import geometry_provenance
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
+from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.plan import Plan
-from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.fixed_assumptions import fixed_assumptions
-from campaign.reports.mechanism_drawing import mechanism_drawing
-from campaign.reports.reported_repeats import repeats_of
 from campaign.reports.resolution import resolution
 from campaign.reports.spreads import Spreads
+from campaign.row_build import differences
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.command_line import store_option
-from campaign.store.layout import STOPPED
+from campaign.store.layout import STATE, STOPPED, SUBMISSION
+from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
 from campaign.store.report_folders import report_folder
 from campaign.version import clearcap_version
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
-from reporting.analysis import Analysis, analyse
-from reporting.samples import read_samples
-from reporting.spec import ProposalPart
+from reporting.analysis import Analysis, analyse, compare_rows
+from reporting.samples import Repeats, read_samples
+from reporting.samples import read_repeats as checked
+from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
 from reporting.write import USUAL
 
+logger = logging.getLogger(__name__)
+ASKED, MOST = 0.1, 1.0  # shares
+BUILD_DATE = "SOURCE_DATE_EPOCH"  # reproducible-builds.org/docs/source-date-epoch
+_LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 BATCH = "production batch"
 _CDF_POINTS = 401
 _COMMAND = "command of this report"
@@ -75,6 +84,19 @@ def analysis(store: Store, plan: Plan) -> Analysis:
         return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
+
+
+def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
+    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``.
+
+    Raises CampaignError if one of them has no rows, their samples are corners, or they have no response in common.
+    """
+    mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
+    try:
+        compared = compare_rows(*mine, *theirs)
+    except ReportError as error:
+        raise CampaignError(f"comparison of {plan.campaign_id} with {other.campaign_id}: {error}") from error
+    return {"campaign": plan.campaign_id, "store": store.url, "comparison": asdict(compared)}
 
 
 def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
@@ -226,3 +248,85 @@ def _variable(plan: Plan, name: str) -> VariableSpec:
     batch = variable.batch.size if isinstance(variable, Continuous) and variable.batch else 0
     density = variable.density_points()
     return VariableSpec(name, unit, variable.text(), low, high, mean, std, density, key, cdf, batch)
+
+
+def author(plan: Plan, store: Store | None) -> str:
+    """Return the person responsible for a campaign: its author, else the author in its header, else the submitter."""
+    if plan.spec.author is not None:
+        return plan.spec.author
+    named = next((text for name, text in plan.spec.header.items() if name.strip().lower() == "author"), "")
+    submission = None if named or store is None else store.read_json(plan.campaign_id, SUBMISSION)
+    user = (submission or {}).get("user")
+    return named or (user if isinstance(user, str) else "")
+
+
+def campaign_end(plan: Plan, store: Store | None) -> str:
+    """Return when a campaign was completed; empty if it is not complete, or its store has no date."""
+    state = None if store is None else store.read_json(plan.campaign_id, STATE)
+    since = (state or {}).get("since")
+    if (state or {}).get("state") != "completed" or isinstance(since, bool) or not isinstance(since, int | float):
+        return ""
+    return _in_utc(since) if 0.0 <= since < _LATEST else ""
+
+
+def report_date() -> str:
+    """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit.
+
+    Raises SpecError if SOURCE_DATE_EPOCH is not a number of seconds since 1970.
+    """
+    given = os.environ.get(BUILD_DATE)
+    if given is None:
+        return _in_utc(time.time())
+    if not (given.isascii() and given.isdigit() and int(given) < _LATEST):
+        raise SpecError(f"{BUILD_DATE} = {given!r:.40}: not a date; allowed: whole seconds since 1970, or unset it")
+    return _in_utc(int(given))
+
+
+def _in_utc(seconds: float) -> str:
+    """Return a time [s since 1970] as a date in UTC with hours and minutes."""
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def repeats_of(store: Store, plan: Plan) -> Repeats:
+    """Return the stored repeats of a campaign, and advice on how to get more."""
+    responses = tuple(plan.mechanism.responses)
+    survey = survey_repeats(store, repeat_plans(store, plan))
+    table = read_repeats(store, plan, ["sample", "status", *responses])
+    return checked(table, responses, survey.planned, _remedy(store, plan, bool(survey.missing)))
+
+
+def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
+    """Return advice on how to get more repeats; empty if all samples are repeated."""
+    if differences(plan.row_build):
+        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it again."
+    if is_missing:
+        return f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
+    share = repeated_shares(store, plan)[-1]
+    if share >= MOST:
+        return ""
+    more = f"{min(max(2 * share, ASKED), MOST):g}"
+    command = store.command("repeat", plan.campaign_id, "--share", more)
+    return f"To repeat {'more' if share else 'some'}: {command}"
+
+
+def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
+    """Return the drawing of a campaign's mechanism, or None and the reason why there is none.
+
+    If drawing fails for any reason, the report is written without the drawing.
+    """
+    try:
+        sketch = sketch_mechanism(plan.mechanism)
+    except Exception as error:  # anything: a mechanism from an earlier version, a failing compiler
+        logger.warning("report of %s: the mechanism could not be drawn: %r", plan.campaign_id, error)
+        return None, f"The mechanism could not be drawn ({type(error).__name__}: {str(error)[:200]})."
+    drawing = MechanismDrawing(
+        sketch.width,
+        sketch.height,
+        sketch.text,
+        sketch.areas,
+        tuple(DrawnLine(*stroke) for stroke in sketch.strokes),
+        sketch.dots,
+        tuple(DrawnWords(*word) for word in sketch.words),
+        tuple(LegendEntry(*entry) for entry in sketch.legend),
+    )
+    return drawing, ""

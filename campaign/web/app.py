@@ -15,13 +15,12 @@ from starlette.responses import Response
 from campaign.errors import CampaignError
 from campaign.version import clearcap_version
 from campaign.web.api import routers
-from campaign.web.http.gate import Gate
-from campaign.web.http.head import Head
+from campaign.web.http.monitoring import Metrics, Record, ServiceGauges
 from campaign.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of
-from campaign.web.http.request_record import Metrics, Record
-from campaign.web.http.service_gauges import ServiceGauges
+from campaign.web.http.request_limits import RequestLimits
+from campaign.web.http.responses import Head
 from campaign.web.pages import STATIC, page_routers
-from campaign.web.pages.refused import refused_page
+from campaign.web.pages.rendering import refused_page
 from campaign.web.web_service import Service
 from engine import EngineError
 
@@ -60,13 +59,14 @@ def make_app(service: Service) -> FastAPI:
         app.add_exception_handler(kind, _refuse)
     app.add_exception_handler(HTTPException, _refuse_http)
     app.add_exception_handler(RequestValidationError, _refuse_form)  # type: ignore[arg-type]  # narrower than Exception
-    # A request passes the middleware added last first. Gate is the outermost: it refuses foreign hosts and large bodies
-    # before anything else is done for them, numbers the request for the log, and adds its headers to every answer, also
-    # to the 500 of Record. Record comes before Head, so that it logs HEAD as such, and a bug in Head as well.
+    # A request passes the middleware added last first. RequestLimits is the outermost: it refuses foreign hosts and
+    # large bodies before anything else is done for them, numbers the request for the log, and adds its headers to every
+    # answer, also to the 500 of Record. Record comes before Head, so that it logs HEAD as such, and a bug in Head as
+    # well.
     app.add_middleware(Head)
     app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
     settings = service.settings
-    app.add_middleware(Gate, names=settings.names, limits=settings.limits, secure=not settings.is_local)
+    app.add_middleware(RequestLimits, names=settings.names, limits=settings.limits, secure=not settings.is_local)
     return app
 
 

@@ -17,7 +17,7 @@ class BoundedConnection(HttpToolsProtocol):
     """A connection that limits the size and arrival time of each request head and requires that answers are read.
 
     Uvicorn has none of these limits: a thousand connections that never finish their heads, or never read an answer,
-    would keep everybody else out, and one endless header would fill the memory. `Gate` limits the bodies.
+    would keep everybody else out, and one endless header would fill the memory. `RequestLimits` limits the bodies.
     """
 
     _deadline: asyncio.TimerHandle | None = None

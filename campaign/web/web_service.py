@@ -13,27 +13,25 @@ from campaign.store.files.known_outage import KnownOutage
 from campaign.store.files.patience import HASTY
 from campaign.web.access.audit import AuditTrail
 from campaign.web.access.company_login import CompanyLogin
+from campaign.web.access.credentials import Sessions, Tokens
 from campaign.web.access.database import Database
-from campaign.web.access.sessions import Sessions
 from campaign.web.access.throttle import Throttle
-from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
-from campaign.web.answers.answers import Answers
 from campaign.web.answers.column_cache import columns_folder
+from campaign.web.answers.fair_queue import Quota
 from campaign.web.answers.job_limits import JobLimits
 from campaign.web.answers.job_pool import JobPool
-from campaign.web.answers.kept_answers import KeptAnswers, SingleFlight
-from campaign.web.answers.turns import Quota
+from campaign.web.answers.query_service import QueryService
+from campaign.web.answers.response_cache import ResponseCache, SingleFlight
 from campaign.web.coordinator_child import CoordinatorChild
-from campaign.web.jobs.mechanisms import engine_is_compiled, warm_up_trial
+from campaign.web.jobs.mechanisms import engine_is_compiled, warm_up_try_out
 from campaign.web.settings import Settings
-from campaign.web.signatory import Signatory
+from campaign.web.signing_service import SigningService
 from campaign.web.watch.counted_status import CountedStatuses
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from campaign.web.watch.workload import Workload
-from campaign.web.webhooks.campaign_news import CampaignNews, campaign_news
-from campaign.web.webhooks.webhook_book import WebhookBook
+from campaign.web.webhooks.webhook_repository import CampaignEvent, WebhookRepository, campaign_events
 from campaign.web.webhooks.webhook_sender import WebhookSender
 
 KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
@@ -50,8 +48,8 @@ class Service:
     sessions: Sessions = field(init=False)
     tokens: Tokens = field(init=False)
     audit: AuditTrail = field(init=False)
-    webhooks: WebhookBook = field(init=False)
-    signatory: Signatory = field(init=False)
+    webhooks: WebhookRepository = field(init=False)
+    signing_service: SigningService = field(init=False)
     throttle: Throttle = field(init=False)  # counts failed logins
     company: CompanyLogin | None = field(init=False)
     watcher: Watcher = field(init=False)  # reads the store once for all users
@@ -59,23 +57,23 @@ class Service:
     streams: Counter[str] = field(init=False)  # open event streams by user
     submitting: Counter[str] = field(init=False)  # running submissions by user
     pool: JobPool = field(init=False)  # for jobs that need much processor time
-    answers: Answers = field(init=False)
+    answers: QueryService = field(init=False)
     workload: Workload | None = field(init=False, default=None)  # what the administration page showed last
 
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
-        self.webhooks = WebhookBook(self.database)
-        self.signatory = Signatory(self.database, self.store)
+        self.webhooks = WebhookRepository(self.database)
+        self.signing_service = SigningService(self.database, self.store)
         self.streams, self.submitting = Counter(), Counter()
-        self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
+        self._kept, self._flights = ResponseCache(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
         # a job may also wait for the store or for a busy machine, so its wall-clock time is three times its processor
         # time
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
         quota = Quota(limits.jobs, limits.waiting)
-        self.pool = JobPool(self.settings.processes, quota, taken, warm_up_trial, engine_is_compiled)
-        self.answers = Answers(self.pool, self.store, columns_folder())
+        self.pool = JobPool(self.settings.processes, quota, taken, warm_up_try_out, engine_is_compiled)
+        self.answers = QueryService(self.pool, self.store, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
         self.statuses = CountedStatuses(self.store)
@@ -134,10 +132,10 @@ class Service:
         """Return whether a campaign has a sign-off."""
         return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
 
-    def news(self) -> list[CampaignNews]:
+    def news(self) -> list[CampaignEvent]:
         """Return the news of all campaigns that follow from their states."""
         entries = self.watcher.index.entries()
-        return [news for entry, _ in entries for news in campaign_news(entry, self.settings.address)]
+        return [news for entry, _ in entries for news in campaign_events(entry, self.settings.address)]
 
     def end_streams(self) -> None:
         """End all event streams, because the server ends."""

@@ -16,8 +16,8 @@ import pytest
 from typer.main import get_command
 
 from campaign.cli import app
+from campaign.cli.drive import verdicts_without_report
 from campaign.cli.output import INVISIBLE, visible
-from campaign.cli.results.verdicts import verdicts_without_report
 from campaign.coordinator import rerun as rerunning
 from campaign.spec.load import load_campaign
 from engine.profile.step_times import StepTimes

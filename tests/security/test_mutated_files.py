@@ -20,7 +20,7 @@ import pytest
 import tomli_w
 from pyarrow import parquet
 
-from campaign.cli.results.list_campaigns import _entry
+from campaign.cli.overview import _entry
 from campaign.coordinator.follow import _before_first
 from campaign.coordinator.heartbeat import Heartbeat
 from campaign.coordinator.lease import is_coordinated, lease_holder

@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from campaign.pictures.curves import file_metadata
+from campaign.pictures.run_figure import file_metadata
+from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.pictures.sketches.sketch_canvas import Sketch
 from campaign.pictures.style import INK, MUTED, hide_axes, styled
+from engine import Mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,6 +16,18 @@ WIDE, DPI = 9.0, 100  # inches
 SHARE = 0.66  # of the width for the mechanism; the rest is for the legend
 ROW = 0.5  # inches; height of an entry of the legend
 WIDTHS = {"thin": 0.7, "dashed": 0.7, "thick": 2.5, "arrow": 1.3}
+
+
+def plot_measurements(mechanism: Mechanism, path: Path) -> None:
+    """Write a picture (PNG, SVG or PDF) of the mechanism at its start pose, with what its responses measure."""
+    sketch, title = sketch_mechanism(mechanism), mechanism.title or mechanism.name
+    plot_sketch(sketch, f"{title}: what is measured", describe(mechanism, sketch), path)
+
+
+def describe(mechanism: Mechanism, sketch: Sketch) -> str:
+    """Describe the picture in words."""
+    listed = "; ".join(f"{name}: {', '.join(filter(None, rest))}" for name, *rest, _ in sketch.legend)
+    return f"{mechanism.title or mechanism.name} at its start, with arrows for what is measured. {listed}."
 
 
 def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> None:

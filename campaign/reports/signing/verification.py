@@ -9,8 +9,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_public_key
 from pydantic import ValidationError
 
 from campaign.errors import CampaignError
-from campaign.reports.signing.signed_archive import Archive, UnfitArchive
-from campaign.reports.signing.signed_export import KEY, SIGNOFFS, document_name, signature_name
+from campaign.reports.signing.signed_export import KEY, SIGNOFFS, Archive, UnfitArchive, document_name, signature_name
 from campaign.reports.signing.signoff_document import Signoff, differences, fingerprint, is_signed, sha256
 
 LARGEST_SIGNOFF = 64 * 2**20  # bytes; a sign-off lists every file

@@ -1,5 +1,5 @@
 """Who may do what: users, sessions, tokens, shares and the audit trail, in one SQLite file."""
 
-from campaign.web.access.principal import Principal, Role
+from campaign.web.access.users import Principal, Role
 
 __all__ = ["Principal", "Role"]

@@ -17,8 +17,7 @@ from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
 from campaign.errors import CampaignError
-from campaign.web.access.principal import Role
-from campaign.web.access.users import NAME, User, Users
+from campaign.web.access.users import NAME, Role, User, Users
 from campaign.web.settings import Oidc
 
 CALLBACK = "/login/company/callback"

@@ -1,21 +1,66 @@
-"""The users of a server, who log in with a password, a one-time link, or a company's login service."""
+"""The users of a server, their roles, and the principal that makes a request."""
 
 import re
 import threading
 import time
 from dataclasses import dataclass
+from enum import IntEnum
 from sqlite3 import IntegrityError, Row
 
 from campaign.errors import CampaignError, SpecError
 from campaign.web.access.database import Database
-from campaign.web.access.principal import Role
-from campaign.web.access.secret_words import hash_password, is_password
+from campaign.web.access.secrets import hash_password, is_password
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
 SHORTEST_PASSWORD = 12
 LONGEST_PASSWORD = 1024
 CHECKS = 2  # passwords that are checked at the same time: each takes 32 MiB and 0.1 s of processor time
 CHECK_WITHIN = 2.0  # s that a further check waits for its turn
+
+
+class Role(IntEnum):
+    """A role, which says what a user may do; each role includes the previous ones.
+
+    A viewer reads. An engineer also simulates, submits and ends campaigns. An approver also signs. An admin also
+    manages users and reads the audit trail.
+    """
+
+    VIEWER = 1
+    ENGINEER = 2
+    APPROVER = 3
+    ADMIN = 4
+
+    @property
+    def word(self) -> str:
+        """The name of the role as files and messages spell it, such as ``viewer``."""
+        return self.name.lower()
+
+    @classmethod
+    def of(cls, word: str) -> "Role":
+        """Return the role with the name `word`; raise ValueError if there is none."""
+        for role in cls:
+            if role.word == word:
+                return role
+        raise ValueError(f"role = {word!r:.60}; allowed: {', '.join(role.word for role in cls)}")
+
+
+@dataclass(frozen=True)
+class Principal:
+    """The user or shared link in whose name a request is made."""
+
+    name: str  # of the user; ``share N`` for a shared link
+    role: Role
+    kind: str  # identified by a ``session``, ``token`` or ``share``
+    campaign: str | None = None  # the only one that the principal may see; None if all
+    csrf: str = ""  # token that forms and scripts of a session send with each write; empty for tokens
+
+    def may(self, role: Role) -> bool:
+        """Return whether the principal may do what `role` may do."""
+        return self.role >= role
+
+    def may_see(self, campaign_id: str) -> bool:
+        """Return whether the principal may see a campaign."""
+        return self.campaign in (None, campaign_id)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from typing import Any
 
 from campaign.errors import CampaignError
 from campaign.web.answers.engine_warm_up import Compilation, EngineCompiling
+from campaign.web.answers.fair_queue import FairQueue, Quota
 from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed
 from campaign.web.answers.job_process import JobProcess
-from campaign.web.answers.turns import Quota, Turns
 
 USUAL_PROCESSES = 2
 logger = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ class JobPool:
     ) -> None:
         self._limits = limits
         self._compilation = Compilation(warm_up, is_compiled)
-        self._turns = Turns(processes, quota)
+        self._turns = FairQueue(processes, quota)
         self._count = processes
         self._idle: list[asyncio.Task[JobProcess]] = []  # last in, first out: its mapped columns may be used again
         self._all: set[asyncio.Task[JobProcess]] = set()

@@ -1,43 +1,37 @@
-"""The calls of the HTTP API, with one module for each kind of resource."""
+"""The calls of the HTTP API, with one module for each subject."""
 
 from fastapi import APIRouter
 
 from campaign.web.api import (
-    account,
-    audit_trail,
     campaign_changes,
     campaigns,
-    health,
     mechanisms,
+    operation,
     questions,
     reports,
-    rows,
     samples,
     shares,
     signoffs,
-    simulations,
     submissions,
-    tokens,
     users,
     webhooks,
 )
 
 # one router on each line
 ROUTERS = [
-    health.router,
-    mechanisms.router,
-    simulations.router,
+    operation.health_router,
+    mechanisms.mechanisms_router,
+    mechanisms.simulations_router,
     campaigns.router,
     submissions.router,
     campaign_changes.router,
     reports.router,
     questions.router,
-    rows.router,
     samples.router,
-    users.router,
-    account.router,
-    tokens.router,
-    audit_trail.router,
+    users.users_router,
+    users.account_router,
+    users.tokens_router,
+    operation.audit_router,
     shares.router,
     signoffs.router,
     webhooks.router,

@@ -1,16 +1,19 @@
-"""Common parts of all calls of the API: their path prefix, and the summary and refusals in their documentation."""
+"""Common parts of all calls of the API: path prefix, documentation, and access to the campaign that a path names."""
 
 from collections.abc import Callable, Coroutine, Iterator
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Depends, Path, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from campaign.web.http.asking import SAFE_METHODS, known, who_may
-from campaign.web.http.problems import described
+from campaign.store.layout import PLAN
+from campaign.web.http.authentication import SAFE_METHODS, Asking, TheService, known, who_may
+from campaign.web.http.problems import Refusal, described
 
+PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$"
 PREFIX = "/api/v1"
 WHO_MAY = "x-who-may"  # key of a call in the OpenAPI document
 
@@ -50,3 +53,22 @@ def calls(tag: str, *, with_login: bool = True) -> APIRouter:
     """
     refusals = described(400, 401, 403, 413, 422, 429, 500, 503) if with_login else {}
     return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)
+
+
+async def the_campaign(
+    service: TheService,
+    principal: Asking,
+    campaign: Annotated[str, Path(pattern=PATTERN, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
+) -> str:
+    """Return the id of a campaign after checking that it exists and that the principal may see it.
+
+    Either failure is refused with 404, so that nobody learns which campaigns exist.
+    """
+    if principal.may_see(campaign):
+        is_known = service.watcher.index.entry(campaign) is not None
+        if is_known or await run_in_threadpool(service.store.files.exists, f"{campaign}/{PLAN}"):
+            return campaign
+    raise Refusal(404, f"no campaign {campaign} in the store")
+
+
+TheCampaign = Annotated[str, Depends(the_campaign)]

@@ -17,9 +17,8 @@ from campaign.store.labels import LabelChange
 from campaign.store.layout import CANCEL
 from campaign.store.rerun_request import request_rerun
 from campaign.web.access import Role
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import TheCampaign
-from campaign.web.http.asking import Engineer, TheService
+from campaign.web.api.calls import TheCampaign, calls
+from campaign.web.http.authentication import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
 from campaign.web.watch.entry import CampaignEntry
 

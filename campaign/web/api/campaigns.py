@@ -10,12 +10,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response, StreamingResponse
 
 from campaign.store.layout import CAMPAIGN_FILE
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import TheCampaign
-from campaign.web.http.asking import Asking, TheService, Viewer
-from campaign.web.http.event_stream import EventStream
+from campaign.web.api.calls import TheCampaign, calls
+from campaign.web.http.authentication import Asking, TheService, Viewer
 from campaign.web.http.problems import Refusal, described, sendable
-from campaign.web.http.tagged import TAGGED, tagged
+from campaign.web.http.responses import TAGGED, EventStream, tagged
 from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
 from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
 

@@ -9,12 +9,11 @@ from fastapi import Path, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
-from campaign.web.answers.answers import LONGEST_SETTING, MOST_SETTINGS, Answer
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
-from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, Answer
+from campaign.web.api.calls import PATTERN, TheCampaign, calls, the_campaign
+from campaign.web.http.authentication import Asking, TheService, Viewer
 from campaign.web.http.problems import described
-from campaign.web.http.tagged import TAGGED, tagged
+from campaign.web.http.responses import TAGGED, tagged
 
 router = calls("questions")
 LONGEST_COSTS = 2**16  # characters

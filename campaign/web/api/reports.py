@@ -10,11 +10,10 @@ from starlette.responses import Response
 
 from campaign.store.files.files import TEMPORARY
 from campaign.store.report_folders import comparisons, report_folder
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
-from campaign.web.http.asking import Asking, Engineer, TheService
+from campaign.web.api.calls import PATTERN, TheCampaign, calls, the_campaign
+from campaign.web.http.authentication import Asking, Engineer, TheService
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import TAGGED, tagged
+from campaign.web.http.responses import TAGGED, tagged
 from campaign.web.jobs.written_reports import written_report
 from campaign.web.web_service import Service
 

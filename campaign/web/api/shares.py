@@ -8,11 +8,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
 from campaign.web.access import Principal
-from campaign.web.access.tokens import SharedLink
-from campaign.web.api.calls import calls
-from campaign.web.api.tokens import DAY
-from campaign.web.api.whose import TheCampaign
-from campaign.web.http.asking import Engineer, TheService
+from campaign.web.access.credentials import SharedLink
+from campaign.web.api.calls import TheCampaign, calls
+from campaign.web.api.users import DAY
+from campaign.web.http.authentication import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
 from campaign.web.web_service import Service
 

@@ -16,11 +16,10 @@ from campaign.reports.signing.signoff_document import (
     fingerprint,
 )
 from campaign.web.access import Principal
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import TheCampaign
-from campaign.web.http.asking import Approver, Asking, TheService
+from campaign.web.api.calls import TheCampaign, calls
+from campaign.web.http.authentication import Approver, Asking, TheService
 from campaign.web.http.problems import Refusal, described
-from campaign.web.signatory import KeptSignoff
+from campaign.web.signing_service import KeptSignoff
 from campaign.web.web_service import Service
 
 router = calls("sign-off")
@@ -107,7 +106,7 @@ def one_at_a_time() -> Iterator[None]:
 @router.get("/signing-key")
 def show_signing_key(service: TheService, _: Asking) -> SigningKey:
     """Show the key that verifies sign-offs; `clearcap verify --key` takes its fingerprint."""
-    key = service.signatory.key.public_key()
+    key = service.signing_service.key.public_key()
     pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo).decode()
     return SigningKey(fingerprint=fingerprint(key), pem=pem)
 
@@ -121,9 +120,9 @@ def list_signoffs(
 ) -> SignoffList:
     """List who signed a campaign, and whether it has changed since."""
     with one_at_a_time():
-        kept = [ListedSignoff.of(each) for each in service.signatory.signoffs(campaign, anew=check)]
+        kept = [ListedSignoff.of(each) for each in service.signing_service.signoffs(campaign, anew=check)]
     status = kept[-1].status if kept else "not signed"
-    key = fingerprint(service.signatory.key.public_key())
+    key = fingerprint(service.signing_service.key.public_key())
     return SignoffList(campaign=campaign, status=status, key=key, signoffs=kept)
 
 
@@ -131,9 +130,9 @@ def list_signoffs(
 def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> SignedContent:
     """Show the digests of the content that would be signed now."""
     with one_at_a_time():
-        files = service.signatory.content(campaign, anew=False)
+        files = service.signing_service.content(campaign, anew=False)
     plan, rows, report = digests_of(files)
-    submitter = service.signatory.submitter(campaign)
+    submitter = service.signing_service.submitter(campaign)
     return SignedContent(
         content=content_digest(files),
         plan=plan,
@@ -154,9 +153,9 @@ def sign_campaign(
 
 
 def signed(request: Request, service: Service, campaign: str, who: Principal, signing: Signing) -> Signoff:
-    """Sign a campaign; see `Signatory.sign`."""
+    """Sign a campaign; see `SigningService.sign`."""
     with one_at_a_time():
-        signoff = service.signatory.sign(campaign, who, signing.comment, signing.content)
+        signoff = service.signing_service.sign(campaign, who, signing.comment, signing.content)
     request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
     return signoff
 
@@ -174,4 +173,4 @@ def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> Stre
     if not service.is_signed(campaign):
         raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
     headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
-    return StreamingResponse(service.signatory.export(campaign), media_type="application/zip", headers=headers)
+    return StreamingResponse(service.signing_service.export(campaign), media_type="application/zip", headers=headers)

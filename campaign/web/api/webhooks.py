@@ -8,12 +8,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
 from campaign.web.access import Role
-from campaign.web.api.calls import calls
-from campaign.web.api.whose import PATTERN
-from campaign.web.http.asking import Engineer, TheService
+from campaign.web.api.calls import PATTERN, calls
+from campaign.web.http.authentication import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
 from campaign.web.web_service import Service
-from campaign.web.webhooks.webhook_book import Delivery, Webhook
+from campaign.web.webhooks.webhook_repository import Delivery, Webhook
 from campaign.web.webhooks.webhook_target import LONGEST_URL, target_addresses, webhook_target
 
 router = calls("webhooks")

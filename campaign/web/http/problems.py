@@ -9,8 +9,8 @@ from pydantic import BaseModel, Field
 
 from campaign.errors import CampaignError, SpecError, StoreError
 from campaign.web.answers.engine_warm_up import EngineCompiling
+from campaign.web.answers.fair_queue import Busy
 from campaign.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
-from campaign.web.answers.turns import Busy
 from engine import EngineError
 from engine.faults.fault import Fault
 

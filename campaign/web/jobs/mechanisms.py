@@ -102,13 +102,13 @@ def try_once(source: MechanismSource) -> dict[str, Any]:
     return {"run": results, "motion": asdict(moving_drawing(scene_of(trajectory, ANIMATION_FRAMES), trajectory))}
 
 
-def warm_up_trial() -> None:
-    """Compile or load all code that a trial of a mechanism calls, which includes that of every run."""
+def warm_up_try_out() -> None:
+    """Compile or load all code that a try-out run of a mechanism calls, which includes that of every run."""
     try_once(MechanismSource("c60"))
 
 
 def engine_is_compiled() -> bool:
-    """Return whether `warm_up_trial` will only load compiled code."""
+    """Return whether `warm_up_try_out` will only load compiled code."""
     return not missing_kernels()
 
 
@@ -126,7 +126,7 @@ def animate_once(source: MechanismSource, step: float | None = None, horizon: fl
 
 def draw(source: MechanismSource, kind: str = "svg") -> bytes:
     """Return a picture, ``svg`` or ``png``, of a mechanism at its start, with what its responses measure."""
-    from campaign.pictures.measurement_figure import plot_measurements
+    from campaign.pictures.sketches.sketch_figure import plot_measurements
 
     if kind not in PICTURES:
         raise SpecError(f"picture {kind!r:.20}: allowed: {', '.join(PICTURES)}")

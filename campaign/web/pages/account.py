@@ -7,10 +7,8 @@ from starlette.responses import RedirectResponse, Response
 
 from campaign.web.access import Principal, Role
 from campaign.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
-from campaign.web.api.account import change_password
-from campaign.web.api.tokens import ListedToken, NewToken, end_token, make_token
-from campaign.web.api.users import RoleWord, known_user
-from campaign.web.http.asking import TheService, Viewer
+from campaign.web.api.users import ListedToken, NewToken, RoleWord, change_password, end_token, known_user, make_token
+from campaign.web.http.authentication import TheService, Viewer
 from campaign.web.http.problems import Refusal
 from campaign.web.pages.login import entered
 from campaign.web.pages.rendering import page

@@ -13,9 +13,8 @@ from starlette.responses import RedirectResponse, Response
 from campaign.errors import StoreError
 from campaign.web.access import Role
 from campaign.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
-from campaign.web.api.audit_trail import check_audit, list_audit
+from campaign.web.api.operation import check_audit, list_audit
 from campaign.web.api.signoffs import show_signing_key
-from campaign.web.api.tokens import end_token, list_tokens
 from campaign.web.api.users import (
     LoginLink,
     NewUser,
@@ -24,10 +23,12 @@ from campaign.web.api.users import (
     UserName,
     add_user,
     change_user,
+    end_token,
+    list_tokens,
     list_users,
     make_login_link,
 )
-from campaign.web.http.asking import Admin, TheService
+from campaign.web.http.authentication import Admin, TheService
 from campaign.web.pages.rendering import page
 from campaign.web.watch.workload import look_at_work
 from campaign.web.web_service import Service

@@ -1,26 +1,30 @@
-"""The list of campaigns, and the page of each with its progress, report and actions."""
+"""The list of campaigns, and the pages of each: progress, report and actions; shared links; sign-offs."""
 
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Form, Query, Request
+from fastapi import APIRouter, Form, Path, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.follow import observe
-from campaign.web.access import Role
+from campaign.reports.signing.signoff_document import LONGEST_COMMENT
+from campaign.web.access import Principal, Role
+from campaign.web.api.calls import TheCampaign
 from campaign.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
 from campaign.web.api.campaigns import ListQuestion, listed, show_campaign
 from campaign.web.api.reports import report_files, write_report
+from campaign.web.api.shares import ListedShare, MadeShare, NewShare, end_share, shared
+from campaign.web.api.signoffs import Signing, list_signoffs, show_content, signed
 from campaign.web.api.submissions import extended
-from campaign.web.api.whose import TheCampaign
-from campaign.web.http.asking import Asking, Engineer, TheService, Viewer
+from campaign.web.http.authentication import Approver, Asking, Engineer, TheService, Viewer
 from campaign.web.pages.rendering import page
 from campaign.web.watch.list_order import ORDERS
-from campaign.web.watch.snapshot import progress_of
+from campaign.web.watch.watcher import progress_of
+from campaign.web.web_service import Service
 
-router = APIRouter(include_in_schema=False)
 ON_A_PAGE = 50
+router = APIRouter(include_in_schema=False)
 
 
 @router.get("/campaigns")
@@ -141,3 +145,77 @@ async def delete_form(
     """Delete a campaign with all its rows."""
     await run_in_threadpool(delete, service, campaign, who, confirm)
     return RedirectResponse("/campaigns", 303)
+
+
+@router.get("/campaigns/{campaign}/share")
+async def share_page(request: Request, service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Show the shared links to a campaign."""
+    return await _share_page(request, service, campaign, who)
+
+
+@router.post("/campaigns/{campaign}/share")
+async def share_form(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    days: Annotated[int, Form(ge=1, le=90)] = 14,
+    note: Annotated[str, Form(max_length=200)] = "",
+) -> Response:
+    """Create a link, and show it this once."""
+    made = await run_in_threadpool(shared, request, service, campaign, who, NewShare(days=days, note=note))
+    return await _share_page(request, service, campaign, who, made)
+
+
+@router.post("/campaigns/{campaign}/share/{share}/revoke")
+def revoke_share_form(
+    service: TheService, campaign: TheCampaign, _: Engineer, share: Annotated[int, Path(ge=0, le=2**53)]
+) -> Response:
+    """Revoke a link."""
+    end_share(service, campaign, share)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/share", 303)
+
+
+async def _share_page(
+    request: Request, service: Service, campaign: str, who: Principal, made: MadeShare | None = None
+) -> Response:
+    """Return the page with the links, and one that was just created."""
+    links = await run_in_threadpool(service.tokens.shares, campaign)
+    shown = await frame(request, service, campaign, who)
+    return page(request, "share", shares=[ListedShare.of(link) for link in links], made=made, **shown)
+
+
+@router.get("/campaigns/{campaign}/signoff")
+async def signoff_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    check: Annotated[bool, Query()] = False,
+) -> Response:
+    """Show who signed a campaign, and to an approver the content that they would sign."""
+    shown = await frame(request, service, campaign, who)
+    signoffs = await run_in_threadpool(list_signoffs, service, campaign, who, check)
+    may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"
+    content = await run_in_threadpool(show_content, service, campaign, who) if may_sign else None
+    values: dict[str, Any] = {
+        "signoffs": signoffs,
+        "content": content,
+        "checked": check,
+        "longest_comment": LONGEST_COMMENT,
+    }
+    return page(request, "signoff", **values, **shown)
+
+
+@router.post("/campaigns/{campaign}/signoff")
+def sign_form(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Approver,
+    content: Annotated[str, Form(pattern="^[0-9a-f]{64}$")],
+    comment: Annotated[str, Form(max_length=LONGEST_COMMENT)] = "",
+) -> Response:
+    """Sign a campaign."""
+    signed(request, service, campaign, who, Signing(content=content, comment=comment))
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from campaign.web.api.calls import PREFIX, WHO_MAY
-from campaign.web.http.asking import known
+from campaign.web.http.authentication import known
 from campaign.web.http.problems import Refusal
 from campaign.web.pages.rendering import page
 

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable
 import httpx
 
 from campaign.errors import SpecError
-from campaign.web.webhooks.campaign_news import CampaignNews
-from campaign.web.webhooks.webhook_book import Delivery, Webhook, WebhookBook
+from campaign.web.webhooks.webhook_repository import CampaignEvent, Delivery, Webhook, WebhookRepository
 from campaign.web.webhooks.webhook_target import target_addresses, webhook_target
 
 LOOK_EVERY = 2.0  # s
@@ -31,8 +30,8 @@ class WebhookSender:
 
     def __init__(
         self,
-        book: WebhookBook,
-        news: Callable[[], Iterable[CampaignNews]],
+        book: WebhookRepository,
+        news: Callable[[], Iterable[CampaignEvent]],
         allowed: Iterable[str],
         clock: Callable[[], float] = time.time,
     ) -> None:

@@ -61,7 +61,7 @@ def test_list_report_and_events(remote, finished, tmp_path):
 @pytest.mark.processes
 def test_pages_of_the_list_are_asked_one_by_one(remote, finished, monkeypatch):
     made = remote.submit("c60", samples=5)
-    monkeypatch.setattr("campaign.client.campaign_list.ON_A_PAGE", 1)
+    monkeypatch.setattr("campaign.client.remote_server.ON_A_PAGE", 1)
     known = [entry["campaign"] for entry in remote.campaigns(sort="title")]
     assert {finished, made["campaign"]} <= set(known)
     assert len(known) == len(set(known))

@@ -1,4 +1,4 @@
-"""A connection sends again what does no harm, and gives no token away."""
+"""A connection sends again what does no harm, and gives no token away: not to another place, not without TLS."""
 
 import threading
 from contextlib import contextmanager
@@ -7,8 +7,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from campaign.client.event_stream import events_in, progress_events
-from campaign.client.server_connection import ServerConnection
+from campaign.client.server_connection import ServerConnection, checked_address, checked_token
 from campaign.errors import CampaignError, SpecError, StoreError
+from tests.each import each
 
 CUT_OFF = 206  # less comes than is announced
 
@@ -123,3 +124,49 @@ def test_events_continue_after_the_last_one_seen(pauses):
 def test_an_event_of_several_lines():
     (event,) = events_in(["id:1", "event: x", "data: a", "data: b", "", "data: cut off"])
     assert (event.id, event.kind, event.data) == ("1", "x", "a\nb")
+
+
+@pytest.mark.parametrize(
+    ("url", "address"),
+    [
+        ("https://clearcap.example/", "https://clearcap.example"),
+        ("https://clearcap.example:8443", "https://clearcap.example:8443"),
+        ("http://127.0.0.1:8700", "http://127.0.0.1:8700"),
+        ("http://localhost:8700", "http://localhost:8700"),
+        ("http://[::1]:8700/", "http://[::1]:8700"),
+    ],
+)
+def test_addresses(url, address):
+    assert checked_address(url) == address
+
+
+@each(
+    ("url", "fault"),
+    [
+        ("http://clearcap.example", "over http others read the token"),
+        ("http://127.0.0.1.example", "over http others read the token"),
+        ("http://10.0.0.1:8700", "over http others read the token"),
+        ("https://eva:pass@clearcap.example", "holds more than a host"),
+        ("https://clearcap.example/?token=secret", "holds more than a host"),
+        ("ftp://clearcap.example", "not the address of a server"),
+        ("clearcap.example", "not the address of a server"),
+        ("https://clearcap.example/api", "not the address of a server"),
+        ("https://clearcap.example:port", "not an address"),
+    ],
+)
+def test_refused_addresses(url, fault):
+    with pytest.raises(SpecError, match=fault) as refused:
+        checked_address(url)
+    assert "pass" not in str(refused.value)
+    assert "secret" not in str(refused.value)
+
+
+def test_tokens(monkeypatch):
+    monkeypatch.delenv("CLEARCAP_TOKEN", raising=False)
+    with pytest.raises(SpecError, match="CLEARCAP_TOKEN"):
+        checked_token(None)
+    monkeypatch.setenv("CLEARCAP_TOKEN", "clearcap_token_1\n")
+    assert checked_token(None) == "clearcap_token_1"
+    with pytest.raises(SpecError, match="copy it once more") as refused:
+        checked_token("clearcap_token_ä")
+    assert "ä" not in str(refused.value)

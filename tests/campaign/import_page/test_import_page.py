@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from campaign.import_page.page_meshes import MOST_TRIANGLES
+from campaign.import_page.import_page import MOST_TRIANGLES
 from engine.cad_import.found_places import found_places
 from engine.cad_import.open_questions import open_questions
 from engine.cad_import.proposed_mechanism import proposed_mechanism

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
+from campaign.pictures.play import JournalPositions, journal_positions, merge_runs
 from campaign.pictures.polarisation import mean_direction, plot_polarisation
 from campaign.reports.journal_positions import campaign_journal_positions
 from campaign.spec.load import load_campaign

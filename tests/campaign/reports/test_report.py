@@ -1,5 +1,6 @@
-"""What reporting is told of a campaign, and where the report goes."""
+"""What reporting is told of a campaign, where the report goes, and what its head, its drawing and a comparison say."""
 
+import getpass
 import json
 import secrets
 import shlex
@@ -8,9 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from campaign.errors import CampaignError
+from campaign.coordinator.state import write_state
+from campaign.errors import CampaignError, SpecError
+from campaign.json_values import json_values
 from campaign.plan import make_plan
-from campaign.reports.report import report, report_spec
+from campaign.reports.report import (
+    author,
+    campaign_end,
+    comparison_document,
+    mechanism_drawing,
+    report,
+    report_date,
+    report_spec,
+)
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
@@ -139,3 +150,127 @@ def test_the_advice_of_the_page_knows_production_lots(campaign_file, tmp_path):
         advice = {each["variable"]: each for each in content["advice"]}
         assert bool(advice["J1"]["refusal"]) == refused, content["advice_note"]
         assert (advice["J1"]["interval"][0] is None) == refused
+
+
+def test_the_author_is_the_campaigns_else_the_headers_else_who_submitted_it(campaign_file, tmp_path):
+    """The nearest to a signature wins."""
+    texts = {"": getpass.getuser(), '[header]\nAuthor = "quality lab"\n': "quality lab"}
+    plain = campaign_file.read_text()
+    for i, (added, expected) in enumerate(texts.items()):
+        campaign_file.write_text(plain + added)
+        store, plan = computed(tmp_path / str(i), load_campaign(str(campaign_file)), 25)
+        assert author(plan, store) == expected
+    campaign_file.write_text(plain.replace("samples", 'author = "A. Author <x>"\nsamples'))
+    store, plan = computed(tmp_path / "named", load_campaign(str(campaign_file)), 25)
+    assert author(plan, store) == "A. Author <x>"
+    assert "<dd>A. Author &lt;x&gt;</dd>" in Path(report(store, plan)["html"]).read_text()
+
+
+@pytest.mark.parametrize("content", [{}, {"user": 7}, {"user": None}])
+def test_an_author_that_nobody_knows_is_empty(store, plan, content):
+    """A store of an earlier version has no submission; a broken one names nobody."""
+    store.write_json(plan.campaign_id, "submission.json", content)
+    assert author(plan, store) == ""
+
+
+@pytest.mark.parametrize("state", [{}, {"state": "running", "since": 0}, {"state": "completed", "since": "x"}])
+def test_a_campaign_has_an_end_when_it_is_completed(store, plan, state):
+    """Not while it runs, and not if the store does not say when."""
+    store.write_json(plan.campaign_id, "state.json", state)
+    assert campaign_end(plan, store) == ""
+    store.write_json(plan.campaign_id, "state.json", {"state": "completed", "since": 1_763_856_000.5})
+    assert campaign_end(plan, store) == "2025-11-23 00:00 UTC"
+
+
+def test_the_date_of_a_report_can_be_given(monkeypatch):
+    """As reproducible builds give it."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    assert report_date() == "1970-01-01 00:00 UTC"
+    for wrong in ("", "-1", "noon", "1e9", "9" * 30):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
+        with pytest.raises(SpecError, match="SOURCE_DATE_EPOCH"):
+            report_date()
+
+
+@pytest.mark.slow
+def test_two_reports_differ_in_their_date_alone(campaign, tmp_path, monkeypatch):
+    """All files are equal bit for bit, but for the one place of the page and of the JSON where the date stands."""
+    store, plan = computed(tmp_path, campaign, 25)
+    write_state(store, plan.campaign_id, "completed")
+    files = []
+    for date in ("0", "0", "86400"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
+        files.append({kind: Path(path).read_bytes() for kind, path in report(store, plan).items()})
+    first, again, later = files
+    assert first == again
+    assert {kind for kind in first if first[kind] != later[kind]} == {"html", "json"}
+    for kind in ("html", "json"):
+        assert first[kind].count(b"1970-01-01 00:00 UTC") == 1
+        assert first[kind].replace(b"1970-01-01 00:00", b"1970-01-02 00:00") == later[kind]
+    assert json.loads(first["json"])["ended"].endswith("UTC")
+
+
+def test_the_page_shows_what_is_measured(store, plan):
+    """Every response is marked, or listed with what it is."""
+    drawing, note = mechanism_drawing(plan)
+    assert (drawing is not None, note) == (True, "")
+    page = Path(report(store, plan)["html"]).read_text()
+    figure = page.split('id="mechanism"')[1].split("</section>")[0]
+    assert ">FC-2</text>" in figure
+    assert "10.6 mm here" in figure
+    assert "1 if latch_overlap &gt; 0, else 0; no place in the picture" in figure
+    assert [each.name for each in drawing.legend] == list(plan.mechanism.responses)
+
+
+def test_a_mechanism_that_cannot_be_drawn_is_said(store, plan, monkeypatch):
+    """The report is written without its picture, and says so; the reason is no markup."""
+
+    def fails(mechanism):
+        raise ValueError("no <b>way</b>")
+
+    monkeypatch.setattr("campaign.reports.report.sketch_mechanism", fails)
+    page = Path(report(store, plan)["html"]).read_text()
+    assert "The mechanism could not be drawn (ValueError: no &lt;b&gt;way&lt;/b&gt;)." in page
+    assert "Can these numbers be trusted?" in page
+
+
+def both(campaign_file, folder, change):
+    """Return a store with a campaign and one whose file has another text, and their plans."""
+    store, first = computed(folder, load_campaign(str(campaign_file), samples=200), 100)
+    other = campaign_file.parent / "other.toml"
+    other.write_text(change(campaign_file.read_text()))
+    _, second = computed(folder, load_campaign(str(other), samples=200), 100)
+    return store, first, second
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("mean = 0.07", "mean = 0.08"),
+        lambda text: text.replace("std = 0.0175", "std = 0.0175\nbatch = {size = 20, std = 0.01}"),
+    ],
+)
+def test_the_numbers_are_those_of_the_report(campaign_file, tmp_path, change):
+    """Of a shifted mean, and of a campaign with production batches against one without."""
+    store, first, second = both(campaign_file, tmp_path / "runs", change)
+    found = comparison_document(store, first, second)
+    written = report(store, first, kinds=("json",), against=second.campaign_id)
+    expected = json.loads(Path(written["json"]).read_text(encoding="utf-8"))["comparison"]
+    compared = json.loads(json.dumps(json_values(found["comparison"])))
+    assert found["campaign"] == first.campaign_id
+    assert compared["campaign"] == second.campaign_id
+    for mine, said in zip(compared["responses"], expected["responses"], strict=True):
+        for key in ("response", "mean_difference", "mean_interval", "std_ratio", "cpk_difference", "histogram"):
+            assert mine[key] == said[key]
+    assert compared["responses"][0]["mean_difference"] is not None
+
+
+def test_corners_are_not_compared(campaign_file, tmp_path):
+    """They do not represent production."""
+    store, first = computed(tmp_path / "runs", load_campaign(str(campaign_file), samples=200), 100)
+    other = campaign_file.parent / "other.toml"
+    other.write_text(campaign_file.read_text().replace("seed = 7", 'seed = 7\nsampler = "worst_case"'))
+    _, second = computed(tmp_path / "runs", load_campaign(str(other), samples=5), 100)
+    with pytest.raises(CampaignError, match="are corners"):
+        comparison_document(store, first, second)

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.cli.results.whatif import _cell
+from campaign.cli.predictions import _cell
 from campaign.errors import CampaignError, SpecError
 from campaign.plan import make_plan
 from campaign.reports.tolerances import advice_of

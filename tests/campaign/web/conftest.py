@@ -17,9 +17,9 @@ from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.web.access import Role, secret_words
+from campaign.web.access import Role, secrets
 from campaign.web.app import make_app
-from campaign.web.http.asking import COOKIE, CSRF_HEADER
+from campaign.web.http.authentication import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from campaign.web.web_service import open_service
 from engine import simulate
@@ -50,9 +50,9 @@ def pytest_generate_tests(metafunc):
 @pytest.fixture(scope="session", autouse=True)
 def cheap_passwords():
     """Have passwords hashed with little work; return how much it is otherwise, and for passwords that others check."""
-    usual = secret_words._COST
+    usual = secrets._COST
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(secret_words, "_COST", 2)
+        patch.setattr(secrets, "_COST", 2)
         yield usual
 
 

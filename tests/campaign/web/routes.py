@@ -6,7 +6,7 @@ from fastapi.routing import APIRoute
 
 from campaign.web.access import Role
 from campaign.web.api import routers
-from campaign.web.http.asking import SAFE_METHODS, RoleNeeded, asking, needs_all_campaigns
+from campaign.web.http.authentication import SAFE_METHODS, RoleNeeded, asking, needs_all_campaigns
 from campaign.web.pages import page_routers
 
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import psutil
 
 from campaign.web.access import Role
+from campaign.web.access.credentials import Tokens
 from campaign.web.access.database import Database
-from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
 from campaign.web.server import http_server
 from campaign.web.web_service import open_service

@@ -6,7 +6,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from campaign.web.access import Role
-from campaign.web.http.asking import COOKIE
+from campaign.web.http.authentication import COOKIE
 from campaign.web.settings import Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways

@@ -13,8 +13,8 @@ from campaign.spec.load import load_campaign
 from campaign.store.label_versions import read_labels
 from campaign.web.access import Role
 from campaign.web.api.mechanisms import shipped_text
-from campaign.web.http.asking import COOKIE, CSRF_FIELD, CSRF_HEADER
-from campaign.web.pages.form_fields import digest, tables_of
+from campaign.web.http.authentication import COOKIE, CSRF_FIELD, CSRF_HEADER
+from campaign.web.pages.new_campaign import digest, tables_of
 from campaign.web.settings import Settings
 from engine import simulate
 from tests.campaign import fake_engine

@@ -7,7 +7,7 @@ import pytest
 from fastapi.routing import APIRoute
 
 from campaign.web.access import Role
-from campaign.web.http.asking import COOKIE, CSRF_HEADER
+from campaign.web.http.authentication import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways

@@ -14,11 +14,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from campaign.errors import CampaignError, SpecError
-from campaign.reports.signing import signed_archive
-from campaign.reports.signing.signed_archive import UnfitArchive, open_archive
-from campaign.reports.signing.signed_export import SignedDocument, stream_export
-from campaign.reports.signing.signed_files import check_whole, signed_files, signed_names
-from campaign.reports.signing.signoff_document import Signoff, digests_of, fingerprint, sha256, sign
+from campaign.reports.signing import signed_export
+from campaign.reports.signing.signed_export import SignedDocument, UnfitArchive, open_archive, stream_export
+from campaign.reports.signing.signoff_document import (
+    Signoff,
+    check_whole,
+    digests_of,
+    fingerprint,
+    sha256,
+    sign,
+    signed_files,
+    signed_names,
+)
 from campaign.reports.signing.verification import verify_export
 from campaign.spec.load import load_campaign
 from tests.campaign.commands import clearcap_here
@@ -264,13 +271,13 @@ def test_odd_entries(file, finished, monkeypatch):
     assert "does not hold the folder of one campaign" in refused("other/x")
     assert "a compression that no export has" in refused(f"{campaign}/x", compress_type=zipfile.ZIP_BZIP2)
     file.write_bytes(content)
-    monkeypatch.setattr(signed_archive, "MOST_BYTES", 1000)
+    monkeypatch.setattr(signed_export, "MOST_BYTES", 1000)
     assert "allowed: " in faults(file)[0]
 
 
 def test_bomb(tmp_path, monkeypatch):
     """A file that says it is small and is not ends at what it says."""
-    monkeypatch.setattr(signed_archive, "LARGEST", 10**6)
+    monkeypatch.setattr(signed_export, "LARGEST", 10**6)
     path = tmp_path / "bomb.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("demo/plan.json", bytes(10**7))

@@ -7,10 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from campaign.web.access import Role, secret_words, sessions, tokens
+from campaign.web.access import Role, credentials, secrets
+from campaign.web.access.credentials import Sessions, Tokens
 from campaign.web.access.database import Database
-from campaign.web.access.sessions import Sessions
-from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
 
 PASSWORD = "correct horse battery"
@@ -35,8 +34,7 @@ def users(database):
 def clock(monkeypatch):
     """Return what moves the time of sessions and tokens on."""
     now = [1e9]
-    for module in (sessions, tokens):
-        monkeypatch.setattr(module.time, "time", lambda: now[0])
+    monkeypatch.setattr(credentials.time, "time", lambda: now[0])
 
     def move(seconds):
         now[0] += seconds
@@ -131,8 +129,8 @@ def test_reading_does_not_wait_for_writing(users, database):
 
 def test_password_is_hashed_with_much_work(cheap_passwords, monkeypatch):
     """By scrypt, with 32 MiB."""
-    monkeypatch.setattr(secret_words, "_COST", cheap_passwords)
-    name, salt, kept = secret_words.hash_password(PASSWORD).split("$")
+    monkeypatch.setattr(secrets, "_COST", cheap_passwords)
+    name, salt, kept = secrets.hash_password(PASSWORD).split("$")
     expected = hashlib.scrypt(PASSWORD.encode(), salt=bytes.fromhex(salt), n=2**15, r=8, p=1, maxmem=64 << 20, dklen=32)
     assert (name, kept) == ("scrypt", expected.hex())
 
@@ -198,9 +196,9 @@ def test_idle_session_ends(users, database, clock):
     made = Sessions(database)
     secret = made.begin("eva")
     for _ in range(5):
-        clock(sessions.IDLE - 1.0)
+        clock(credentials.IDLE - 1.0)
         assert made.principal(secret) is not None
-    clock(sessions.IDLE + 1.0)
+    clock(credentials.IDLE + 1.0)
     assert made.principal(secret) is None
 
 
@@ -211,7 +209,7 @@ def test_session_ends_after_a_week(users, database, clock):
     while made.principal(secret) is not None:
         clock(3600.0)
         ended += 3600.0
-    assert ended == pytest.approx(sessions.LONGEST, abs=3600.0)
+    assert ended == pytest.approx(credentials.LONGEST_SESSION, abs=3600.0)
 
 
 def test_disabled_user_is_nobody(users, database):
@@ -234,7 +232,7 @@ def test_link_is_used_once(users, database, clock):
     assert made.use_link(secret) == "eva"
     assert made.use_link(secret) is None
     late = made.new_link("eva")
-    clock(sessions.LINK_LIVES + 1.0)
+    clock(credentials.LINK_LIVES + 1.0)
     assert made.use_link(late) is None
 
 

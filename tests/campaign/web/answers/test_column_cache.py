@@ -9,9 +9,8 @@ import pytest
 from campaign.errors import CampaignError, SpecError
 from campaign.reports.samples import independent_samples
 from campaign.web.answers import column_cache
-from campaign.web.answers.column_cache import ColumnCache, columns_folder
-from campaign.web.answers.column_file import map_columns
-from campaign.web.answers.rows_version import rows_version
+from campaign.web.answers.column_cache import ColumnCache, columns_folder, map_columns
+from campaign.web.answers.query_service import rows_version
 
 pytestmark = pytest.mark.bits
 

@@ -82,7 +82,7 @@ def test_next_process_compiles_if_the_first_one_dies(tmp_path):
 @pytest.fixture
 def compiling(tmp_path, monkeypatch):
     """Return a client of a service that compiles until there is a file ``go``, and headers of an engineer."""
-    for name, job in zip(("warm_up_trial", "engine_is_compiled"), compiled_in(tmp_path).values(), strict=True):
+    for name, job in zip(("warm_up_try_out", "engine_is_compiled"), compiled_in(tmp_path).values(), strict=True):
         monkeypatch.setattr(web_service, name, job)
     with serving(Settings(str(tmp_path / "runs"), tmp_path / "data", processes=1)) as (service, client):
         secret = service.tokens.add("engineer", "test", web_service_role(service), 3600.0)[1]

@@ -14,7 +14,7 @@ from campaign.store import open_store, rows
 from campaign.store.files import local
 from campaign.store.layout import STOPPED
 from campaign.web.answers.column_cache import ColumnCache
-from campaign.web.answers.rows_version import rows_version
+from campaign.web.answers.query_service import rows_version
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine.private_folder import private_folder

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from campaign.errors import SpecError, StoreError
+from campaign.web.answers.fair_queue import Busy, Quota
 from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 from campaign.web.answers.job_pool import JobPool
-from campaign.web.answers.turns import Busy, Quota
 from tests.campaign.web.answers import strange_jobs
 from tests.campaign.web.running import until_true
 from tests.until import until

@@ -7,8 +7,7 @@ import pytest
 from campaign.coordinator.state import state_of, write_state
 from campaign.plan import make_plan
 from campaign.web.api.campaigns import ListQuestion, listed
-from campaign.web.watch.conclusions import Weakest
-from campaign.web.watch.entry import CampaignEntry
+from campaign.web.watch.entry import CampaignEntry, Weakest
 from tests.campaign.web.conftest import serving
 from tests.each import each
 

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.web.answers.answers import MOST_SETTINGS
+from campaign.web.answers.query_service import MOST_SETTINGS
 
 pytestmark = [pytest.mark.processes, pytest.mark.bits]
 

@@ -9,10 +9,10 @@ import pytest
 
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
-from campaign.reports.signing.signed_archive import open_archive
+from campaign.reports.signing.signed_export import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.access.database import Database
-from campaign.web.signatory import KEY_FILE
+from campaign.web.signing_service import KEY_FILE
 from campaign.web.web_service import open_service
 from tests.campaign.web.conftest import only_in_a_folder
 
@@ -127,17 +127,17 @@ def test_check_reads_again(client, service, campaign, as_user, url, sign):
     long_ago = time.time() - 1000.0
     assert sign().status_code == 201
     read = []
-    original = service.signatory._store.files.read
+    original = service.signing_service._store.files.read
 
     def counted(name, *args, **kwargs):
         read.append(name)
         return original(name, *args, **kwargs)
 
-    service.signatory._store.files.read = counted
+    service.signing_service._store.files.read = counted
     os.utime(path, (long_ago, long_ago))
     viewer = as_user("viewer")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("campaign.web.signatory._SETTLED", 0.0)
+        patch.setattr("campaign.web.signing_service._SETTLED", 0.0)
         client.get(url, headers=viewer)
         read.clear()
         client.get(url, headers=viewer)
@@ -182,7 +182,7 @@ def test_key_is_private_and_stays(campaign, service, settings, monkeypatch):
     assert path.stat().st_mode & 0o777 == 0o600
     other = dataclasses.replace(settings, store=settings.store)
     again = open_service(other)
-    assert again.signatory.key.private_bytes_raw() == service.signatory.key.private_bytes_raw()
+    assert again.signing_service.key.private_bytes_raw() == service.signing_service.key.private_bytes_raw()
     again.close()
     path.chmod(0o644)
     closed, close = [], Database.close

@@ -11,7 +11,7 @@ from campaign.web import web_service
 from campaign.web.access import Role
 from campaign.web.access.request_keys import RequestKeys
 from campaign.web.api.mechanisms import shipped_text
-from campaign.web.http.asking import COOKIE, CSRF_FIELD
+from campaign.web.http.authentication import COOKIE, CSRF_FIELD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
 from tests.campaign.web.conftest import URL, serving
@@ -26,7 +26,7 @@ def computing_with(address, data, **limits):
     settings = Settings(address, data, processes=1, limits=Limits(**limits))
     with ExitStack() as stack:
         patch = stack.enter_context(pytest.MonkeyPatch.context())
-        patch.setattr(web_service, "warm_up_trial", None)
+        patch.setattr(web_service, "warm_up_try_out", None)
         service, client = stack.enter_context(serving(settings))
         secrets = {role: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
         yield service, client, {role.word: {"Authorization": f"Bearer {secrets[role]}"} for role in Role}

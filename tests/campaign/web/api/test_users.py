@@ -3,7 +3,7 @@
 import pytest
 
 from campaign.web.access import Role
-from campaign.web.http.asking import COOKIE, CSRF_HEADER
+from campaign.web.http.authentication import COOKIE, CSRF_HEADER
 from tests.campaign.web.conftest import PASSWORD
 from tests.each import each
 
@@ -121,7 +121,7 @@ def test_token_makes_no_token(client, as_user):
 
 
 def test_too_many_tokens(client, browse, monkeypatch):
-    monkeypatch.setattr("campaign.web.api.tokens.MOST_TOKENS", 2)
+    monkeypatch.setattr("campaign.web.api.users.MOST_TOKENS", 2)
     page = browse("viewer")
     statuses = [
         client.post("/api/v1/tokens", json={"name": str(i), "role": "viewer"}, headers=page).status_code

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from campaign.web.answers import answers
+from campaign.web.answers import query_service
+from campaign.web.answers.fair_queue import Busy
 from campaign.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
-from campaign.web.answers.turns import Busy
 from campaign.web.http.problems import problem, refusal_of
 from engine import EngineError
 from tests.campaign.web.answers import strange_jobs
@@ -53,7 +53,7 @@ def test_bug_is_no_refusal():
 def test_question_whose_job_goes_wrong(computing, explored, monkeypatch, job, status, words):
     """The answer is problem details, with the reason and without its details."""
     client, headers = computing
-    monkeypatch.setattr(answers, "what_if_answer", job)
+    monkeypatch.setattr(query_service, "what_if_answer", job)
     asked = f"/api/v1/campaigns/{explored[1]}/whatif"
     answer = client.get(asked, params={"set": "J1.std=0.018"}, headers=headers("viewer"))
     assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")

@@ -5,7 +5,7 @@ from starlette.applications import Starlette
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
-from campaign.web.http.tagged import TAGGED, tagged
+from campaign.web.http.responses import TAGGED, tagged
 from tests.campaign.web.routes import all_ways
 
 BODY = bytes(range(100))

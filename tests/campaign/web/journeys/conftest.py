@@ -12,7 +12,7 @@ from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.store.label_versions import change_labels
 from campaign.store.labels import LabelChange
-from campaign.web.access import Role, secret_words
+from campaign.web.access import Role, secrets
 from campaign.web.settings import Settings
 from campaign.web.web_service import open_service
 from engine import simulate
@@ -86,7 +86,7 @@ def finished(tmp_path_factory, cheap_passwords):
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
     service.users.add("admin", Role.ADMIN)
     with pytest.MonkeyPatch.context() as patch:  # a process of its own checks it
-        patch.setattr(secret_words, "_COST", cheap_passwords)
+        patch.setattr(secrets, "_COST", cheap_passwords)
         service.users.add("ada", Role.APPROVER, PASSWORD)
     service.close()
     untouched = tmp_path_factory.mktemp("untouched")

@@ -16,8 +16,8 @@ from joserfc.jwk import KeySet, OctKey, RSAKey
 from campaign.web.access import Role
 from campaign.web.access.company_login import CompanyLogin
 from campaign.web.access.throttle import place_of
-from campaign.web.http.asking import COOKIE
-from campaign.web.pages.company import BEGUN
+from campaign.web.http.authentication import COOKIE
+from campaign.web.pages.login import BEGUN
 from campaign.web.settings import Oidc
 from tests.each import each
 

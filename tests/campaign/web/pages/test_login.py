@@ -5,7 +5,7 @@ import re
 import pytest
 
 from campaign.web.access import Role
-from campaign.web.http.asking import COOKIE, SHARE_COOKIE
+from campaign.web.http.authentication import COOKIE, SHARE_COOKIE
 from campaign.web.pages.login import own_path
 from tests.campaign.web.conftest import PASSWORD, URL
 from tests.each import each

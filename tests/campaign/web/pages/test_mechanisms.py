@@ -7,7 +7,7 @@ import pytest
 
 from campaign.web.access import Role
 from campaign.web.api.mechanisms import shipped_text
-from campaign.web.http.asking import COOKIE, CSRF_FIELD
+from campaign.web.http.authentication import COOKIE, CSRF_FIELD
 from campaign.web.settings import Settings
 from engine import load_mechanism, simulate
 from engine.mechanism import mechanism_schema

@@ -8,7 +8,7 @@ import pytest
 
 from campaign.web.access import Role
 from campaign.web.api.mechanisms import shipped_text
-from campaign.web.http.asking import COOKIE, CSRF_FIELD
+from campaign.web.http.authentication import COOKIE, CSRF_FIELD
 from campaign.web.settings import Settings
 from tests.campaign.conftest import SPEC
 from tests.campaign.web.conftest import URL, serving

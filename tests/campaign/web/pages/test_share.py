@@ -5,7 +5,7 @@ from urllib.parse import urljoin, urlsplit
 
 import pytest
 
-from campaign.web.http.asking import SHARE_COOKIE
+from campaign.web.http.authentication import SHARE_COOKIE
 
 pytestmark = pytest.mark.processes
 

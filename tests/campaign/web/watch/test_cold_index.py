@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 import s3fs
 
-from campaign.client import campaign_list
-from campaign.client.campaign_list import listed_campaigns
+from campaign.client import remote_server
+from campaign.client.remote_server import listed_campaigns
 from campaign.coordinator.state import write_state
 from campaign.errors import UnreachableError
 from campaign.plan import make_plan
@@ -20,8 +20,7 @@ from campaign.store.labels import LabelChange
 from campaign.store.layout import SUBMISSION
 from campaign.web.access import Role
 from campaign.web.watch import index as indexing
-from campaign.web.watch.conclusions import Weakest
-from campaign.web.watch.entry import REPORT_DOCUMENT, entry_of
+from campaign.web.watch.entry import REPORT_DOCUMENT, Weakest, entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from tests.campaign.web.conftest import serving
@@ -199,7 +198,7 @@ class Listing:
 
 def test_a_program_gets_all_campaigns(monkeypatch):
     """It waits until the server has read them, also if that begins anew between two pages."""
-    monkeypatch.setattr(campaign_list.time, "sleep", lambda _: None)
+    monkeypatch.setattr(remote_server.time, "sleep", lambda _: None)
     server = Listing(900, 450, 0, 3, 0)
     assert [each["campaign"] for each in listed_campaigns(server, {})] == ["after ", "after 500"]
     assert server.asked == ["", "", "", "500", "500"]
@@ -207,7 +206,7 @@ def test_a_program_gets_all_campaigns(monkeypatch):
 
 def test_a_program_does_not_wait_for_ever(monkeypatch):
     now = iter(range(0, 10_000, 20))
-    monkeypatch.setattr(campaign_list, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
+    monkeypatch.setattr(remote_server, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
     with pytest.raises(UnreachableError, match=r"\b7 campaigns"):
         list(listed_campaigns(Listing(9, 8, 7), {}))
 

@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 import pytest
 
 from campaign.errors import SpecError
-from campaign.web.watch.conclusions import Weakest
-from campaign.web.watch.entry import CampaignEntry
+from campaign.web.watch.entry import CampaignEntry, Weakest
 from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
 
 ON_A_PAGE = 3

@@ -17,11 +17,9 @@ from campaign.errors import SpecError
 from campaign.web.access import Role
 from campaign.web.access.database import SCHEMA, Database
 from campaign.web.access.users import Users
-from campaign.web.watch.conclusions import BelowTarget
-from campaign.web.watch.entry import CampaignEntry
+from campaign.web.watch.entry import BelowTarget, CampaignEntry
 from campaign.web.webhooks import webhook_target as targets
-from campaign.web.webhooks.campaign_news import campaign_news
-from campaign.web.webhooks.webhook_book import MOST_ATTEMPTS, WebhookBook
+from campaign.web.webhooks.webhook_repository import MOST_ATTEMPTS, WebhookRepository, campaign_events
 from campaign.web.webhooks.webhook_sender import WebhookSender
 from campaign.web.webhooks.webhook_target import is_public, target_addresses, webhook_target
 from tests.each import each
@@ -37,7 +35,7 @@ NOW = 1.8e9  # s since 1970
 
 
 def news_of(*entries, now=NOW):
-    return [news for entry in entries for news in campaign_news(entry, "https://clearcap.example", now)]
+    return [news for entry in entries for news in campaign_events(entry, "https://clearcap.example", now)]
 
 
 @pytest.fixture
@@ -57,7 +55,7 @@ def now():
 
 @pytest.fixture
 def book(database, now):
-    return WebhookBook(database, lambda: now[0])
+    return WebhookRepository(database, lambda: now[0])
 
 
 @contextmanager
@@ -101,7 +99,7 @@ def test_the_end_is_told_signed_and_once(book):
         webhook = book.add("eva", None, f"http://localhost:{port}/hook?x=1", [])
         send_all(book, news_of(ended(), ended("running", campaign="c60-2")))
         send_all(book, news_of(ended()))
-        send_all(WebhookBook(book._database, book._clock), news_of(ended()))  # another start of the server
+        send_all(WebhookRepository(book._database, book._clock), news_of(ended()))  # another start of the server
     ((path, headers, body),) = came
     assert (path, headers["Host"]) == ("/hook?x=1", f"localhost:{port}")
     document = json.loads(body)
@@ -166,13 +164,13 @@ def test_earlier_tables_keep_webhooks_and_deliveries(tmp_path):
     earlier.close()
     for _ in range(2):
         database = Database(path)
-        book = WebhookBook(database)
+        book = WebhookRepository(database)
         assert [(each.id, each.user) for each in book.all()] == [(7, "eva")]
         assert [(each.id, each.webhook) for each in book.deliveries(7)] == [(3, 7)]
         assert database.rows("PRAGMA foreign_key_check") == []
         database.close()
     database = Database(path)
-    book = WebhookBook(database)
+    book = WebhookRepository(database)
     book.remove(7)
     assert database.rows("SELECT * FROM deliveries") == [], "they go with their webhook"
     assert book.add("eva", None, "https://example.com/b", []).id == 8

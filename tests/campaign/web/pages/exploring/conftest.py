@@ -2,7 +2,7 @@
 
 import pytest
 
-from campaign.web.http.asking import COOKIE
+from campaign.web.http.authentication import COOKIE
 from tests.campaign.web.conftest import URL
 from tests.campaign.web.pages.forms import Page
 

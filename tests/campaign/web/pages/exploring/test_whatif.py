@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.web.pages.exploring.whatif_form import other_settings, settings_of, variable_fields
+from campaign.web.pages.whatif import other_settings, settings_of, variable_fields
 from reporting import format_numbers
 from reporting.capability.intervals import cpk_half_width
 from tests.campaign.web.pages.forms import Page

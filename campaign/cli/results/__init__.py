@@ -1,1 +1,0 @@
-"""Verbs that read a store and simulate nothing, one per module."""

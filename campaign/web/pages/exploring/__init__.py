@@ -1,1 +1,0 @@
-"""Pages for the rows of a campaign: what-if, samples, comparison, export."""
