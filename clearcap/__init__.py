@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.tls import Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
-    from campaign.spec.campaign_text import campaign_text
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
+    from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
@@ -89,7 +89,7 @@ _HOMES = {
     "campaign.cluster.cluster": ("Cluster",),
     "campaign.cluster.tls": ("Tls",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
-    "campaign.spec.campaign_text": ("campaign_text",),
+    "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
     "clearcap.results": ("Results", "open_campaign", "report"),

@@ -133,7 +133,7 @@ def plain(
 ) -> None:
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
     from campaign.cli.output_files import check_output, replacing
-    from campaign.spec.plain_mechanism import plain_tables, plain_text
+    from campaign.spec.write import plain_tables, plain_text
     from engine.cad_import.open_questions import questions_of_file
 
     loaded = named_mechanism(mechanism)

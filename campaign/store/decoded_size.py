@@ -4,7 +4,7 @@ A file of some kilobytes may decode to gigabytes, and its footer may state less.
 determine what a reader decodes.
 """
 
-from campaign.footers.column_chunks import column_chunks, pages
+from campaign.parquet_footer import column_chunks, pages
 
 MOST = 2**30  # bytes: thirty times what the largest merged file takes
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.repeat_plan import SETTINGS, RepeatPlan
-from campaign.spec.policy import RETRIED, SimulationSettings
+from campaign.spec.campaign_file import RETRIED, SimulationSettings
 from campaign.spec.result_columns import ENERGY_COLUMNS
 from campaign.worker.halved_step import what_differs
 from campaign.worker.limits import time_limit

@@ -44,7 +44,7 @@ def import_step(
     from campaign.cli.importing.step_revision import bring_to_revision, campaign_file
     from campaign.cli.output_files import check_output, replacing
     from campaign.errors import SpecError
-    from campaign.spec.proposed_campaign import proposed_campaign
+    from campaign.spec.write import proposed_campaign
     from engine.cad import RECOGNITION
     from engine.cad_import.open_questions import open_questions
     from engine.cad_import.proposed_joints import all_diameters

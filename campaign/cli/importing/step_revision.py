@@ -82,7 +82,7 @@ def _campaign(
     mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
 ) -> dict[Path, tuple[str, "UpdatedProposal"]]:
     """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
-    from campaign.spec.proposed_campaign import proposed_campaign
+    from campaign.spec.write import proposed_campaign
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
     from engine.regular_file import read_regular_file

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from campaign.footers.column_chunks import column_chunks
+from campaign.parquet_footer import column_chunks
 from campaign.store import BadPart, decoded_size, parts
 from campaign.store.decoded_size import check_decoded_size
 from campaign.store.parts import check, decode, encode

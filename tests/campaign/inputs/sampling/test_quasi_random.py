@@ -1,4 +1,4 @@
-"""Saltelli's design: every run is where it belongs, A and B are independent, and what breaks the design is refused."""
+"""Sobol' and Halton sequences, and Saltelli's design: every run is where it belongs; what breaks it is refused."""
 
 import itertools
 
@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from scipy.stats import qmc
 
 from campaign.inputs.sampling import draw, sampler_named
-from campaign.inputs.sampling.saltelli import MOST_VARIABLES, nearest_sizes
+from campaign.inputs.sampling.quasi_random import DIGITS, MOST_VARIABLES, generators, halton, nearest_sizes, primes
 from campaign.inputs.sampling.sampler import varied
 from tests.campaign.inputs.sampling.campaigns import BOLT, INDEPENDENT, UNIT, seven, spec
 from tests.campaign.statistics import check_rank_correlation, check_sample, strata
@@ -21,6 +21,55 @@ PINNED_DESIGN = {
     "J1": [0.3223122406622535, 0.9233285413272444, 0.9233285413272444, 0.3223122406622535],
     "J2": [0.5499591896583075, 0.03223851188652127, 0.5499591896583075, 0.03223851188652127],
 }
+
+
+@pytest.mark.parametrize("k", [0, 1, 5, 10])
+def test_sobol_is_balanced(k):
+    """The first 2^k samples have one in each of 2^k strata of each variable, and so has every later block of them."""
+    drawn = draw(spec({f"v{i}": UNIT for i in range(12)}, samples=4096, sampler="sobol"), 0, 4096)
+    for u in drawn.values():
+        assert (strata(u[: 2**k], 2**k) == 1).all()
+        assert (strata(u[3 * 2**k : 4 * 2**k], 2**k) == 1).all()
+
+
+def test_sobol_pairs_are_nets():
+    """The first two variables are a (0, m, 2)-net: one of 2^10 points in every elementary rectangle."""
+    a, b = draw(spec({"a": UNIT, "b": UNIT}, samples=1024, sampler="sobol"), 0, 1024).values()
+    for k in range(11):
+        cell = (a * 2**k).astype(int) * 2 ** (10 - k) + (b * 2 ** (10 - k)).astype(int)
+        assert np.unique(cell).size == 1024
+
+
+def test_generators_are_scipys():
+    """The unscrambled points are the set that scipy's engine gives."""
+    columns, number = generators(9, 8), np.arange(256, dtype=np.uint64)
+    points = np.zeros((256, 9), dtype=np.uint64)
+    for k, column in enumerate(columns):
+        points ^= column * (number >> np.uint64(k) & np.uint64(1))[:, None]
+    theirs = qmc.Sobol(9, scramble=False).random(256)
+    ours = points * 2.0**-DIGITS
+    assert np.array_equal(np.sort(ours, axis=0), np.sort(theirs, axis=0))
+    assert {tuple(row) for row in ours} == {tuple(row) for row in theirs}
+
+
+def test_halton_is_balanced_in_every_base():
+    """The first b^k samples have one in each of b^k strata of the variable with base b."""
+    names = [f"v{i}" for i in range(6)]
+    drawn = halton(7, names, 0, 2401)
+    for name, base in zip(names, primes(6), strict=True):
+        size = base ** int(np.log(2401.5) / np.log(base))
+        assert (strata(drawn[name][:size], size) == 1).all()
+
+
+def test_halton_permutes_every_digit():
+    """Digit by digit the points are permuted radical inverses, in a different way for every digit, seed and name."""
+    number, base = np.arange(625), 5
+    u = halton(7, ["a", "b", "c"], 0, 625)["c"]
+    digits = (u[:, None] * base ** np.arange(1, 5)).astype(int) % base
+    maps = [[set(digits[number // base**k % base == d, k].tolist()) for d in range(base)] for k in range(4)]
+    assert all(len(image) == 1 for images in maps for image in images)
+    assert len({tuple(min(image) for image in images) for images in maps}) > 1
+    assert not np.array_equal(u, halton(8, ["a", "b", "c"], 0, 625)["c"])
 
 
 def design(variables, rows, **keys):

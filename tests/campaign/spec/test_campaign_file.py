@@ -1,10 +1,10 @@
-"""Policies of a campaign file."""
+"""Tables of a campaign file about failures and settings."""
 
 import pytest
 
 from campaign.errors import SpecError
+from campaign.spec.campaign_file import Failures, SimulationSettings
 from campaign.spec.load import load_campaign
-from campaign.spec.policy import Failures, SimulationSettings
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,23 @@
-"""Consecutive samples that share a shift."""
+"""Latin hypercubes, and consecutive samples that share a shift."""
 
 import numpy as np
+import pytest
 from scipy.stats import norm, spearmanr
 
 from campaign.inputs.distributions import Continuous, ProductionBatch
 from campaign.inputs.sampling import draw, production_batch
 from campaign.inputs.sampling.streams import uniforms
-from tests.campaign.inputs.sampling.campaigns import BOLT, J, seven, spec
-from tests.campaign.statistics import SURE, check_moments, check_sample
+from tests.campaign.inputs.sampling.campaigns import BOLT, UNIT, J, seven, spec
+from tests.campaign.statistics import SURE, check_moments, check_sample, strata
+
+
+@pytest.mark.parametrize("samples", [1, 7, 400, 1000])
+def test_lhs_has_one_sample_in_each_stratum(samples):
+    """Every one-dimensional projection, whatever the number of samples."""
+    drawn = draw(spec({"a": UNIT, "b": UNIT}, samples=samples, sampler="lhs"), 0, samples)
+    for u in drawn.values():
+        assert (strata(u, samples) == 1).all()
+    assert samples < 7 or not np.array_equal(drawn["a"], drawn["b"])
 
 
 def test_parts_come_in_batches():
