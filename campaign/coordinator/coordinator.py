@@ -28,7 +28,7 @@ from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Part, Store, Survey
-from campaign.store.files.patience import Outage
+from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import CANCEL, HEARTBEAT
 from campaign.store.parts import folder
 from campaign.store.repeat_sets import repeat_plans, repeated_shares, survey_repeats
@@ -71,7 +71,7 @@ class Coordinator:
         self.checkpoints = Checkpoints(store, plan)
         self._token = token
         self._heartbeats = 0
-        self._outage = Outage(store.url, store.files.patience)
+        self._outage = Outage(store.url, store.files.retry_policy)
         self._store_failures = 0  # successive failures that workers reported
         self._recorded_at = 0.0
 

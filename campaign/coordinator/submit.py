@@ -20,8 +20,7 @@ from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign
 from campaign.store import Store
-from campaign.store.label_versions import claim
-from campaign.store.labels import LabelChange, is_owner
+from campaign.store.labels import LabelChange, claim, is_owner
 from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE, SUBMISSION
 from campaign.worker.messages import Simulate
 from engine import simulate

@@ -35,7 +35,7 @@ def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     the plan cannot be read.
     """
     check_build(address.campaign_id, address.row_build)
-    store = open_store(address.store, address.patience)
+    store = open_store(address.store, address.retry_policy)
     return store, store.plan(address.campaign_id)
 
 

@@ -27,7 +27,7 @@ from campaign.worker.silent_child import ChildWatch
 
 logger = logging.getLogger(__name__)
 
-READY_WITHIN = 900.0  # s for a child to start, compile the engine and open the store, beyond the store's patience
+READY_WITHIN = 900.0  # s for a child to start, compile the engine and open the store, beyond the store's retries
 BUSY = 60.0  # s that a run may take beyond its limit on an overloaded machine
 # Signals that operators and the operating system send too, so that they do not prove the run guilty.
 AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
@@ -101,7 +101,7 @@ def _rows_of_child(
     address: CampaignAddress, samples: Sequence[int], attempt: int, longest: float
 ) -> Generator[Row, None, _Ending]:
     """Yield the rows of one child, each of which may take ``longest`` seconds; return how the child ended."""
-    ready_within = READY_WITHIN + address.patience.seconds
+    ready_within = READY_WITHIN + address.retry_policy.seconds
     rows, kind, content = 0, "", None
     try:
         child = _start_child()

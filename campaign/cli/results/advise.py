@@ -32,7 +32,7 @@ def advise(
     from campaign.reports.cost_file import read_costs
     from campaign.reports.tolerances import advice_document, advice_of, cheapest_tolerances
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))

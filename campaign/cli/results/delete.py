@@ -23,8 +23,8 @@ def delete(
     from campaign.coordinator.lease import is_coordinated
     from campaign.errors import CampaignError, SpecError
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.which_campaign import which_campaign
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.naming import which_campaign
 
     opened = open_store(store, QUICK)
     begun = unfinished_deletions(opened)

@@ -30,7 +30,7 @@ def design(
     from campaign.cli.output_files import check_output, replacing
     from campaign.reports.aimed_campaign import aimed_campaign
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))

@@ -34,9 +34,8 @@ def label(
     """
     from campaign.coordinator.submit import user_name
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.label_versions import change_labels
-    from campaign.store.labels import LabelChange
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.labels import LabelChange, change_labels
 
     change = LabelChange(owner, tuple(tag), tuple(untag), note, archive)
     opened = open_store(store, QUICK)

@@ -42,8 +42,8 @@ def list_campaigns(
         return
     from campaign.coordinator.delete import unfinished_deletions
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.which_campaign import check_is_store
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.naming import check_is_store
 
     opened = open_store(store, QUICK)
     check_is_store(opened.files)
@@ -116,8 +116,7 @@ def _cell(entry: dict[str, Any], column: str) -> str:
 def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
     """Return the labels of a campaign and None; if they cannot be read, empty labels and what is wrong."""
     from campaign.errors import StoreError
-    from campaign.store.label_versions import read_labels
-    from campaign.store.labels import Labels
+    from campaign.store.labels import Labels, read_labels
 
     try:
         return read_labels(store, campaign_id), None

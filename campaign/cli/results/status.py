@@ -28,7 +28,7 @@ def status(
     else:
         from campaign.coordinator.progress.progress_report import progress_report
         from campaign.store import open_store
-        from campaign.store.files.patience import QUICK
+        from campaign.store.files.retry_policy import QUICK
 
         opened = open_store(store, QUICK)
         document = progress_report(opened, opened.plan_header(opened.find(campaign)), say)

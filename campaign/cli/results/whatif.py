@@ -30,7 +30,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     from campaign.errors import SpecError
     from campaign.reports.whatif import refusals, what_if, what_if_document
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")

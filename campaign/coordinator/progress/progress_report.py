@@ -8,7 +8,7 @@ from campaign.coordinator.state import state_of
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT
 from campaign.store.repeat_sets import repeat_plans, survey_repeats
-from campaign.store.report_folders import comparisons, report_folder
+from campaign.store.store import comparisons, report_folder
 
 if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat

@@ -19,7 +19,7 @@ from campaign.reports.samples import SampleColumns, limits_of
 from campaign.reports.tolerances import advice_document, advice_from, cheapest_from
 from campaign.reports.whatif import change_of, what_if_document, what_if_from
 from campaign.store import open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from campaign.web.answers.column_cache import ColumnCache
 from engine.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability

@@ -11,7 +11,7 @@ from campaign.plan import Plan
 from campaign.reports.samples import limits_of
 from campaign.run_status import FailedStatus
 from campaign.store import open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from campaign.web.answers.questions import AskedRows
 from engine.arrays import Array
 

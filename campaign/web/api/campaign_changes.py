@@ -12,8 +12,7 @@ from campaign.coordinator.delete import delete_campaign
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
 from campaign.run_status import FailedStatus
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import CANCEL
 from campaign.store.rerun_request import request_rerun
 from campaign.web.access import Role

@@ -10,7 +10,7 @@ from campaign.coordinator.follow import observe
 from campaign.coordinator.state import STATES
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
 from campaign.web.watch.conclusions import BelowTarget, Conclusions, Weakest, weakest_of
 

@@ -14,7 +14,7 @@ from campaign.coordinator.follow import Observation, observe
 from campaign.coordinator.lease import LeaseHeld
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.change_tokens import change_token, change_tokens
+from campaign.store.store import change_token, change_tokens
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.snapshot import Snapshot, snapshot
 

@@ -20,9 +20,8 @@ from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
 from campaign.store import open_store
 from campaign.store.files.files import Files
-from campaign.store.files.patience import HASTY
-from campaign.store.label_versions import change_labels, read_labels
-from campaign.store.labels import LabelChange
+from campaign.store.files.retry_policy import HASTY
+from campaign.store.labels import LabelChange, change_labels, read_labels
 from campaign.store.layout import DELETED, LEASE, PLAN
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill

@@ -113,7 +113,7 @@ def test_stopped_while_it_starts(store, plan, monkeypatch):
     """It is no fault of a run, and does not last for ever."""
     code = "import os, signal; os.kill(os.getpid(), signal.SIGSTOP)"
     monkeypatch.setattr(subprocess_runs, "COMMAND", [sys.executable, "-c", code])
-    monkeypatch.setattr(subprocess_runs, "READY_WITHIN", -CampaignAddress.of(store, plan).patience.seconds)
+    monkeypatch.setattr(subprocess_runs, "READY_WITHIN", -CampaignAddress.of(store, plan).retry_policy.seconds)
     monkeypatch.setattr(subprocess_runs, "STARTS", 2)
     with pytest.raises(ChildFailed, match="SIGKILL"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))

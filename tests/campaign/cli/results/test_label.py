@@ -8,7 +8,7 @@ from campaign.coordinator import submit as submission
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from tests.campaign.commands import clearcap_here
 
 

@@ -8,7 +8,7 @@ from prometheus_client import CollectorRegistry
 from prometheus_client.parser import text_string_to_metric_families
 
 from campaign.coordinator.state import write_state
-from campaign.store.change_tokens import change_tokens
+from campaign.store.store import change_tokens
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.turns import Quota
 from campaign.web.http.service_gauges import ServiceGauges

@@ -1,13 +1,15 @@
-"""Find the campaign of a store that a user means, from its id, its first letters, or nothing if there is only one."""
+"""How users name a store and its campaigns: ids from their first letters, and commands that they can copy."""
 
 import os
 import re
+import shlex
 import stat
 from collections.abc import Iterable, Sequence
 
+from campaign.environment import STORE
 from campaign.errors import SpecError
-from campaign.store.command_line import command_line
 from campaign.store.files.files import Files
+from campaign.store.files.private_url import PrivateUrl
 from campaign.store.layout import PLAN
 
 MOST_LISTED = 10  # ids in a message
@@ -73,3 +75,19 @@ def _listed(files: Files, ids: Sequence[str]) -> str:
     return ", ".join(ids[:MOST_LISTED]) + (
         f" and {others} more, see: {command_line(files, 'list')}" if others > 0 else ""
     )
+
+
+def command_line(files: Files, verb: str, *words: str) -> str:
+    """Return a complete ``clearcap`` command on a store: verb, arguments and further options, and the store."""
+    return shlex.join(["clearcap", verb, *words, *store_option(files)])
+
+
+def store_option(files: Files) -> list[str]:
+    """Return the command-line words that name the store.
+
+    There are none if the environment names the store with a password, which no command line should contain.
+    """
+    named = os.environ.get(STORE)
+    if files.has_secrets and named is not None and PrivateUrl(named).shown == files.url:
+        return []
+    return ["--store", files.url]

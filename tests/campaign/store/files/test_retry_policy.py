@@ -1,4 +1,7 @@
-"""One policy for every operation: what may pass is tried again for a while, and nothing is done twice."""
+"""One policy for every operation: what may pass is tried again for a while, and nothing is done twice.
+
+Of many who must not wait for a store that does not answer, one asks it; the others fail at once.
+"""
 
 import errno
 import itertools
@@ -9,13 +12,13 @@ import threading
 import pytest
 
 from campaign.errors import StoreError
-from campaign.store.files.files import Files
-from campaign.store.files.odd_file import OddFile
-from campaign.store.files.patience import HASTY, PATIENT, Patience
+from campaign.store.files import retry_policy
+from campaign.store.files.files import Files, OddFile
+from campaign.store.files.retry_policy import ASK_EVERY, HASTY, LONG, PATIENT, CircuitBreaker, RetryPolicy
 from tests.each import each
 from tests.until import until
 
-SOON = Patience(600.0, 0.001, 0.01)
+SOON = RetryPolicy(600.0, 0.001, 0.01)
 NAMES = ("EIO", "EROFS", "ESTALE", "ENOSPC", "EDQUOT", "ETIMEDOUT", "ECONNRESET", "EACCES", "EAGAIN")
 PASSING = [getattr(errno, name) for name in NAMES]
 
@@ -98,7 +101,7 @@ def test_patience_ends():
 
 def test_what_remains_is_one_error(tmp_path, caplog):
     """Then it is a StoreError that says what to do; nothing of the file is there."""
-    files = Files(str(tmp_path), Patience(0.05, 0.001))
+    files = Files(str(tmp_path), RetryPolicy(0.05, 0.001))
     files._backend = Faulty(files._backend, 10**9)
     for operation in (lambda: files.write("a", b"x"), lambda: files.read("a"), lambda: files.names("")):
         with pytest.raises(StoreError, match="it is away"):
@@ -108,7 +111,7 @@ def test_what_remains_is_one_error(tmp_path, caplog):
 
 def test_what_cannot_pass_is_not_waited_for(tmp_path):
     """A folder in a file's place, or a file in a folder's: at once."""
-    files = Files(str(tmp_path), Patience(3600.0))
+    files = Files(str(tmp_path), RetryPolicy(3600.0))
     files.write("a", b"")
     files.write("b/c", b"")
     for operation in (lambda: files.write("a/x", b""), lambda: files.write("b", b"")):
@@ -130,7 +133,7 @@ def test_what_must_exist_is_waited_for(tmp_path):
 
 def test_interrupt_ends_the_wait(tmp_path, caplog):
     """Ctrl-C in an outage is not answered after it."""
-    files = Files(str(tmp_path), Patience(3600.0))
+    files = Files(str(tmp_path), RetryPolicy(3600.0))
     files._backend = Faulty(files._backend, 10**9)
     caplog.set_level(logging.INFO)
 
@@ -143,3 +146,111 @@ def test_interrupt_ends_the_wait(tmp_path, caplog):
     with pytest.raises(KeyboardInterrupt):
         files.write("a", b"x")
     thread.join()
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return a clock that the test turns."""
+
+    class Clock:
+        now = 1000.0
+
+        def monotonic(self):
+            return self.now
+
+    turned = Clock()
+    monkeypatch.setattr(retry_policy, "time", turned)
+    return turned
+
+
+def ask(outage, clock, takes=0.0, fault=None):
+    """Ask; say what came of it."""
+    try:
+        with outage.asking():
+            clock.now += takes
+            if fault is not None:
+                raise fault
+    except StoreError as error:
+        return str(error)
+    return "answered"
+
+
+def test_after_a_long_fault_one_asks_now_and_then(clock):
+    outage = CircuitBreaker()
+    assert ask(outage, clock, 8.0, StoreError("silent")) == "silent"
+    assert outage.fault == "silent"
+    assert ask(outage, clock) == "silent", "the question was not asked: it would have been answered"
+    clock.now += ASK_EVERY
+    assert ask(outage, clock, 8.0, StoreError("still silent")) == "still silent"
+    clock.now += ASK_EVERY
+    assert ask(outage, clock) == "answered"
+    assert outage.fault == ""
+    assert ask(outage, clock) == "answered"
+
+
+def test_a_short_fault_is_not_remembered(clock):
+    """A file that may not be read is no reason to read no other."""
+    outage = CircuitBreaker()
+    assert ask(outage, clock, LONG / 2, StoreError("no permission")) == "no permission"
+    assert (outage.fault, ask(outage, clock)) == ("", "answered")
+
+
+def test_a_file_that_does_not_exist_is_an_answer(clock):
+    outage = CircuitBreaker()
+    ask(outage, clock, 8.0, StoreError("silent"))
+    clock.now += ASK_EVERY
+    with pytest.raises(FileNotFoundError), outage.asking():
+        raise FileNotFoundError("x")
+    assert ask(outage, clock) == "answered"
+
+
+def test_while_one_asks_nobody_else_does(clock):
+    outage, asks, over = CircuitBreaker(), threading.Event(), threading.Event()
+    ask(outage, clock, 8.0, StoreError("silent"))
+    clock.now += 10.0 * ASK_EVERY
+
+    def wait():
+        with outage.asking():
+            asks.set()
+            over.wait(600.0)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    asks.wait(600.0)
+    assert ask(outage, clock) == "silent"
+    over.set()
+    thread.join()
+    assert ask(outage, clock) == "answered"
+
+
+class Silent:
+    """A backend that takes its time and then fails."""
+
+    faults = OSError
+
+    def __init__(self, backend, clock):
+        self.is_final, self.reopen, self.path = backend.is_final, backend.reopen, backend.path
+        self._clock, self.asked = clock, 0
+
+    def within(self, answer_s):
+        """Return itself."""
+        return self
+
+    def names(self, path):
+        """Fail after eight seconds."""
+        self.asked += 1
+        self._clock.now += 8.0
+        raise TimeoutError(110, "no answer within 8 s")
+
+    sizes = stamps = names
+
+
+def test_files_share_what_they_know(tmp_path, clock):
+    """Also those of whom somebody asks another operation, or asks for hasty ones; the fault is that of the first."""
+    files = Files(str(tmp_path), HASTY, CircuitBreaker())
+    files._backend = silent = Silent(files._backend, clock)
+    for operation in (files.names, files.hasty.names, files.sizes, files.hasty.stamps):
+        with pytest.raises(StoreError, match=r"\ba .*no answer within 8 s"):
+            operation("a")
+    assert silent.asked == 1
+    assert "no answer within 8 s" in files.fault

@@ -4,15 +4,14 @@ import pytest
 import s3fs
 
 from campaign.errors import StoreError
-from campaign.store.files import opened_file_system
+from campaign.store.files import object_store
 from campaign.store.files.files import Files
-from campaign.store.files.object_store import ObjectStore
-from campaign.store.files.opened_file_system import OpenedFileSystem
-from campaign.store.files.patience import HASTY, PATIENT, QUICK, Patience
+from campaign.store.files.object_store import ObjectStore, OpenedFileSystem
+from campaign.store.files.retry_policy import HASTY, PATIENT, QUICK, RetryPolicy
 from tests.campaign.store.files.test_s3 import ACCESS
 from tests.campaign.switch import Switch
 
-ONCE = Patience(0.0, answer=0.4)
+ONCE = RetryPolicy(0.0, answer=0.4)
 OPERATIONS = {
     "read": lambda files: files.read("a/x"),
     "exists": lambda files: files.exists("a/x"),
@@ -65,5 +64,5 @@ def test_a_large_file_may_take_longer(monkeypatch):
     store = ObjectStore("memory://x", 8.0)
     store.read("/x", 10**9)
     store.write("/x", b"0" * 20_000_000)
-    by_bytes = 1.0 / opened_file_system.SLOWEST
+    by_bytes = 1.0 / object_store.SLOWEST
     assert allowed == [("info", 8.0), ("cat_file", 8.0 + 1e7 * by_bytes), ("pipe_file", 8.0 + 2e7 * by_bytes)]
