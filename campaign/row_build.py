@@ -14,7 +14,7 @@ from pathlib import Path
 
 from engine.build import LIBRARIES, engine_sources, hash_sources
 
-SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "repeat_plan.py", "row_build.py")  # of campaign
+SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
 

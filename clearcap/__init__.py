@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from campaign.client.remote_server import RemoteServer, connect
-    from campaign.cluster.cluster import Cluster
-    from campaign.cluster.tls import Tls
+    from campaign.cluster.cluster import Cluster, Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.spec.write import campaign_text
@@ -86,8 +85,7 @@ __all__ = [
 # Where each name is imported from.
 _HOMES = {
     "campaign.client.remote_server": ("RemoteServer", "connect"),
-    "campaign.cluster.cluster": ("Cluster",),
-    "campaign.cluster.tls": ("Tls",),
+    "campaign.cluster.cluster": ("Cluster", "Tls"),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
     "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),

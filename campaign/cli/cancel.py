@@ -21,7 +21,7 @@ def cancel(
             before = remote.cancel(campaign_id)["before"]
         place, command = remote.address, command_at(remote, "resume", campaign_id)
     else:
-        from campaign.coordinator.cancellation import cancel_campaign
+        from campaign.coordinator.requests import cancel_campaign
         from campaign.store import open_store
 
         opened = open_store(store)

@@ -26,11 +26,11 @@ def run(
     The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
     complete.
     """
-    from campaign.cluster.early_workers import EarlyWorkers
-    from campaign.coordinator.plan_campaign import plan_campaign
+    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.coordinator.submit import plan_campaign
     from campaign.store.layout import CANCEL
 
-    with EarlyWorkers(where) as early:
+    with PrestartedWorkers(where) as early:
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
         say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")

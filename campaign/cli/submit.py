@@ -53,8 +53,7 @@ def submit(
         document = {"campaign": made["campaign"], "store": remote.address, "samples": made["samples"]}
         _print(document | AT_SERVER, json)
         return
-    from campaign.coordinator.plan_campaign import plan_campaign
-    from campaign.coordinator.submit import assign_coordinator
+    from campaign.coordinator.submit import assign_coordinator, plan_campaign
     from campaign.store.labels import LabelChange
 
     labels = LabelChange(owner, tuple(tag))

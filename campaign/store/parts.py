@@ -182,7 +182,7 @@ def _plain(table: "pa.Table") -> "pa.Table":
             if size > LARGEST_DECODED:
                 raise ValueError(f"it decodes to more than {LARGEST_DECODED >> 20} MB")
             plain = pa.field(column.name, column.type.value_type, column.nullable, column.metadata)
-            table = table.set_column(position, plain, table[position].cast(field.type.value_type))
+            table = table.set_column(position, plain, table[position].cast(column.type.value_type))
     return table
 
 

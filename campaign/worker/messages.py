@@ -52,7 +52,7 @@ class CampaignAddress:
     row_build: str  # that the campaign is planned for; see `campaign.row_build`
     simulate: Simulate = simulate  # `engine.simulate`, or a module-level function with the same parameters
     retry_policy: RetryPolicy = PATIENT  # for failing operations on the store
-    repeats: tuple[float, ...] = ()  # shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`
+    repeats: tuple[float, ...] = ()  # shares of the samples that are repeated; see `campaign.plan_header.plan_repeats`
     halved: bool = False  # whether runs have half the step, as repeats do
 
     @classmethod

@@ -19,8 +19,8 @@ def delete(
     json: Json = False,
 ) -> None:
     """Delete a campaign for good: its plan, its rows and its report; or finish a deletion that was interrupted."""
-    from campaign.coordinator.delete import delete_campaign, unfinished_deletions
     from campaign.coordinator.lease import is_coordinated
+    from campaign.coordinator.requests import delete_campaign, unfinished_deletions
     from campaign.errors import CampaignError, SpecError
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
@@ -50,7 +50,7 @@ def delete(
 
 def _rows(store: "Store", campaign_id: str) -> Any:
     """Return the number of rows that would be lost; None if the campaign cannot be read."""
-    from campaign.coordinator.progress.progress_report import progress
+    from campaign.coordinator.progress_report import progress
     from campaign.errors import CampaignError
 
     try:

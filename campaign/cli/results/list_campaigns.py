@@ -40,7 +40,7 @@ def list_campaigns(
         _say_hidden(len(listed) - len(shown_here))
         _show(shown_here, f"server {remote.address}: has no campaign to show; submit one")
         return
-    from campaign.coordinator.delete import unfinished_deletions
+    from campaign.coordinator.requests import unfinished_deletions
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
     from campaign.store.naming import check_is_store
@@ -126,7 +126,7 @@ def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
 
 def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None) -> dict[str, Any]:
     """Return the entry of a campaign in the list; for a broken campaign, with what is wrong."""
-    from campaign.coordinator.progress.progress_report import progress
+    from campaign.coordinator.progress_report import progress
     from campaign.errors import CampaignError
 
     entry: dict[str, Any] = dict.fromkeys((*COLUMNS, "samples")) | {"differs": {}, "fault": fault}

@@ -26,7 +26,7 @@ def status(
             say(remark)
         command = command_at(remote, "resume", document["campaign"])
     else:
-        from campaign.coordinator.progress.progress_report import progress_report
+        from campaign.coordinator.progress_report import progress_report
         from campaign.store import open_store
         from campaign.store.files.retry_policy import QUICK
 

@@ -19,7 +19,7 @@ from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.samples import draw_sample, replay_document, sample_motion
 from campaign.web.web_service import Service
-from campaign.worker.repeat_row import stored_row
+from campaign.worker.row import stored_row
 
 router = calls("samples")
 MOTION = {  # see `campaign.pictures.moving_drawing`

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Any
 
-from campaign.coordinator.progress.progress_report import progress_report, running_report
+from campaign.coordinator.progress_report import progress_report, running_report
 from campaign.store import Store
 from campaign.store.store import change_token
 

@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TypeVar
 
-from campaign.coordinator.delete import finish_deletion, unfinished_deletions
 from campaign.coordinator.follow import Observation, observe
 from campaign.coordinator.lease import LeaseHeld
+from campaign.coordinator.requests import finish_deletion, unfinished_deletions
 from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.store import change_token, change_tokens

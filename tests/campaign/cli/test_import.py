@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.coordinator.plan_campaign import plan_campaign
+from campaign.coordinator.submit import plan_campaign
 from campaign.geometry_summary import geometry_provenance
 from campaign.plan import Plan, make_plan
 from campaign.reports.report import provenance

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.requests import delete_campaign
 from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign

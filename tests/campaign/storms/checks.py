@@ -4,7 +4,7 @@ import signal
 
 import pyarrow as pa
 
-from campaign.repeat_plan import repeated_samples
+from campaign.plan_header import repeated_samples
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
 from campaign.store.parts import load_manifest

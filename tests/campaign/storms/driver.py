@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from campaign.cli.output import show_logs
-from campaign.cluster.cluster import Cluster
-from campaign.cluster.tls import Tls
+from campaign.cluster.cluster import Cluster, Tls
 from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store

@@ -10,8 +10,7 @@ from functools import partial
 import pytest
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.coordinator import Coordinator
+from campaign.coordinator.coordinate import Coordinator, coordinate
 from campaign.coordinator.dispatch import Window
 from campaign.coordinator.lease import LeaseLost, lease_holder
 from campaign.coordinator.submit import submit

@@ -18,7 +18,7 @@ from campaign.store.layout import CANCEL
 from campaign.worker import subprocess_runs
 from campaign.worker.limits import memory_limit, time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, ChildFailed, WrongBuild
-from campaign.worker.runs import rows_in_process
+from campaign.worker.row import rows_in_process
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from tests.campaign import fake_engine
@@ -47,7 +47,7 @@ def test_only_the_child_loads_the_engine(store, plan, monkeypatch):
     def load_engine():
         pytest.fail("the engine was loaded here")
 
-    monkeypatch.setattr("campaign.worker.runs.load_engine", load_engine)
+    monkeypatch.setattr("campaign.worker.row.load_engine", load_engine)
     address = CampaignAddress.of(store, plan, simulate)
     assert [row["sample"] for row in rows_in_subprocess(address, [3], 1)] == [3]
 

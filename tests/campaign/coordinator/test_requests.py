@@ -8,12 +8,12 @@ import threading
 
 import pytest
 
-import campaign.coordinator.delete as deleting
 import campaign.coordinator.lease as leases
+import campaign.coordinator.requests as deleting
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.delete import delete_campaign, finish_deletion, is_half_deleted, unfinished_deletions
 from campaign.coordinator.lease import LeaseHeld, LeaseLost, hold_lease, take_lease
+from campaign.coordinator.requests import delete_campaign, finish_deletion, is_half_deleted, unfinished_deletions
 from campaign.coordinator.service import serve
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import submit
@@ -179,7 +179,7 @@ def test_a_coordinator_that_comes_too_late_writes_nothing(store, plan):
 
 DELETES = """
 import sys, time
-from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.requests import delete_campaign
 from campaign.store import open_store
 from campaign.store.files.files import Files
 remove_tree = Files.remove_tree

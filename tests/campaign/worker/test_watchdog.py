@@ -12,11 +12,10 @@ from functools import partial
 import psutil
 import pytest
 
-from campaign.worker import silent_child, subprocess_runs
+from campaign.worker import subprocess_runs
 from campaign.worker.messages import CampaignAddress, ChildFailed
-from campaign.worker.runs import rows_in_process
-from campaign.worker.silent_child import LOOK_INTERVAL, ChildWatch
-from campaign.worker.subprocess_runs import rows_in_subprocess
+from campaign.worker.row import rows_in_process
+from campaign.worker.subprocess_runs import LOOK_INTERVAL, Watchdog, rows_in_subprocess
 from tests.campaign import fake_engine
 
 WITHIN = 600.0  # s, after which a child that nobody killed is killed here, and the test fails
@@ -25,7 +24,7 @@ WITHIN = 600.0  # s, after which a child that nobody killed is killed here, and 
 @pytest.fixture
 def watch():
     """Return a watch over nothing, whose child may be silent for a minute."""
-    return ChildWatch(None, 60.0)
+    return Watchdog(None, 60.0)
 
 
 def test_a_child_that_sends_nothing_is_silent(watch):
@@ -61,8 +60,8 @@ def _soon(monkeypatch):
                 moments.append(moments[-1] + 60.0)
         return moments[-1]
 
-    monkeypatch.setattr(silent_child, "LOOK_INTERVAL", 0.05)
-    monkeypatch.setattr(subprocess_runs, "ChildWatch", partial(ChildWatch, clock=clock))
+    monkeypatch.setattr(subprocess_runs, "LOOK_INTERVAL", 0.05)
+    monkeypatch.setattr(subprocess_runs, "Watchdog", partial(Watchdog, clock=clock))
     monkeypatch.setattr(subprocess_runs, "longest_sample", lambda _: 0.0)
     monkeypatch.setattr(subprocess_runs, "BUSY", 0.0)
     monkeypatch.setattr(subprocess_runs, "PAUSES", (0.01, 0.1))
@@ -126,7 +125,7 @@ def test_what_a_child_has_started_is_killed_with_it():
     code = "import os, time\nif os.fork(): os._exit(0)\ntime.sleep(600)"
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, start_new_session=True)
     time = itertools.count(1000.0)
-    with child, ChildWatch(child, 0.0, lambda: next(time) if child.poll() is not None else 1000.0) as watch:
+    with child, Watchdog(child, 0.0, lambda: next(time) if child.poll() is not None else 1000.0) as watch:
         guard = threading.Timer(WITHIN, lambda: os.killpg(child.pid, signal.SIGKILL))
         guard.start()
         assert child.stdout.read() == b""

@@ -9,11 +9,11 @@ import pytest
 import engine
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.worker import loaded_ahead
+from campaign.worker import preload
 
 ARRAYS_WITHOUT_PANDAS = """
 import sys
-from campaign.worker.loaded_ahead import keep_pandas_out
+from campaign.worker.preload import keep_pandas_out
 keep_pandas_out()
 import pyarrow as pa
 table = pa.table({"x": pa.array([1.0, None]), "y": pa.array(["a", "b"])})
@@ -28,7 +28,7 @@ assert pandas.Series([1]).sum() == 1
 def quiet(monkeypatch):
     """Leave this process's pyarrow alone, and return what is called of the engine."""
     called = []
-    monkeypatch.setattr(loaded_ahead, "keep_pandas_out", lambda: None)
+    monkeypatch.setattr(preload, "keep_pandas_out", lambda: None)
     monkeypatch.setattr(engine, "warm_up", lambda: called.append("warm_up"))
     return called
 
@@ -43,15 +43,15 @@ def test_arrays_do_not_load_pandas():
 def test_compiled_engine_is_loaded_and_never_compiled(quiet, monkeypatch, missing, called):
     """An engine that is not compiled waits for the one worker that compiles it for all."""
     monkeypatch.setattr(engine, "missing_kernels", lambda: missing)
-    loaded_ahead.load_ahead()
+    preload.load_ahead()
     assert quiet == called
-    assert set(loaded_ahead.BATCHES_NEED) <= sys.modules.keys()
+    assert set(preload.BATCHES_NEED) <= sys.modules.keys()
 
 
 def test_worker_starts_even_if_nothing_can_be_loaded(quiet, monkeypatch):
     """The coordinator hears of it with the first batch, in the words of that error."""
-    monkeypatch.setattr(loaded_ahead, "BATCHES_NEED", ("campaign.worker.no_such_module",))
-    loaded_ahead.load_ahead()
+    monkeypatch.setattr(preload, "BATCHES_NEED", ("campaign.worker.no_such_module",))
+    preload.load_ahead()
     assert quiet == []
 
 
@@ -59,7 +59,7 @@ def test_worker_starts_even_if_nothing_can_be_loaded(quiet, monkeypatch):
 def test_worker_of_this_machine_loads_in_the_thread_of_its_batches():
     """When the first call comes, what batches need is there, and pandas is not."""
     with connect_workers(Cluster(workers=1)) as workers:
-        call = workers.submit("loaded", loaded, (*loaded_ahead.BATCHES_NEED, "pandas"))
+        call = workers.submit("loaded", loaded, (*preload.BATCHES_NEED, "pandas"))
         assert workers.next_finished() is call
         assert call.result() == [True, True, False]
 
@@ -67,9 +67,9 @@ def test_worker_of_this_machine_loads_in_the_thread_of_its_batches():
 def test_versions_are_known_before_another_thread_imports(monkeypatch):
     """A worker states them when it joins, and an import at the same time can hide one."""
     order = []
-    monkeypatch.setattr(loaded_ahead, "get_versions", lambda: order.append("versions"))
+    monkeypatch.setattr(preload, "get_versions", lambda: order.append("versions"))
     submit = lambda call: order.append(call.__name__)  # noqa: E731
-    loaded_ahead.dask_setup(SimpleNamespace(executors={"default": SimpleNamespace(submit=submit)}))
+    preload.dask_setup(SimpleNamespace(executors={"default": SimpleNamespace(submit=submit)}))
     assert order == ["versions", "load_ahead"]
 
 
