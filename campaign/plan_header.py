@@ -1,4 +1,4 @@
-"""The file of a plan, its header and its repeats: what the store needs, read without the models of mechanism and campaign.
+"""The file of a plan, its header and its repeats: what the store needs, without the models of mechanism and campaign.
 
 A digest in the file covers every byte of it. Files of format 1, written by earlier versions, have none.
 """

@@ -55,7 +55,9 @@ def plan_campaign(
     each open question of its file (a line that begins with ``#?``) is logged as a warning. Raises SpecError if the
     campaign has faults, or the workers cannot reach the store; StoreError if the store cannot be written.
     """
-    from campaign.spec.campaign_cautions import campaign_cautions  # loads preflight, which a server does not need
+    from campaign.spec.campaign_cautions import (
+        campaign_cautions,  # loads all of reporting, which a server does not need
+    )
     from campaign.spec.open_campaign_questions import campaign_questions
 
     opened = open_store(url)

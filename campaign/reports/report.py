@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 
 from campaign.errors import CampaignError, SpecError, unwritable
-from campaign.geometry_summary import geometry_provenance
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
+from campaign.mechanism_summary import geometry_provenance
 from campaign.plan import Plan
 from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.fixed_assumptions import fixed_assumptions

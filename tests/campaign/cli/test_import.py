@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from campaign.cli import app
 from campaign.coordinator.submit import plan_campaign
-from campaign.geometry_summary import geometry_provenance
+from campaign.mechanism_summary import geometry_provenance
 from campaign.plan import Plan, make_plan
 from campaign.reports.report import provenance
 from campaign.spec.load import load_campaign
