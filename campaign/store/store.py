@@ -321,7 +321,8 @@ def comparisons(store: Store, campaign_id: str) -> dict[str, list[str]]:
 # Which campaigns have changed is detected by a token for each, computed from a listing without opening a file. The
 # token of a campaign changes with its plan, state, lease, rows, repeats, labels, report and comparisons. Heartbeats and
 # the log do not affect it, nor does damage to a file in place. A campaign whose state is ``running`` can end without
-# any file changing, if its coordinator dies, so such campaigns must be observed (see `observe`).
+# any file changing, if its coordinator dies, so such campaigns must be observed
+# (`campaign.coordinator.heartbeat.observe`).
 
 
 def change_token(store: Store, campaign_id: str) -> str | None:

@@ -28,7 +28,7 @@ def watch(
             command = command_at(remote, "watch", campaign_id)
             last = _follow(_heartbeats_of(remote, campaign_id), campaign_id, command)
     else:
-        from campaign.coordinator.follow import heartbeats
+        from campaign.coordinator.heartbeat import heartbeats
         from campaign.store import open_store
 
         opened = open_store(store)

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Form, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.web.access import Role
 from campaign.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
 from campaign.web.api.campaigns import ListQuestion, listed, show_campaign

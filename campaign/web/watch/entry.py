@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.coordinator.state import STATES
 from campaign.errors import CampaignError
 from campaign.store import Store

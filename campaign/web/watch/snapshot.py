@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
-from campaign.coordinator.follow import Observation
+from campaign.coordinator.heartbeat import Observation
 from reporting.capability.intervals import cpk_interval
 
 CONFIDENCE = 0.95

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TypeVar
 
-from campaign.coordinator.follow import Observation, observe
+from campaign.coordinator.heartbeat import Observation, observe
 from campaign.coordinator.lease import LeaseHeld
 from campaign.coordinator.requests import finish_deletion, unfinished_deletions
 from campaign.errors import CampaignError

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import pytest
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import close_campaign, write_state
 from campaign.errors import SpecError
