@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 TEMPORARY = ".tmp"  # ending of files that are being written
 LARGEST = 256 * 2**20  # bytes read into memory at once: ten times the largest file that a store should hold
 DEAD_AFTER = 3600.0  # s: no write of one file takes this long
-
 LONGEST_NAME = 500  # characters of a name relative to the root
 
 T = TypeVar("T")

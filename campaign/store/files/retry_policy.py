@@ -10,10 +10,10 @@ from threading import Lock
 
 from campaign.errors import StoreError
 
-logger = logging.getLogger(__name__)
-
 LONG = 1.0  # s; a fault that takes longer has kept its caller waiting
 ASK_EVERY = 1.0  # s between two requests to a store that does not answer
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
