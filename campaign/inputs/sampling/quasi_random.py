@@ -14,7 +14,6 @@ from engine.arrays import Array
 DIGITS = 52  # binary digits of a Sobol point
 OWN_DIGITS = 30  # of an unscrambled point, and the most that its number may have; scipy's fast_forward allows up to 32
 DEPTHS = 4  # columns are made in groups of this size, so that a process that draws many batches makes few groups
-
 BITS = 52  # a Halton point keeps as many digits in its base as fit into these
 MOST_VARIABLES = 10_600  # of Saltelli's design: each takes two dimensions, and there are direction numbers for 21,201
 
