@@ -172,7 +172,7 @@ import sys
 from campaign.store import open_store
 store = open_store(sys.argv[1])
 plan = store.plan_header(store.find(None))
-import campaign.store.rows
+import pyarrow
 print("go", flush=True)
 store.compact(plan)
 """
