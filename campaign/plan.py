@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from campaign.inputs.sampling import sampler_named
-from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, seal_plan, unreadable_plan
-from campaign.repeat_plan import usual_share
+from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, seal_plan, unreadable_plan, usual_share
 from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign

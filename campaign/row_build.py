@@ -1,9 +1,9 @@
 """The build that computes rows: all sources and libraries that a row depends on, besides its campaign and its number.
 
 Components that carry a row without changing it are left out: the store, which seals rows and reads them back bit for
-bit; pyarrow and `campaign.footers`, which hold and check them in between; and pydantic, which reads the spec, whose
-values are in the plan. `campaign.compiling` decides when the engine is compiled, not what. The coordinator and the
-cluster are left out too: a row does not depend on where and in which order rows are computed.
+bit; pyarrow and `campaign.parquet_footer`, which hold and check them in between; and pydantic, which reads the spec,
+whose values are in the plan. `campaign.compiling` decides when the engine is compiled, not what. The coordinator and
+the cluster are left out too: a row does not depend on where and in which order rows are computed.
 """
 
 import hashlib
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from engine.build import LIBRARIES, engine_sources, hash_sources
 
-SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "repeat_plan.py", "row_build.py")  # of campaign
+SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
 

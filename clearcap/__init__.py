@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from campaign.client.remote_server import RemoteServer, connect
-    from campaign.cluster.cluster import Cluster
-    from campaign.cluster.tls import Tls
+    from campaign.cluster.cluster import Cluster, Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
-    from campaign.spec.campaign_text import campaign_text
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
+    from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
@@ -86,10 +85,9 @@ __all__ = [
 # Where each name is imported from.
 _HOMES = {
     "campaign.client.remote_server": ("RemoteServer", "connect"),
-    "campaign.cluster.cluster": ("Cluster",),
-    "campaign.cluster.tls": ("Tls",),
+    "campaign.cluster.cluster": ("Cluster", "Tls"),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
-    "campaign.spec.campaign_text": ("campaign_text",),
+    "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
     "clearcap.results": ("Results", "open_campaign", "report"),

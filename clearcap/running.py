@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TextIO
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.plan_campaign import plan_campaign
+from campaign.coordinator.submit import plan_campaign
 from campaign.environment import STORE
 from campaign.errors import CampaignError, SpecError, UnreachableError
 from campaign.plan import Plan

@@ -45,7 +45,7 @@ LONGEST = (
     "deploy/test_slurm.py",
     "deploy/test_hosts.py",
     "campaign/cli/test_verbs.py",
-    "campaign/coordinator/test_coordinator.py",
+    "campaign/coordinator/test_coordinate.py",
     "campaign/worker/test_subprocess_runs.py",
 )
 

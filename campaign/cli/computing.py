@@ -44,11 +44,11 @@ def run(
     The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
     complete.
     """
-    from campaign.cluster.early_workers import EarlyWorkers
-    from campaign.coordinator.plan_campaign import plan_campaign
+    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.coordinator.submit import plan_campaign
     from campaign.store.layout import CANCEL
 
-    with EarlyWorkers(where) as early:
+    with PrestartedWorkers(where) as early:
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
         say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
@@ -224,8 +224,7 @@ def submit(
         document = {"campaign": made["campaign"], "store": remote.address, "samples": made["samples"]}
         _print_submitted(document | AT_SERVER, json)
         return
-    from campaign.coordinator.plan_campaign import plan_campaign
-    from campaign.coordinator.submit import assign_coordinator
+    from campaign.coordinator.submit import assign_coordinator, plan_campaign
     from campaign.store.labels import LabelChange
 
     labels = LabelChange(owner, tuple(tag))
@@ -258,7 +257,7 @@ def cancel(
             before = remote.cancel(campaign_id)["before"]
         place, command = remote.address, command_at(remote, "resume", campaign_id)
     else:
-        from campaign.coordinator.cancellation import cancel_campaign
+        from campaign.coordinator.requests import cancel_campaign
         from campaign.store import open_store
 
         opened = open_store(store)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from campaign.cluster.cluster import Cluster
-    from campaign.cluster.early_workers import EarlyWorkers
+    from campaign.cluster.dask_workers import PrestartedWorkers
     from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
     from campaign.store import Store
@@ -61,7 +61,7 @@ def drive(
     with_report: bool,
     as_json: bool,
     quiet: bool = False,
-    early: "EarlyWorkers | None" = None,
+    early: "PrestartedWorkers | None" = None,
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
 

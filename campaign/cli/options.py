@@ -128,9 +128,8 @@ def cluster_from(
 
     Raises SpecError if options contradict each other, name files that cannot be used, or would send data unencrypted.
     """
-    from campaign.cluster.cluster import Cluster
+    from campaign.cluster.cluster import Cluster, Tls, security
     from campaign.cluster.connect import check_cluster
-    from campaign.cluster.tls import Tls, security
     from campaign.errors import SpecError
 
     files = {"--tls-ca": tls_ca, "--tls-cert": tls_cert, "--tls-key": tls_key}

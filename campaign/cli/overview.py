@@ -47,10 +47,10 @@ def list_campaigns(
         _say_hidden(len(listed) - len(shown_here))
         _print_list(shown_here, f"server {remote.address}: has no campaign to show; submit one")
         return
-    from campaign.coordinator.delete import unfinished_deletions
+    from campaign.coordinator.requests import unfinished_deletions
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.which_campaign import check_is_store
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.naming import check_is_store
 
     opened = open_store(store, QUICK)
     check_is_store(opened.files)
@@ -123,8 +123,7 @@ def _list_cell(entry: dict[str, Any], column: str) -> str:
 def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
     """Return the labels of a campaign and None; if they cannot be read, empty labels and what is wrong."""
     from campaign.errors import StoreError
-    from campaign.store.label_versions import read_labels
-    from campaign.store.labels import Labels
+    from campaign.store.labels import Labels, read_labels
 
     try:
         return read_labels(store, campaign_id), None
@@ -134,7 +133,7 @@ def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
 
 def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None) -> dict[str, Any]:
     """Return the entry of a campaign in the list; for a broken campaign, with what is wrong."""
-    from campaign.coordinator.progress.progress_report import progress
+    from campaign.coordinator.progress_report import progress
     from campaign.errors import CampaignError
 
     entry: dict[str, Any] = dict.fromkeys((*COLUMNS, "samples")) | {"differs": {}, "fault": fault}
@@ -220,9 +219,9 @@ def status(
             say(remark)
         command = command_at(remote, "resume", document["campaign"])
     else:
-        from campaign.coordinator.progress.progress_report import progress_report
+        from campaign.coordinator.progress_report import progress_report
         from campaign.store import open_store
-        from campaign.store.files.patience import QUICK
+        from campaign.store.files.retry_policy import QUICK
 
         opened = open_store(store, QUICK)
         document = progress_report(opened, opened.plan_header(opened.find(campaign)), say)
@@ -267,7 +266,7 @@ def watch(
             command = command_at(remote, "watch", campaign_id)
             last = _follow(_heartbeats_of(remote, campaign_id), campaign_id, command)
     else:
-        from campaign.coordinator.follow import heartbeats
+        from campaign.coordinator.heartbeat import heartbeats
         from campaign.store import open_store
 
         opened = open_store(store)

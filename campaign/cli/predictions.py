@@ -35,7 +35,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     from campaign.errors import SpecError
     from campaign.reports.whatif import refusals, what_if, what_if_document
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
@@ -131,7 +131,7 @@ def advise(
     from campaign.reports.cost_file import read_costs
     from campaign.reports.tolerances import advice_document, advice_of, cheapest_tolerances
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
@@ -253,7 +253,7 @@ def design(
     from campaign.cli.output_files import check_output, replacing
     from campaign.reports.aimed_campaign import aimed_campaign
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))

@@ -54,7 +54,7 @@ def report(
         raise SpecError("--folder: is for --server; a store has a folder for each report")
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
     from reporting.write import lacks_package
 
     if pdf and lacks_package("pdf"):

@@ -73,7 +73,7 @@ def serve(
     """
     from campaign.errors import SpecError, StoreError
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
+    from campaign.store.files.retry_policy import QUICK
 
     try:
         from campaign.web.configuration import read_configuration

@@ -38,9 +38,8 @@ def label(
     """
     from campaign.coordinator.submit import user_name
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.label_versions import change_labels
-    from campaign.store.labels import LabelChange
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.labels import LabelChange, change_labels
 
     change = LabelChange(owner, tuple(tag), tuple(untag), note, archive)
     opened = open_store(store, QUICK)
@@ -86,12 +85,12 @@ def delete(
     json: Json = False,
 ) -> None:
     """Delete a campaign for good: its plan, its rows and its report; or finish a deletion that was interrupted."""
-    from campaign.coordinator.delete import delete_campaign, unfinished_deletions
     from campaign.coordinator.lease import is_coordinated
+    from campaign.coordinator.requests import delete_campaign, unfinished_deletions
     from campaign.errors import CampaignError, SpecError
     from campaign.store import open_store
-    from campaign.store.files.patience import QUICK
-    from campaign.store.which_campaign import which_campaign
+    from campaign.store.files.retry_policy import QUICK
+    from campaign.store.naming import which_campaign
 
     opened = open_store(store, QUICK)
     begun = unfinished_deletions(opened)
@@ -117,7 +116,7 @@ def delete(
 
 def _rows_lost(store: "Store", campaign_id: str) -> Any:
     """Return the number of rows that would be lost; None if the campaign cannot be read."""
-    from campaign.coordinator.progress.progress_report import progress
+    from campaign.coordinator.progress_report import progress
     from campaign.errors import CampaignError
 
     try:

@@ -34,7 +34,7 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
     from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
     if isinstance(source, Mapping):
-        from campaign.spec.campaign_text import campaign_text
+        from campaign.spec.write import campaign_text
 
         return CampaignUpload(campaign_text(source), _named_files(source, Path()))
     path = _path_of(str(source))
@@ -85,7 +85,7 @@ def _plain(path: Path, content: bytes) -> bytes:
         return content
     if not names_geometry:
         return content
-    from campaign.spec.plain_mechanism import plain_text
+    from campaign.spec.write import plain_text
     from engine import load_mechanism
 
     return plain_text(load_mechanism(path)).encode()

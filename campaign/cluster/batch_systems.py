@@ -20,17 +20,16 @@ from typing import Any
 import dask
 from distributed import Client, Security, Status
 
-from campaign.cluster.cluster import Cluster
-from campaign.cluster.local import CLOSED, CLOSED_HTTP, SETTINGS, interrupts_held
+from campaign.cluster.cluster import NEEDED, Cluster, Tls, security
+from campaign.cluster.local import CLOSED, NO_DASHBOARD, SETTINGS, interrupts_held
 from campaign.cluster.scratch import scratch_folder
-from campaign.cluster.tls import NEEDED, Tls, security
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
 from campaign.environment import numerical
 from campaign.errors import SpecError, UnreachableError
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
 # HTTP is neither encrypted nor authenticated.
-_NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload", CLOSED_HTTP)
+_NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload", NO_DASHBOARD)
 
 
 @contextmanager

@@ -1,12 +1,43 @@
-"""The user's choice of the workers that compute a campaign."""
+"""The user's choice of the workers that compute a campaign, and its files for mutual TLS, checked before use."""
 
+import os
+import ssl
+import stat
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
-from campaign.cluster.tls import Tls
+import dask
+from distributed import Security
+
+from campaign.errors import SpecError
+
+FROM_CONFIGURATION = "distributed.comm.tls"  # of dask: ca-file, client.cert, client.key
+NEEDED = (
+    "needs certificates (clearcap certificates makes them); give --tls-ca, --tls-cert and --tls-key, or set"
+    f" {FROM_CONFIGURATION}.ca-file, .client.cert and .client.key in dask's configuration"
+)
+_ROLES = ("client", "scheduler", "worker")
 
 Kind = Literal["local", "slurm", "oar", "pbs", "kubernetes"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class Tls:
+    """Files for mutual TLS, in PEM; `clearcap certificates` makes them.
+
+    Attributes
+    ----------
+    ca : str
+        Certificate of the authority whose certificates are accepted.
+    cert, key : str
+        Certificate of this side and its private key.
+    """
+
+    ca: str
+    cert: str
+    key: str
 
 
 @dataclass(frozen=True)
@@ -53,3 +84,55 @@ class Cluster:
         ):
             words += [] if value is None else [option, str(value)]
         return [*words, "--insecure"] if self.insecure else words
+
+
+def security(tls: Tls | None) -> Security | None:
+    """Return checked certificates for dask: the given ones, or those of dask's configuration; None without either.
+
+    Raises SpecError if a file is missing, unreadable or invalid, or if other users can read the private key.
+    """
+    tls = tls or configured()
+    if tls is None:
+        return None
+    for option, name in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
+        _check_file(option, Path(name))
+    _check_private(Path(tls.key))
+    try:
+        ssl.create_default_context(cafile=tls.ca).load_cert_chain(tls.cert, tls.key, password=_no_password)
+    except (ssl.SSLError, ValueError) as error:
+        raise SpecError(
+            f"--tls-ca {tls.ca}, --tls-cert {tls.cert}, --tls-key {tls.key}: not a PEM certificate of an authority, a"
+            f" PEM certificate and the key that belongs to it, without a password ({error}); clearcap certificates"
+            " makes such files"
+        ) from error
+    roles = {f"tls_{role}_{part}": getattr(tls, part) for role in _ROLES for part in ("cert", "key")}
+    return Security(tls_ca_file=tls.ca, require_encryption=True, **roles)  # type: ignore[no-untyped-call]
+
+
+def _no_password() -> str:
+    """Raise ValueError; otherwise OpenSSL would ask for the key's password at the terminal."""
+    raise ValueError("the key has a password")
+
+
+def configured() -> Tls | None:
+    """Return the client's certificates from dask's configuration (``DASK_CONFIG``, ``~/.config/dask``), if any."""
+    names = [dask.config.get(f"{FROM_CONFIGURATION}.{key}", None) for key in ("ca-file", "client.cert", "client.key")]
+    return Tls(*names) if all(names) else None
+
+
+def _check_file(option: str, path: Path) -> None:
+    try:
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        raise SpecError(f"{option} {path}: cannot be read ({error.strerror}); name a readable PEM file") from error
+
+
+def _check_private(path: Path) -> None:
+    """Refuse a private key of this user that other users can read, as ssh does."""
+    status = path.stat()
+    if status.st_uid == os.getuid() and status.st_mode & 0o077:
+        raise SpecError(
+            f"--tls-key {path}: other users can read it (mode {stat.S_IMODE(status.st_mode):04o}), and whoever has it"
+            f" can run code on the cluster; chmod 600 {path}, and make new certificates if someone read it"
+        )

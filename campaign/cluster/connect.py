@@ -21,9 +21,8 @@ from distributed.comm.core import connect as open_comm
 from distributed.utils import silence_logging_cmgr
 
 from campaign.cluster.batch_systems import batch_jobs, kubernetes_resource
-from campaign.cluster.cluster import KINDS, Cluster
+from campaign.cluster.cluster import KINDS, NEEDED, Cluster, configured, security
 from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_client
-from campaign.cluster.tls import NEEDED, configured, security
 from campaign.errors import SpecError, UnreachableError
 
 logger = logging.getLogger(__name__)

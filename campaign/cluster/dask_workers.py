@@ -1,12 +1,14 @@
-"""Workers of a dask cluster; no other module submits work to dask."""
+"""Workers of a dask cluster, watched for liveness, or prestarted; no other module submits work to dask."""
 
 import logging
 import secrets
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from queue import Empty, SimpleQueue
+from types import TracebackType
 from typing import Any, TypeVar, cast
 
 import distributed
@@ -14,7 +16,6 @@ from distributed import Client, KilledWorker, get_worker
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
-from campaign.cluster.silence import LOOK_INTERVAL, Silence
 from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
 
 logger = logging.getLogger(__name__)
@@ -23,6 +24,7 @@ ANSWERS_WITHIN = 30.0  # s for the scheduler to answer, and for the result of a 
 SILENT_AFTER = 60.0  # s without a heartbeat, after which a worker is taken to hang
 GONE_AFTER = 150.0  # s without any worker of this machine; longer than a worker takes to start
 RETURNS_WITHIN = 8.0  # s for a killed worker to be replaced
+LOOK_INTERVAL = 2.0  # s between two checks for silent workers
 RETRY_INTERVAL = 0.5  # s between two checks for a worker that is not refused
 
 T = TypeVar("T")
@@ -49,7 +51,7 @@ class DaskWorkers:
         self._refused: set[str] = set()
         self._in_flight: dict[str, tuple[distributed.Future[Any], Future[Any]]] = {}
         self._finished: SimpleQueue[distributed.Future[Any]] = SimpleQueue()
-        self._silence = Silence(SILENT_AFTER)
+        self._liveness = Liveness(SILENT_AFTER)
         self._looked_at = time.monotonic()
         self._silent: set[str] = set()
         self._looks_without = 0  # successive checks that found no worker
@@ -146,7 +148,7 @@ class DaskWorkers:
         self._looks_without = 0 if heartbeats else self._looks_without + 1
         if self._started_here and self._looks_without * LOOK_INTERVAL > GONE_AFTER:
             raise SchedulerLost("all workers of this machine are gone, and none returns")
-        for worker in self._silence.look(heartbeats, now):
+        for worker in self._liveness.look(heartbeats, now):
             logger.warning(
                 "worker %s sends no heartbeat for %.0f s: it hangs and is replaced; its batches are computed again",
                 worker,
@@ -184,3 +186,100 @@ def _call(function: Callable[..., T], *arguments: Any) -> T:
     except Exception as error:
         error.worker = str(get_worker().address)  # type: ignore[attr-defined]  # any exception takes attributes
         raise
+
+
+class Liveness:
+    """Which workers are silent, that is, send no heartbeat because they hang or were stopped.
+
+    The time without one is counted only while this process is awake. A check adds at most twice the interval between
+    checks: if a laptop sleeps or all processes of a campaign are stopped, there are no checks, and no worker is to
+    blame.
+
+    A worker is silent after ``longest`` seconds without a heartbeat.
+    """
+
+    def __init__(self, longest: float) -> None:
+        self._longest = longest
+        self._heartbeats: dict[str, float] = {}
+        self._silent_for: dict[str, float] = {}
+        self._looked_at: float | None = None
+
+    def look(self, heartbeats: Mapping[str, float], now: float) -> list[str]:
+        """Record the last heartbeat of each worker and return the silent workers, whose counts then start anew.
+
+        The times of heartbeats are by the receiver's clock and only checked for changes; ``now`` is this process's
+        monotonic clock [s].
+        """
+        passed = 0.0 if self._looked_at is None else min(now - self._looked_at, 2.0 * LOOK_INTERVAL)
+        self._looked_at = now
+        self._silent_for = {
+            worker: self._silent_for.get(worker, 0.0) + passed if self._heartbeats.get(worker) == last else 0.0
+            for worker, last in heartbeats.items()
+        }
+        self._heartbeats = dict(heartbeats)
+        silent = [worker for worker, seconds in self._silent_for.items() if seconds >= self._longest]
+        self._silent_for.update(dict.fromkeys(silent, 0.0))
+        return silent
+
+
+class PrestartedWorkers:
+    """A context that starts workers while their campaign is still being planned, and ends them at its exit.
+
+    They are started in a thread, for the first `connect`. Only processes of this machine start early; other workers are
+    connected when needed.
+    """
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+        self._thread: threading.Thread | None = None
+        self._started = ExitStack()
+        self._workers: Workers | None = None
+        self._error: Exception | None = None
+
+    def __enter__(self) -> "PrestartedWorkers":
+        """Return this object; no worker is started yet."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        """End the workers if `connect` has not yielded them."""
+        self._wait()
+        self._started.close()
+
+    def begin(self) -> None:
+        """Start the workers without waiting for them, if they are processes of this machine."""
+        if self._cluster.starts_here and self._thread is None:
+            self._thread = threading.Thread(target=self._start, name="workers")
+            self._thread.start()
+
+    @contextmanager
+    def connect(self, cluster: Cluster) -> Iterator[Workers]:
+        """Yield the workers that started early, and end them with the block.
+
+        If none started early, and at every further call, this is the same as `connect_workers`. It raises the same
+        errors.
+        """
+        self._wait()
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+        workers, self._workers = self._workers, None
+        if workers is None:
+            with connect_workers(cluster) as connected:
+                yield connected
+            return
+        with self._started.pop_all():
+            yield workers
+
+    def _start(self) -> None:
+        """Start the workers; keep an error for `connect` to raise."""
+        try:
+            self._workers = self._started.enter_context(connect_workers(self._cluster))
+        except Exception as error:
+            self._error = error
+
+    def _wait(self) -> None:
+        """Wait until the workers have started or failed to start."""
+        if self._thread is not None:
+            self._thread.join()

@@ -34,7 +34,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,  # the coordinator repeats a batch that ends its worker, isolated
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
-    "distributed.scheduler.worker-ttl": None,  # would take a machine that slept for a hanging worker; see `silence`
+    "distributed.scheduler.worker-ttl": None,  # would take a machine that slept for a hanging worker; see `Liveness`
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
@@ -53,15 +53,15 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical",
 }
-CLOSED_HTTP = "campaign.cluster.closed_http"  # module that dask loads into a process to close its HTTP server
+NO_DASHBOARD = "campaign.cluster.disable_dashboard"  # module that dask loads into a process to close its HTTP server
 CLOSED = {
     f"distributed.{service}.{key}": value
     for service in ("scheduler", "worker")
-    for key, value in {"preload": [CLOSED_HTTP], "preload-argv": [], "http.routes": []}.items()
+    for key, value in {"preload": [NO_DASHBOARD], "preload-argv": [], "http.routes": []}.items()
 }
 # modules that workers of this machine load while the coordinator is still planning; given by name, because this
 # package does not import `campaign.worker`
-LOADED_AHEAD = {"distributed.worker.preload": [CLOSED_HTTP, "campaign.worker.loaded_ahead"]}
+PRELOAD = {"distributed.worker.preload": [NO_DASHBOARD, "campaign.worker.preload"]}
 
 
 def cores() -> int:
@@ -80,7 +80,7 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
     to start several times in a row.
     """
     security = security or passing_security()
-    settings = {**SETTINGS, **CLOSED, **LOADED_AHEAD}
+    settings = {**SETTINGS, **CLOSED, **PRELOAD}
     with scratch_folder() as scratch, dask.config.set({**settings, "temporary-directory": str(scratch)}):
         earlier = active_children()
         cluster = _start(workers, security)

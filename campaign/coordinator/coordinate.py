@@ -1,28 +1,58 @@
-"""Coordinate a campaign to its end: hold its lease, connect to the cluster, compute, and record how it ended."""
+"""Coordinate a campaign to its end: hold its lease, connect to workers, dispatch batches, record how it ended.
+
+Failures are handled as follows:
+
+- a run fails: it becomes a row with its status, and the other runs go on;
+- a batch kills its worker, or the worker hangs: the batch is computed again with its runs in an isolated subprocess;
+- a worker has another build: it gets no more batches, and a message names it;
+- the store fails: operations on it are tried again for minutes while batches go on as far as possible; finally the
+  campaign pauses with a message;
+- the scheduler is lost: the coordinator connects again, surveys the store, and goes on.
+"""
 
 import logging
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.workers import Workers
-from campaign.coordinator.compile_first import compile_first
-from campaign.coordinator.coordinator import Coordinator
-from campaign.coordinator.failed_runs import lack_of_ok
-from campaign.coordinator.heartbeat import Show
-from campaign.coordinator.lease import LeaseLost, hold_lease
+from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers, compile_first
+from campaign.coordinator.dispatch import TRIES, Backoff, Window, WorkQueue, isolated
+from campaign.coordinator.failed_runs import check_failures, lack_of_ok
+from campaign.coordinator.heartbeat import Progress, Show
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, check_lease, hold_lease
 from campaign.coordinator.state import write_state
-from campaign.coordinator.stopping_rule import Verdict
-from campaign.errors import StoreError, UnreachableError
+from campaign.coordinator.stopping_rule import Checkpoints, Verdict
+from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
-from campaign.store import Store, Survey
-from campaign.worker.messages import Cancelled, Simulate, check_build
+from campaign.store import Part, Store, Survey
+from campaign.store.files.retry_policy import Outage
+from campaign.store.layout import CANCEL, HEARTBEAT
+from campaign.store.parts import folder
+from campaign.store.repeat_sets import repeat_plans, repeated_shares, survey_repeats
+from campaign.worker.messages import (
+    BatchRequest,
+    BatchResult,
+    CampaignAddress,
+    Cancelled,
+    Simulate,
+    WrongBuild,
+    check_build,
+)
+from campaign.worker.moments import moments
 from engine import simulate
 
+RECONNECTS_FOR = 600.0  # s after the scheduler was lost
+RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
+STORE_TRIES = 3  # workers in a row for which the store fails, each after trying for minutes
+
 logger = logging.getLogger(__name__)
+
+Connect = Callable[[], AbstractContextManager[Workers]]
 
 
 @dataclass(frozen=True)
@@ -103,3 +133,217 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_s
     message = "" if isinstance(error, SystemExit | Cancelled) else str(error)
     with suppress(StoreError):
         write_state(store.hasty, campaign_id, state, message, is_open=is_open)
+
+
+class Coordinator:
+    """Compute the missing batches of a campaign on workers, and publish its progress.
+
+    ``token`` is that of the lease that this process holds; ``show`` is called with each heartbeat.
+    """
+
+    def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
+        self.store, self.plan = store, plan
+        self.repeats = repeat_plans(store, plan)
+        self.address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
+        self.show = show
+        # every file is read: only an intact part makes a batch done, and damage may keep the size of a file
+        survey = self._survey(verify=True)
+        self.progress = Progress(store, plan, survey)
+        # after the progress, whose numbers of repeats this sets
+        self.queue = self._queue_missing(survey.parts)
+        self.checkpoints = Checkpoints(store, plan)
+        self._token = token
+        self._heartbeats = 0
+        self._outage = Outage(store.url, store.files.retry_policy)
+        self._store_failures = 0  # successive failures that workers reported
+        self._recorded_at = 0.0
+
+    def run(self, connect: Connect) -> None:
+        """Compute until the store has all batches; parts damaged in the meantime are computed again.
+
+        ``connect`` is called again if the scheduler is lost. Raises what `coordinate`
+        raises if the campaign ends early.
+        """
+        self._stop_at_checkpoint()
+        # each round ends with reading all files again; on a disk that keeps damaging them, no round would be the last
+        for _ in range(TRIES):
+            if not self.queue:
+                break
+            self._compute_through_losses(connect)
+            self.store.record(self.plan, self.queue.parts.values())
+            self._rescan(verify=True)
+        else:
+            raise StoreError(
+                f"store {self.store.url}: part files were damaged after they were written, {TRIES} times in a row;"
+                " check the disk"
+            )
+        check_lease(self.store, self.plan.campaign_id, self._token)
+        self.store.record(self.plan, self.queue.parts.values())
+        for name in (self.plan.campaign_id, *map(folder, (self.plan, *self.repeats))):
+            self.store.files.sweep(name)  # temporary files of killed workers
+
+    def compute(self, workers: Workers) -> None:
+        """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
+
+        Raises SchedulerLost if the connection to the workers is lost; LeaseLost, Cancelled, TooManyFailed, StoreError
+        or CampaignError if the campaign ends early.
+        """
+        window = Window(workers, self.address)
+        next_check = time.monotonic()
+        try:
+            while True:
+                # enough batches beyond the checkpoint to keep all workers busy; more would be lost if the campaign ends
+                # there
+                self.checkpoints.limit(self.queue, window.size)
+                window.fill(self.queue)
+                if not window:
+                    return
+                if time.monotonic() >= next_check:
+                    self._check(window)
+                    next_check = time.monotonic() + HEARTBEAT_INTERVAL
+                finished = window.next_finished(next_check - time.monotonic())
+                if finished is None:
+                    continue
+                self._handle_result(window, *finished)
+                if self._stop_at_checkpoint():
+                    return
+        finally:
+            workers.cancel()  # however it ended, nobody waits for the calls in flight any more
+
+    def publish_heartbeat(self, state: str, store: Store | None = None) -> None:
+        """Show the progress of the campaign and write it into the store."""
+        self._heartbeats += 1
+        heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
+        self.show(heartbeat)
+        (store or self.store).write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
+
+    def _compute_through_losses(self, connect: Connect) -> None:
+        """Connect and compute; connect again if the scheduler is lost."""
+        lost_at: float | None = None
+        pauses = Backoff()
+        while self.queue:
+            try:
+                with connect() as workers:
+                    lost_at = None
+                    pauses.reset()
+                    self.compute(workers)
+            except UnreachableError as error:
+                if lost_at is None and not isinstance(error, SchedulerLost):
+                    raise  # it was never reached, so there is nothing to reconnect to
+                lost_at = lost_at or time.monotonic()
+                if time.monotonic() - lost_at > RECONNECTS_FOR:
+                    raise UnreachableError(
+                        f"{error}; gave up after {RECONNECTS_FOR:.0f} s; finished rows are kept"
+                    ) from error
+                logger.warning("lost the scheduler (%s); reconnecting", error)
+                pauses.fail()
+                pauses.wait()
+                self.publish_heartbeat("running")
+                self._rescan()
+
+    def _check(self, window: Window) -> None:
+        """Check workers and store; called every two seconds.
+
+        This does not wait for a failing store, so that batches go on in the meantime; the next check tries again.
+        """
+        self.progress.workers = window.count_workers()
+        try:
+            self._check_store(self.store.hasty)
+        except StoreError as error:
+            if self._outage.too_long:
+                raise
+            self._outage.begin(error)
+        else:
+            self._outage.end()
+
+    def _check_store(self, store: Store) -> None:
+        """Check cancellation and lease, publish a heartbeat, and record the manifest."""
+        campaign_id = self.plan.campaign_id
+        if store.files.exists(f"{campaign_id}/{CANCEL}"):
+            raise Cancelled(
+                f"campaign {campaign_id} is cancelled; continue it with: {store.command('resume', campaign_id)}"
+            )
+        # before the heartbeat, which would replace that of a process that has taken over
+        check_lease(store, campaign_id, self._token)
+        self.publish_heartbeat("running", store)
+        if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
+            store.record(self.plan, self.queue.parts.values())
+            self._recorded_at = time.monotonic()
+
+    def _handle_result(self, window: Window, requests: list[BatchRequest], future: Future[list[BatchResult]]) -> None:
+        """Record the batches of a finished call, or requeue them for another attempt."""
+        try:
+            results = future.result()
+        except WorkerDied as error:
+            logger.warning(
+                "%s was given to %s; its runs are repeated in a process of their own", _text(requests), error
+            )
+            self.queue.requeue([isolated(request) for request in requests])
+        except WrongBuild as error:
+            logger.warning("worker %s: %s; it gets no more batches", window.refuse(future), error)
+            self.queue.requeue(requests)
+        except Cancelled:
+            self.queue.requeue(requests)  # the next check finds the marker and ends the campaign
+        except (StoreError, OSError) as error:
+            self.queue.requeue(requests)
+            self._store_failures += 1
+            if self._store_failures >= STORE_TRIES:
+                raise StoreError(f"{_text(requests)}: {error}") from error
+            logger.warning("%s is computed again, because its worker gave up: %s", _text(requests), error)
+        except Exception as error:
+            raise CampaignError(f"{_text(requests)} cannot be computed: {type(error).__name__}: {error}") from error
+        else:
+            self._take_in(window, results)
+
+    def _take_in(self, window: Window, results: list[BatchResult]) -> None:
+        """Count batches whose rows are in the store."""
+        self._store_failures = 0
+        for result in results:
+            if result.part is not None:
+                self.queue.complete(result.part)
+            self.progress.add(result)
+        # the slowest one: no call shall take longer than `CALL_SECONDS`
+        window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
+        check_failures(self.store, self.plan, self.progress)
+
+    def _stop_at_checkpoint(self) -> bool:
+        """Evaluate the stopping rule if a checkpoint is complete; return whether the campaign ends there."""
+        if not self.checkpoints.reached_end(self.queue):
+            return False
+        self.queue = self._queue_missing(self.queue.parts)
+        # the rows after the end, which were computed ahead, no longer count
+        self.progress.recount(self.store, self.store.survey(self.plan))
+        return True
+
+    def _rescan(self, *, verify: bool = False) -> None:
+        """Survey the store anew, and forget the calls in flight."""
+        survey = self._survey(verify=verify)
+        if self.queue.parts.keys() <= survey.parts.keys():
+            needed = range(self.queue.batches_for(self.store.end(self.plan)))
+            for batch in (survey.parts.keys() - self.queue.parts.keys()).intersection(needed):
+                rows = self.store.read_part(self.plan, batch)  # written while the connection was lost
+                moments_of = moments(rows, self.plan.mechanism.responses)
+                self.progress.add(BatchResult(survey.parts[batch], moments_of, computed=False))
+        else:
+            # rows were lost, and moments can only be added to
+            self.progress.recount(self.store, survey)
+        self.queue = self._queue_missing(survey.parts)
+        self._stop_at_checkpoint()
+
+    def _queue_missing(self, parts: Mapping[int, Part]) -> WorkQueue:
+        """Return the batches with missing rows or repeats; quarantine damaged files of repeats."""
+        repeats = survey_repeats(self.store, self.repeats, verify=True, mend=True)
+        self.progress.repeats, self.progress.repeated = repeats.planned, repeats.done
+        return WorkQueue(self.plan, parts, self.store.end(self.plan), repeats.missing)
+
+    def _survey(self, *, verify: bool) -> Survey:
+        """Return the parts and rows that the store holds; quarantine damaged files."""
+        survey = self.store.survey(self.plan, verify=verify)
+        self.store.quarantine(self.plan, survey.bad)
+        return survey
+
+
+def _text(requests: list[BatchRequest]) -> str:
+    """Return the name in messages of batches that were requested together."""
+    first, last = requests[0].batch, requests[-1].batch
+    return f"batch {first}" if first == last else f"one of batches {first} to {last}"

@@ -1,14 +1,17 @@
-"""Dispatch batches to workers, and keep as many in flight as the workers can use."""
+"""Dispatch batches to workers: which are waiting, how many are in flight, and pauses after failures."""
 
 import logging
 import time
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Mapping, Sequence, Set
 from concurrent.futures import Future
 from dataclasses import replace
 
 from campaign.cluster.workers import NoWorkerLeft, Workers
-from campaign.coordinator.backoff import TRIES
-from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError
+from campaign.plan import Plan
+from campaign.store import Part
 from campaign.worker.batch import run_batches
 from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress
 
@@ -18,6 +21,55 @@ CALLS_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the
 CALL_SECONDS = 0.5  # s; the most that batches sent in one call may take: dask spends milliseconds on each call
 LARGEST_CALL = 20  # batches
 WARN_AFTER = 60.0  # s without a worker
+TRIES = 10  # attempts in a row at a batch
+PAUSES = (0.5, 15.0)  # s; the first and the longest pause; each is twice as long as the one before
+
+
+class WorkQueue:
+    """Batches to compute, in the order of their samples, and up to which sample the campaign is complete.
+
+    Batches beyond the first ``end`` samples are left out; ``unrepeated`` are those with a missing repeat. `parts` has
+    the parts of completed batches by number; only batches below `limit` are handed out.
+    """
+
+    def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
+        self._first_samples = [first for first, _ in plan.batches]
+        self.parts = dict(parts)
+        self._complete_prefix = 0  # number of completed batches from the first on without a gap
+        self.limit = self.batches_for(end)
+        self._waiting = deque(
+            BatchRequest(batch, has_rows=batch in self.parts)
+            for batch in range(self.limit)
+            if batch not in self.parts or batch in unrepeated
+        )
+
+    def batches_for(self, samples: int) -> int:
+        """Return the number of batches, from the first on, that hold the first ``samples`` samples."""
+        return bisect_left(self._first_samples, samples)
+
+    def next(self) -> BatchRequest | None:
+        """Remove and return the next batch to compute; None if there is none below the limit."""
+        if not self._waiting or self._waiting[0].batch >= self.limit:
+            return None
+        return self._waiting.popleft()
+
+    def requeue(self, requests: Sequence[BatchRequest]) -> None:
+        """Put batches back at the front of the queue."""
+        # in front: behind a batch above the limit they would wait for a checkpoint that waits for them
+        self._waiting.extendleft(reversed(requests))
+
+    def complete(self, part: Part) -> None:
+        """Record the part of a completed batch."""
+        self.parts[part.batch] = part
+
+    def completed(self, samples: int) -> bool:
+        """Return whether the rows of all the first ``samples`` samples are in the store."""
+        while self._complete_prefix in self.parts:
+            self._complete_prefix += 1
+        return self._complete_prefix >= self.batches_for(samples)
+
+    def __len__(self) -> int:
+        return len(self._waiting)
 
 
 class Window:
@@ -97,3 +149,24 @@ def isolated(request: BatchRequest) -> BatchRequest:
             " of their own; look at the workers' logs and their memory, then resume"
         )
     return replace(request, attempt=request.attempt + 1, isolated=True)
+
+
+class Backoff:
+    """Count successive failures of an operation and wait after each, longer and longer."""
+
+    def __init__(self) -> None:
+        self.failures = 0
+
+    def fail(self) -> None:
+        """Count a failure."""
+        self.failures += 1
+
+    def wait(self) -> None:
+        """Wait for the pause that the number of failures determines."""
+        first, longest = PAUSES
+        # 20 doublings are far beyond the longest pause; an unlimited power would overflow in the end
+        time.sleep(min(first * 2.0 ** min(self.failures - 1, 20), longest))
+
+    def reset(self) -> None:
+        """Forget the failures after a success."""
+        self.failures = 0

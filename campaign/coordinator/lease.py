@@ -18,7 +18,7 @@ from typing import Any
 
 from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
-from campaign.store.files.patience import Outage
+from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 
 HEARTBEAT_INTERVAL = 2.0  # s between two heartbeats
@@ -63,7 +63,7 @@ def beating(store: Store, folder: str) -> Iterator[None]:
 
     ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`.
     """
-    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.patience)
+    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.retry_policy)
 
     def write_heartbeats() -> None:
         count = 0

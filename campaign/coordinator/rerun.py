@@ -8,20 +8,18 @@ from typing import Any
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.coordinator.compile_first import compile_first
+from campaign.cluster.workers import compile_first
 from campaign.coordinator.lease import LeaseHeld, hold_lease
+from campaign.coordinator.requests import rerun_request
 from campaign.coordinator.state import write_state
 from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
 from campaign.plan import Plan
-from campaign.plan_header import PlanHeader
-from campaign.repeat_plan import RepeatPlan, plan_repeats
+from campaign.plan_header import PlanHeader, RepeatPlan, plan_repeats
 from campaign.store import Store
 from campaign.store.layout import RERUN
 from campaign.store.repeat_sets import repeat_plans, repeated_shares
-from campaign.store.rerun_request import rerun_request
 from campaign.worker.messages import CampaignAddress, Simulate
-from campaign.worker.row import Row, repeats_to_table, rows_to_table
-from campaign.worker.runs import open_campaign, open_repeats
+from campaign.worker.row import Row, open_campaign, open_repeats, repeats_to_table, rows_to_table
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from engine import simulate as engine_simulate

@@ -13,8 +13,7 @@ from campaign.plan import Plan
 from campaign.store import BadPart, Store, open_store
 from campaign.store.files.files import LARGEST
 from campaign.store.layout import PLAN
-from campaign.store.parts import batches_of, folder
-from campaign.store.survey import read_file
+from campaign.store.parts import batches_of, folder, read_file
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import missing_kernels

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from campaign.coordinator.work_queue import WorkQueue
+from campaign.coordinator.dispatch import WorkQueue
 from campaign.plan import Plan
 from campaign.reports.resolution import resolution
-from campaign.spec.campaign_file import Response
-from campaign.spec.policy import Stop
+from campaign.spec.campaign_file import Response, Stop
 from campaign.store import Store
 from campaign.store.layout import STOPPED
 

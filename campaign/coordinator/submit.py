@@ -1,32 +1,80 @@
-"""Write the plan of a campaign into a store, and assign a coordinator to it."""
+"""Write the plan of a campaign into a store: check it, reuse rows, and assign a coordinator to it."""
 
 import getpass
+import json
 import logging
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from campaign.coordinator.delete import finish_deletion
+import pyarrow as pa
+import pyarrow.compute as pc
+
 from campaign.coordinator.lease import is_alive, is_coordinated
-from campaign.coordinator.reuse import reuse_rows
+from campaign.coordinator.requests import finish_deletion
 from campaign.coordinator.run_time import known_seconds_per_run, seconds_per_run
 from campaign.coordinator.state import state_of, write_state
 from campaign.environment import STORE
-from campaign.errors import unwritable
+from campaign.errors import SpecError, StoreError, unwritable
+from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.safe_path import python_environment
-from campaign.spec.load import Campaign
-from campaign.store import Store
-from campaign.store.label_versions import claim
-from campaign.store.labels import LabelChange, is_owner
-from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE, SUBMISSION
+from campaign.spec.load import Campaign, Source, load_campaign
+from campaign.store import Store, open_store
+from campaign.store.files.files import LARGEST
+from campaign.store.labels import LabelChange, claim, is_owner
+from campaign.store.layout import CANCEL, LEASE, LOG, PLAN, SERVICE, SUBMISSION
+from campaign.store.repeat_sets import read_repeats, repeat_plans
 from campaign.worker.messages import Simulate
 from engine import simulate
 
+# keys that no row depends on
+IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "repeats", "format")
+DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid")  # whatever the machine
+
 logger = logging.getLogger(__name__)
+
+
+def plan_campaign(
+    campaign: Source | Campaign,
+    url: str,
+    samples: int | None = None,
+    seed: int | None = None,
+    batch_size: int | None = None,
+    labels: LabelChange | None = None,
+    *,
+    when_new: Callable[[], None] = lambda: None,
+) -> tuple[Store, Plan]:
+    """Open the store, load the campaign and plan it; if the store already has its plan, return that one.
+
+    For a new campaign, ``when_new`` is called before any run, and each caution (`campaign.spec.campaign_cautions`) and
+    each open question of its file (a line that begins with ``#?``) is logged as a warning. Raises SpecError if the
+    campaign has faults, or the workers cannot reach the store; StoreError if the store cannot be written.
+    """
+    from campaign.spec.campaign_cautions import (
+        campaign_cautions,  # loads all of reporting, which a server does not need
+    )
+    from campaign.spec.open_campaign_questions import campaign_questions
+
+    opened = open_store(url)
+    if not opened.files.shared:
+        raise SpecError(
+            f"store {opened.url}: the workers cannot reach the memory of this process; name a folder or a URL"
+        )
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
+    # before the trial runs of `submit`, which may take minutes
+    opened.files.check_writable()
+    if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
+        when_new()
+        for question in campaign_questions(campaign):
+            logger.warning("%s", question)
+        for caution in campaign_cautions(loaded):
+            logger.warning("warning: %s", caution)
+    return opened, submit(opened, loaded, batch_size, labels=labels)
 
 
 def submit(
@@ -156,3 +204,79 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
             start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
         )
     return process.pid, str(log)
+
+
+# -- reused rows -------------------------------------------------------------------------------------------------------
+#
+# A new campaign reuses the rows of another one if it differs only in its number of samples or its limits. A row depends
+# on the variables, on what is simulated, and on the number of its sample. It does not depend on the number of samples,
+# the limits, or the name of the campaign.
+
+
+def reuse_rows(store: Store, plan: Plan) -> int:
+    """Copy rows of a new plan, and their repeats, from other campaigns of the store; return the number of rows.
+
+    With a sampler whose first samples depend on the number of samples, nothing is reused, and a message says why.
+    """
+    reused = 0
+    for other in _plans_with_same_rows(store, plan):
+        if reason := sampler_named(plan.spec.sampler).not_extendable:
+            logger.info("the rows of %s cannot be reused: %s", other.campaign_id, reason)
+            return 0
+        reused += _copy(store, other, plan)
+        _copy_repeats(store, other, plan)
+    return reused
+
+
+def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
+    """Yield the other plans of the store whose rows are also rows of this plan."""
+    required = _what_rows_depend_on(json.loads(plan.to_json()))
+    for campaign_id in store.campaigns():
+        try:
+            content = store.read_json(campaign_id, PLAN, LARGEST) or {}
+            if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == required:
+                yield store.plan(campaign_id)
+        except StoreError:
+            continue  # the plan is damaged or of another version
+
+
+def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
+    """Return everything in a plan's document that a row depends on, besides the number of its sample."""
+    document = content.get("spec", {})
+    spec = {key: value for key, value in document.items() if key not in IRRELEVANT}
+    # of this table only further attempts change a row; the other keys say when to stop and what a verdict needs
+    spec["failures"] = document.get("failures", {}).get("retry", [])
+    order = list(document.get("variables", {}))  # of columns, and of the dimensions of a sampler
+    return [spec, order, *(content.get(key) for key in ("row_build", "mechanism_digest"))]
+
+
+def _copy(store: Store, other: Plan, plan: Plan) -> int:
+    """Write the parts of a plan that the rows of another campaign fill completely; return the number of rows."""
+    there = store.survey(plan).parts
+    waiting = (batch for batch in range(len(plan.batches)) if batch not in there)
+    batch, copied, kept = next(waiting, None), 0, plan.schema.empty_table()
+    for rows in store.stream(other):
+        kept = pa.concat_tables([kept, rows.replace_schema_metadata(plan.schema.metadata)])
+        while batch is not None and kept.num_rows and sum(plan.batches[batch]) <= kept["sample"][-1].as_py() + 1:
+            first, count = plan.batches[batch]
+            part = kept.filter((pc.field("sample") >= first) & (pc.field("sample") < first + count))
+            if part.num_rows == count and set(part["status"].to_pylist()) <= set(DETERMINED):
+                store.write_part(plan, batch, part)
+                copied += count
+            kept = kept.filter(pc.field("sample") >= first + count)
+            batch = next(waiting, None)
+    return copied
+
+
+def _copy_repeats(store: Store, other: Plan, plan: Plan) -> None:
+    """Write the parts of a plan's repeats that the repeats of another campaign fill completely."""
+    rows, sets = read_repeats(store, other), repeat_plans(store, plan)
+    if rows is None or not sets:
+        return
+    usable = rows.filter(pc.field("status").isin(DETERMINED)).sort_by("sample")
+    for repeats in sets:
+        for batch in store.survey(repeats).missing:
+            first, count = repeats.batches[batch]
+            part = usable.filter(pc.field("sample").isin(repeats.numbers_of(first, first + count)))
+            if part.num_rows == count:
+                store.write_part(repeats, batch, part.replace_schema_metadata(repeats.schema.metadata))

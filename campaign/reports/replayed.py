@@ -8,7 +8,7 @@ from campaign.errors import SpecError
 from campaign.plan import Plan
 from campaign.row_build import differences
 from campaign.store import Store
-from campaign.worker.repeat_row import RepeatedSample, repeated_sample
+from campaign.worker.row import RepeatedSample, repeated_sample
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ import numpy as np
 import pyarrow as pa
 
 from campaign.errors import CampaignError, SpecError, unwritable
-from campaign.geometry_summary import geometry_provenance
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
+from campaign.mechanism_summary import geometry_provenance
 from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.plan import Plan
 from campaign.reports.fixed_assumptions import fixed_assumptions
@@ -28,10 +28,10 @@ from campaign.reports.spreads import Spreads
 from campaign.row_build import differences
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
-from campaign.store.command_line import store_option
 from campaign.store.layout import STATE, STOPPED, SUBMISSION
+from campaign.store.naming import store_option
 from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
-from campaign.store.report_folders import report_folder
+from campaign.store.store import report_folder
 from campaign.version import clearcap_version
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
@@ -54,7 +54,7 @@ _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_pe
 def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
     """Write the report of a campaign, or its comparison with another campaign, into the campaign's folder of the store.
 
-    A comparison is written into a folder of its own (`campaign.store.report_folders`), so that it replaces neither the
+    A comparison is written into a folder of its own (`campaign.store.store`), so that it replaces neither the
     campaign's own report nor another comparison. The result is the path or URL of each file by kind, one of
     `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on.
     """

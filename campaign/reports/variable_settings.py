@@ -14,9 +14,8 @@ from pydantic import ValidationError
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Constant, Distribution
-from campaign.inputs.distributions.exponential import Exponential
-from campaign.inputs.distributions.triangular import Triangular
-from campaign.inputs.distributions.uniform import Uniform
+from campaign.inputs.distributions.bounded import Triangular, Uniform
+from campaign.inputs.distributions.skewed import Exponential
 from campaign.plan import dump_spec
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import structure_faults

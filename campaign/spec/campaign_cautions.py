@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from campaign.inputs.distributions.empirical import Empirical
+from campaign.inputs.distributions.discrete import Empirical
 from campaign.spec.load import Campaign
 from engine import EngineError, check, set_values
 from engine.mechanism import Mechanism

@@ -13,8 +13,7 @@ STORE/CAMPAIGN_ID/campaign.toml   the spec
                   comparisons/    one report per campaign that it was compared with
 """
 
-from campaign.store.parts import BadPart, Part, part_name
+from campaign.store.parts import BadPart, Part, Survey, part_name
 from campaign.store.store import Store, open_store
-from campaign.store.survey import Survey
 
 __all__ = ["BadPart", "Part", "Store", "Survey", "open_store", "part_name"]

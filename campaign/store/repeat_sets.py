@@ -6,8 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from campaign.errors import StoreError
-from campaign.plan_header import PlanHeader
-from campaign.repeat_plan import RepeatPlan, plan_repeats
+from campaign.plan_header import PlanHeader, RepeatPlan, plan_repeats
 from campaign.store.layout import REPEATS
 from campaign.store.parts import total
 from campaign.store.store import Store

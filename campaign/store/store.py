@@ -1,30 +1,28 @@
-"""The store: plans, parts, tables and small documents of campaigns under one root."""
+"""The store: plans, parts, tables, small documents and reports of campaigns under one root, and what has changed."""
 
+import hashlib
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader, parse_plan
-from campaign.store import manifest
-from campaign.store.command_line import command_line
-from campaign.store.files.files import Files
-from campaign.store.files.patience import PATIENT, Patience
-from campaign.store.layout import CAMPAIGN_FILE, PLAN, STOPPED, manifest_name
-from campaign.store.parts import Part, check, encode, file_name, part_name
-from campaign.store.quarantine import quarantine
-from campaign.store.rows import read_batch, stream
-from campaign.store.survey import Survey, read_file, survey
-from campaign.store.which_campaign import folders_of_campaigns, which_campaign
+from campaign.store.files.files import TEMPORARY, Files
+from campaign.store.files.retry_policy import PATIENT, RetryPolicy
+from campaign.store.layout import CAMPAIGN_FILE, COMPARISONS, HEARTBEAT, LOG, PLAN, REPORT, STOPPED, manifest_name
+from campaign.store.naming import command_line, folders_of_campaigns, which_campaign
+from campaign.store.parts import Part, Survey, check, dump_manifest, encode, file_name, part_name, read_file, survey
+from campaign.store.rows import Compacted, compact, quarantine, read_batch, stream
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from campaign.plan import Plan
-    from campaign.store.compact import Compacted
 
 LARGEST_DOCUMENT = 2**20  # bytes: a thousand times what a state, a lease or a heartbeat takes
 P = TypeVar("P", bound=PlanHeader)
+_IRRELEVANT = (HEARTBEAT, LOG)  # to a change token
 
 
 class Store:
@@ -156,7 +154,7 @@ class Store:
 
     def record(self, plan: PlanHeader, parts: Iterable[Part]) -> None:
         """Write the manifest, so that the next survey need not read these parts."""
-        self.files.write(manifest_name(plan), manifest.dump(plan, parts))
+        self.files.write(manifest_name(plan), dump_manifest(plan, parts))
 
     def quarantine(self, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
         """Rename the files of bad batches to ``.bad``, with a warning, so that the batches are computed again.
@@ -175,14 +173,12 @@ class Store:
         """
         return quarantine(self.files, plan, bad)
 
-    def compact(self, plan: PlanHeader) -> "Compacted":
+    def compact(self, plan: PlanHeader) -> Compacted:
         """Merge the parts into files of about 100,000 rows, and write the manifest.
 
         It may be killed and repeated at any time, even while the campaign runs; the next call merges later parts. Bad
         files stay; running the campaign quarantines them.
         """
-        from campaign.store.compact import compact  # loads pyarrow, which `status` does not need
-
         compacted = compact(self.files, plan)
         self.record(plan, compacted.parts.values())
         return compacted
@@ -278,14 +274,14 @@ class Store:
         self.files.remove(f"{campaign_id}/{name}")
 
 
-def open_store(url: str, patience: Patience = PATIENT) -> Store:
+def open_store(url: str, patience: RetryPolicy = PATIENT) -> Store:
     """Open a store; nothing is read or written yet.
 
     Parameters
     ----------
     url : str
         Path of a folder, or an fsspec URL.
-    patience : Patience
+    patience : RetryPolicy
         How long a failing operation is tried again.
 
     Raises
@@ -299,3 +295,65 @@ def open_store(url: str, patience: Patience = PATIENT) -> Store:
 def _json(content: dict[str, Any]) -> bytes:
     """Return the content of a JSON file."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+# -- reports -----------------------------------------------------------------------------------------------------------
+
+
+def report_folder(campaign_id: str, against: str | None = None) -> str:
+    """Return the folder of a campaign's report, or of its comparison with another campaign, relative to the store."""
+    return f"{campaign_id}/{REPORT}" if against is None else f"{campaign_id}/{COMPARISONS}/{against}"
+
+
+def comparisons(store: Store, campaign_id: str) -> dict[str, list[str]]:
+    """Return the names of the files of a campaign's comparisons, by the id of the other campaign.
+
+    A comparison is kept if the other campaign is deleted.
+    """
+    others = store.files.names(f"{campaign_id}/{COMPARISONS}")
+    written = {other: store.files.names(report_folder(campaign_id, other)) for other in others}
+    whole = {other: [name for name in names if not name.endswith(TEMPORARY)] for other, names in written.items()}
+    return {other: names for other, names in whole.items() if names}
+
+
+# -- changes -----------------------------------------------------------------------------------------------------------
+#
+# Which campaigns have changed is detected by a token for each, computed from a listing without opening a file. The
+# token of a campaign changes with its plan, state, lease, rows, repeats, labels, report and comparisons. Heartbeats and
+# the log do not affect it, nor does damage to a file in place. A campaign whose state is ``running`` can end without
+# any file changing, if its coordinator dies, so such campaigns must be observed
+# (`campaign.coordinator.heartbeat.observe`).
+
+
+def change_token(store: Store, campaign_id: str) -> str | None:
+    """Return the token of one campaign, given by its full id; None if there is no such campaign."""
+    stamps = store.files.stamps(campaign_id)
+    if PLAN not in stamps:
+        return None
+    # a file written into a comparison changes the stamp of that comparison's own folder only
+    if store.files.local and COMPARISONS in stamps:
+        folder = f"{campaign_id}/{COMPARISONS}"
+        stamps |= {f"{COMPARISONS}/{other}": stamp for other, stamp in store.files.stamps(folder).items()}
+    return _token(stamps)
+
+
+def change_tokens(store: Store) -> dict[str, str]:
+    """Return the token of each campaign of a store, by id.
+
+    In a folder this takes one listing per campaign and one stat of each of its files and folders, but does not read the
+    folders of rows. On S3 it takes one request per thousand files of the store, so compact complete campaigns.
+    """
+    if store.files.local:
+        tokens = {name: change_token(store, name) for name in store.folders()}
+        return {name: token for name, token in tokens.items() if token is not None}
+    by_folder: defaultdict[str, dict[str, str]] = defaultdict(dict)
+    for path, stamp in store.files.stamps("").items():
+        folder, _, name = path.partition("/")
+        by_folder[folder][name] = stamp
+    return {name: _token(by_folder[name]) for name in folders_of_campaigns(by_folder) if PLAN in by_folder[name]}
+
+
+def _token(stamps: Mapping[str, str]) -> str:
+    """Return a digest of the stamps that matter."""
+    relevant = {n: stamp for n, stamp in stamps.items() if n not in _IRRELEVANT and not n.endswith(TEMPORARY)}
+    return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()[:32]

@@ -9,8 +9,7 @@ from hashlib import sha256
 
 from campaign.store import Store
 from campaign.store.files.files import Files
-from campaign.store.files.known_outage import KnownOutage
-from campaign.store.files.patience import HASTY
+from campaign.store.files.retry_policy import HASTY, CircuitBreaker
 from campaign.web.access.audit import AuditTrail
 from campaign.web.access.company_login import CompanyLogin
 from campaign.web.access.credentials import Sessions, Tokens
@@ -151,7 +150,7 @@ def open_service(settings: Settings) -> Service:
     from engine.private_folder import private_folder
 
     folder = private_folder(settings.data.parent, settings.data.name)
-    files = Files(settings.store, HASTY, KnownOutage())
+    files = Files(settings.store, HASTY, CircuitBreaker())
     database = Database(folder / "service.sqlite")
     try:
         return Service(settings, Store(files), database)

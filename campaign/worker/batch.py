@@ -13,8 +13,7 @@ from time import perf_counter
 from campaign.store import BadPart
 from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress, DoubtfulRun
 from campaign.worker.moments import moments
-from campaign.worker.row import Row, repeats_to_table, rows_to_table
-from campaign.worker.runs import open_campaign, open_repeats, rows_in_process
+from campaign.worker.row import Row, open_campaign, open_repeats, repeats_to_table, rows_in_process, rows_to_table
 from campaign.worker.subprocess_runs import rows_in_subprocess
 
 

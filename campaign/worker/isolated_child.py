@@ -40,7 +40,7 @@ def _compute(request: BinaryIO, answers: BinaryIO) -> None:
     """Compute the requested rows and send them."""
     from campaign.worker.limits import end_with
     from campaign.worker.messages import DoubtfulRun
-    from campaign.worker.runs import rows_in_process
+    from campaign.worker.row import rows_in_process
 
     address, samples, attempt = pickle.load(request)
     end_with(request)

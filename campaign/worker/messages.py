@@ -11,7 +11,7 @@ from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.row_build import differences
 from campaign.store import Part, Store
-from campaign.store.files.patience import PATIENT, Patience
+from campaign.store.files.retry_policy import PATIENT, RetryPolicy
 from campaign.worker.moments import Moments
 from engine import Run, simulate
 
@@ -51,8 +51,8 @@ class CampaignAddress:
     campaign_id: str
     row_build: str  # that the campaign is planned for; see `campaign.row_build`
     simulate: Simulate = simulate  # `engine.simulate`, or a module-level function with the same parameters
-    patience: Patience = PATIENT  # for failing operations on the store
-    repeats: tuple[float, ...] = ()  # shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`
+    retry_policy: RetryPolicy = PATIENT  # for failing operations on the store
+    repeats: tuple[float, ...] = ()  # shares of the samples that are repeated; see `campaign.plan_header.plan_repeats`
     halved: bool = False  # whether runs have half the step, as repeats do
 
     @classmethod
@@ -60,7 +60,7 @@ class CampaignAddress:
         cls, store: Store, plan: Plan, simulate: Simulate = simulate, repeats: tuple[float, ...] = ()
     ) -> "CampaignAddress":
         """Return the address of a plan in a store; a folder's path becomes absolute, for workers elsewhere."""
-        return cls(store.files.full_url, plan.campaign_id, plan.row_build, simulate, store.files.patience, repeats)
+        return cls(store.files.full_url, plan.campaign_id, plan.row_build, simulate, store.files.retry_policy, repeats)
 
 
 def check_build(campaign_id: str, planned: str) -> None:

@@ -1,23 +1,34 @@
-"""Turn a sample into a row of the table: its inputs, its responses, and how its run ended. Every run becomes a row."""
+"""Turn samples into rows of the table: inputs, responses, and how each run ended. Every run becomes a row.
 
-from collections.abc import Iterator, Mapping, Sequence
+Repeats, which are runs with half the step, become rows too. A row can be computed again and compared with the one in
+the store.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from math import isfinite, nan
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
+from campaign.compiling import load_engine
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
-from campaign.repeat_plan import SETTINGS, RepeatPlan
-from campaign.spec.policy import RETRIED, SimulationSettings
+from campaign.plan_header import SETTINGS, PlanHeader, RepeatPlan, plan_repeats
+from campaign.spec.campaign_file import RETRIED, SimulationSettings
 from campaign.spec.result_columns import ENERGY_COLUMNS
-from campaign.worker.halved_step import what_differs
-from campaign.worker.limits import time_limit
-from campaign.worker.messages import Simulate
-from engine import Run
-from engine.mechanism import Mechanism
+from campaign.store import BadPart, Store, open_store
+from campaign.store.layout import CANCEL
+from campaign.store.repeat_sets import repeat_plans
+from campaign.worker.limits import cancelled_by, memory_limit, time_limit
+from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, Simulate, check_build
+from engine import Run, simulate
+from engine.mechanism import Mechanism, get_value, unit_of
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
@@ -26,6 +37,10 @@ Row = dict[str, Any]
 
 # Errors that show that the machine lacks something: memory, a disk, a file that existed a moment ago.
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)
+
+STEP = "simulation.step"  # the fixed step, or the shortest of adaptive ones
+OF_ADAPTIVE = ("simulation.adaptive.longest", "simulation.adaptive.travel")
+WALL_LIMIT = "simulation.wall_limit"
 
 
 class DoubtfulRow(Row):
@@ -159,3 +174,180 @@ def _checked(run: Run, mechanism: Mechanism) -> tuple[str, str]:
         if unusable:
             return "invalid", f"no finite value of {', '.join(unusable)}"
     return run.status, run.message
+
+
+# -- rows in this process ----------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=4)
+def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
+    """Return the store and the plan of a campaign after compiling the engine, for a process that computes rows.
+
+    Raises what `read_campaign` raises.
+    """
+    check_build(address.campaign_id, address.row_build)
+    if address.simulate is simulate:
+        load_engine()
+    return read_campaign(address)
+
+
+@lru_cache(maxsize=4)
+def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
+    """Return the store and the plan of a campaign, read once per process; the engine need not be compiled.
+
+    Raises WrongBuild if this process runs another build than the campaign is planned for, StoreError if the store or
+    the plan cannot be read.
+    """
+    check_build(address.campaign_id, address.row_build)
+    store = open_store(address.store, address.retry_policy)
+    return store, store.plan(address.campaign_id)
+
+
+@lru_cache(maxsize=4)
+def open_repeats(address: CampaignAddress) -> tuple[RepeatPlan, ...]:
+    """Return the sets of repeats of a campaign; raises the same errors as `open_campaign`."""
+    return plan_repeats(open_campaign(address)[1], address.repeats)
+
+
+def rows_in_process(
+    address: CampaignAddress,
+    samples: Sequence[int],
+    attempt: int = 1,
+    begin: Callable[[int], None] = lambda _: None,
+) -> Iterator[Row]:
+    """Yield the row of each sample, in order, computed in this process.
+
+    ``attempt`` is that of the batch, from 1; ``begin`` is called with each sample before its run begins. Raises
+    Cancelled if the campaign is cancelled meanwhile, DoubtfulRun if a run raises an error that the machine may have
+    caused, and what `open_campaign` raises.
+    """
+    from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
+
+    store, plan = open_campaign(address)
+    run, cancel = HalvedStep(address.simulate) if address.halved else address.simulate, Cancel()
+    marker, files = f"{plan.campaign_id}/{CANCEL}", store.files.hasty
+    with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: files.exists(marker), cancel):
+        for sample, values in sample_inputs(plan, samples):
+            begin(sample)
+            row = compute_row(plan, run, sample, values, attempt, cancel)
+            if cancel.flag[0]:
+                # not a row: the flag has cut the run short
+                raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
+            if isinstance(row, DoubtfulRow):
+                raise DoubtfulRun(row)
+            yield row
+
+
+# -- repeats -----------------------------------------------------------------------------------------------------------
+#
+# A run with half the step has the same physics of the same sample, stepped differently.
+#
+# If a mechanism sticks, slides and impacts, its position of rest depends on its history. With other step lengths the
+# history differs by chance, so two runs of a sample show to what extent its inputs determine its result.
+
+
+@dataclass(frozen=True)
+class HalvedStep:
+    """A replacement of `engine.simulate` that halves the step, or all step lengths if steps are adaptive.
+
+    The time limit of the run is doubled, because it takes twice as many steps.
+
+    `simulate` has the parameters of `engine.simulate`.
+    """
+
+    simulate: Simulate
+
+    def __call__(
+        self,
+        mechanism: Mechanism,
+        values: Mapping[str, float],
+        *,
+        step: float | None = None,
+        horizon: float | None = None,
+        cancel: "Cancel | None" = None,
+    ) -> Run:
+        """Simulate a mechanism; the parameters are those of `engine.simulate`."""
+        halved = halved_settings(mechanism, values, step)
+        limit = {WALL_LIMIT: 2.0 * values.get(WALL_LIMIT, mechanism.simulation.wall_limit)}
+        fixed = None if step is None else halved.pop(STEP)
+        return self.simulate(mechanism, {**values, **limit, **halved}, step=fixed, horizon=horizon, cancel=cancel)
+
+
+def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: float | None) -> dict[str, float]:
+    """Return, by key, half of each setting that determines the step lengths of a run.
+
+    Settings are those of ``values``, numbers that the run changes, else the mechanism's. ``step`` is the fixed step of
+    the run, None for the mechanism's steps.
+    """
+    if step is not None:
+        return {STEP: 0.5 * step}
+    keys = (STEP, *(OF_ADAPTIVE if mechanism.simulation.adaptive else ()))
+    return {key: 0.5 * values.get(key, get_value(mechanism, key)) for key in keys}
+
+
+def what_differs(plan: Plan, inputs: Mapping[str, float]) -> str:
+    """Return, in words, the settings in which a sample's repeat differs from its run; inputs by variable name."""
+    values = {plan.targets[name]: value for name, value in inputs.items() if name in plan.targets}
+    halved = halved_settings(plan.mechanism, values, plan.spec.simulation.step)
+    return ", ".join(f"{key} = {value!r} {unit_of(plan.mechanism, key)}" for key, value in halved.items())
+
+
+# -- comparison with the store -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RepeatedSample:
+    """A sample computed again, and compared with its row in the store, bit for bit."""
+
+    row: dict[str, Any]  # computed now
+    stored: dict[str, Any] | None  # None if the store has no row of this sample
+    same: bool | None  # in everything that the sample determines; None if the store has no row
+
+
+def repeated_sample(
+    store: Store, plan: Plan, sample: int, motion: Path | None = None, *, halved: bool = False
+) -> RepeatedSample:
+    """Compute a sample as a worker would, or its repeat with half the step, and compare it with the store.
+
+    ``motion`` is an HDF5 file to write its motion to. Raises MechanismError and TrajectoryError as `engine.simulate`
+    does.
+    """
+    from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
+
+    load_engine()
+    run = partial(simulate, trajectory=motion) if motion else simulate
+    row = compute_row(plan, HalvedStep(run) if halved else run, sample, sample_values(plan, sample), 1, Cancel())
+    tables = repeat_plans(store, plan) if halved else (plan,)
+    stored = next((found for table in tables if (found := stored_row(store, table, sample))), None)
+    same = None if stored is None else _same(row, stored, list(plan.mechanism.responses))
+    return RepeatedSample(row, stored, same)
+
+
+def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
+    """Return the stored row of a sample, from a campaign or a set of its repeats; None if there is none.
+
+    Raises StoreError if the store cannot be read.
+    """
+    at = table.rows_before(sample)
+    if table.numbers_of(at, at + 1) != [sample]:
+        return None
+    batch = next(b for b, (first, count) in enumerate(table.batches) if first <= at < first + count)
+    try:
+        rows = store.read_part(table, batch)
+    except (FileNotFoundError, BadPart):
+        return None
+    row: dict[str, Any] = rows.slice(at - table.batches[batch][0], 1).to_pylist()[0]
+    return row
+
+
+def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:
+    """Return whether two rows agree in everything that the sample determines."""
+    names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
+    names += [name for name in ENERGY_COLUMNS if name in stored]
+    return all(_equal(row[name], stored[name]) for name in names)
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Return whether two values are equal; NaN equals NaN."""
+    both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
+    return bool(a == b or both_nan)

@@ -8,12 +8,16 @@ A child that hangs, for example because somebody stopped it, is killed, and coun
 """
 
 import logging
+import os
 import pickle
 import signal
 import subprocess
+import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from types import TracebackType
 from typing import Any
 
 from campaign.errors import CampaignError
@@ -21,13 +25,11 @@ from campaign.plan import Plan
 from campaign.safe_path import python_environment
 from campaign.worker.isolated_child import COMMAND
 from campaign.worker.messages import CampaignAddress, ChildFailed
-from campaign.worker.row import Row, crashed_row, longest_sample, sample_values
-from campaign.worker.runs import read_campaign
-from campaign.worker.silent_child import ChildWatch
+from campaign.worker.row import Row, crashed_row, longest_sample, read_campaign, sample_values
 
 logger = logging.getLogger(__name__)
 
-READY_WITHIN = 900.0  # s for a child to start, compile the engine and open the store, beyond the store's patience
+READY_WITHIN = 900.0  # s for a child to start, compile the engine and open the store, beyond the store's retries
 BUSY = 60.0  # s that a run may take beyond its limit on an overloaded machine
 # Signals that operators and the operating system send too, so that they do not prove the run guilty.
 AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
@@ -35,6 +37,7 @@ TRIES = 5  # processes in a row that a run must end to be guilty, if there may b
 TIMEOUTS = 2  # processes whose time limit a run must exceed to be guilty; a paused process exceeds it too
 STARTS = 10  # attempts to start a process that fails by itself
 PAUSES = (0.5, 8.0)  # s; the first and the longest pause between two processes; each is twice the one before
+LOOK_INTERVAL = 2.0  # s between two checks of a child
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
 
     Runs that ended their process have rows too. ``attempt`` is that of the batch, from 1. Raises Cancelled if the
     campaign is cancelled meanwhile, ChildFailed if `STARTS` children in a row fail for reasons of their own, and what
-    `campaign.worker.runs.read_campaign` raises.
+    `campaign.worker.row.read_campaign` raises.
     """
     _, plan = read_campaign(address)
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
@@ -101,13 +104,13 @@ def _rows_of_child(
     address: CampaignAddress, samples: Sequence[int], attempt: int, longest: float
 ) -> Generator[Row, None, _Ending]:
     """Yield the rows of one child, each of which may take ``longest`` seconds; return how the child ended."""
-    ready_within = READY_WITHIN + address.patience.seconds
+    ready_within = READY_WITHIN + address.retry_policy.seconds
     rows, kind, content = 0, "", None
     try:
         child = _start_child()
     except OSError as error:
         return _Ending(0, "failed", error, 0)
-    with child, ChildWatch(child, ready_within) as watch:
+    with child, Watchdog(child, ready_within) as watch:
         for kind, content in _messages(child, (address, samples, attempt)):
             watch.heard(longest + BUSY if kind == "begun" else ready_within)
             if kind == "row":
@@ -188,3 +191,65 @@ def _pause(failures: int) -> None:
     """Wait; each failure doubles the pause, up to a limit."""
     first, longest = PAUSES
     time.sleep(min(first * 2.0 ** (failures - 1), longest))
+
+
+class Watchdog:
+    """A context in which a thread kills a child that sends nothing for too long, checking every two seconds.
+
+    Only time while this process is awake counts: a check adds at most twice the interval between checks, so that the
+    child is not blamed if a laptop sleeps or all processes of a campaign are stopped.
+
+    The child leads a session of its own, and the processes that it started are killed with it. It may be silent for
+    ``allowed`` seconds at first. `hung` says whether it was killed for its silence.
+    """
+
+    def __init__(
+        self, child: "subprocess.Popen[bytes]", allowed: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.hung = False
+        self._child, self._clock = child, clock
+        self._last = self._seen = (0, allowed)  # number of messages; how long the child may be silent now
+        self._silent_for = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="silent child", daemon=True)
+
+    def __enter__(self) -> "Watchdog":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def heard(self, allowed: float) -> None:
+        """Record that the child has sent a message, after which it may be silent for ``allowed`` seconds."""
+        self._last = (self._last[0] + 1, allowed)
+
+    def is_silent(self, passed: float) -> bool:
+        """Return whether the child has been silent for too long, ``passed`` seconds after the last check."""
+        if self._last != self._seen:
+            self._seen, self._silent_for = self._last, 0.0
+        else:
+            self._silent_for += min(passed, 2.0 * LOOK_INTERVAL)
+        return self._silent_for > self._seen[1]
+
+    def _watch(self) -> None:
+        looked_at = self._clock()
+        while not self._over.wait(LOOK_INTERVAL):
+            now = self._clock()
+            if self.is_silent(now - looked_at):
+                self._end()
+                return
+            looked_at = now
+
+    def _end(self) -> None:
+        self.hung = True
+        logger.warning(
+            "the process that computes runs in isolation sends nothing for %.0f s: it hangs or was stopped, is killed,"
+            " and its run is tried again",
+            self._silent_for,
+        )
+        with suppress(ProcessLookupError):  # it ended at this moment
+            os.killpg(self._child.pid, signal.SIGKILL)

@@ -21,7 +21,7 @@ network=(--protocol tls)
 if [ -n "${CLEARCAP_INTERFACE:-}" ]; then
     network+=(--interface "$CLEARCAP_INTERFACE")
 fi
-closed=(--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.closed_http)
+closed=(--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.disable_dashboard)
 
 secured() { # secured ROLE: print the options of mutual TLS
     echo "--tls-ca-file=$tls/ca.pem" "--tls-cert=$tls/$1.pem" "--tls-key=$tls/$1.key"

@@ -12,7 +12,7 @@ import pytest
 from campaign import compiling, mechanism_summary
 from campaign.compiling import announced_compilation, compile_engine
 from campaign.mechanism_summary import mechanism_warnings
-from campaign.spec import targets
+from campaign.spec import load
 from campaign.spec.load import load_campaign
 from engine import load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
@@ -103,7 +103,7 @@ def compiled(monkeypatch):
     happened = []
     monkeypatch.setattr(compiling, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
     monkeypatch.setattr(compiling, "warm_up", lambda: happened.append("compiled"))
-    for module in (targets, mechanism_summary):
+    for module in (load, mechanism_summary):
         monkeypatch.setattr(module, "check", lambda *_: happened.append("checked"))
     return happened
 

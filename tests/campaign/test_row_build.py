@@ -12,27 +12,21 @@ from typer.testing import CliRunner
 
 from campaign import row_build
 from campaign.cli import app
-from campaign.coordinator.reuse import reuse_rows
-from campaign.coordinator.submit import submit
+from campaign.coordinator.submit import reuse_rows, submit
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.messages import CampaignAddress, WrongBuild
-from campaign.worker.runs import open_campaign
+from campaign.worker.row import open_campaign
 from engine.build import hash_sources
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.house import ROOT, imports, modules
 
 EARLIER = Path(__file__).parent / "earlier_plans" / "old-b2ff31c7a0"  # 12 of 12 rows, written before builds of rows
-COMPUTE_ROWS = (
-    "campaign.worker.row",
-    "campaign.worker.runs",
-    "campaign.worker.subprocess_runs",
-    "campaign.worker.batch",
-)
+COMPUTE_ROWS = ("campaign.worker.row", "campaign.worker.subprocess_runs", "campaign.worker.batch")
 CARRY_ROWS = re.compile(
-    r"campaign\.(store|footers)(\..*)?|campaign(\.compiling|\.environment|\.errors|\.safe_path)?"
+    r"campaign\.store(\..*)?|campaign(\.parquet_footer|\.compiling|\.environment|\.errors|\.safe_path)?"
 )  # see the docstring of `row_build`
 
 
@@ -61,7 +55,7 @@ def test_every_source_counts(tmp_path):
     (folder / "coordinator" / "coordinate.py").write_text("")
     assert hash_sources(folder, row_build.SOURCES) == before
     seen = {before}
-    for name in ("inputs/sampling/random.py", "worker/row.py", "spec/policy.py", "plan.py", "inputs/new.py"):
+    for name in ("inputs/sampling/streams.py", "worker/row.py", "spec/campaign_file.py", "plan.py", "inputs/new.py"):
         with (folder / name).open("a") as file:
             file.write("# another byte\n")
         seen.add(hash_sources(folder, row_build.SOURCES))
@@ -88,7 +82,7 @@ from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.messages import CampaignAddress, WrongBuild
-from campaign.worker.runs import open_campaign
+from campaign.worker.row import open_campaign
 from tests.campaign import fake_engine
 
 assert campaign.__file__.startswith(sys.argv[1]), campaign.__file__

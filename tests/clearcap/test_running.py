@@ -7,8 +7,8 @@ import pytest
 
 import clearcap
 from campaign.coordinator.lease import hold_lease, is_coordinated
-from campaign.coordinator.plan_campaign import plan_campaign
 from campaign.coordinator.state import state_of
+from campaign.coordinator.submit import plan_campaign
 from clearcap import running
 from tests.until import until
 

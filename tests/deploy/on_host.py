@@ -6,9 +6,8 @@ import ssl
 import sys
 
 import campaign.cluster.connect
-from campaign.cluster.cluster import Cluster
+from campaign.cluster.cluster import Cluster, Tls
 from campaign.cluster.connect import connect
-from campaign.cluster.tls import Tls
 from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store

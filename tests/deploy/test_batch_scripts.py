@@ -146,7 +146,7 @@ def test_allocation(tmp_path, system, launchers):
         assert f"--tls-key={tmp_path}/.clearcap/tls/{role}.key" in call
         assert (f" {DEPLOY}/batch/on_node.sh dask worker " in call) == (role == "worker")
         assert "--protocol tls --interface ib0" in call
-        assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.closed_http" in call
+        assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.disable_dashboard" in call
     if system != "slurm":
         assert [call.split()[1] for call in calls if call.split()[0] in launchers] == ["a", "b"]
 

@@ -21,8 +21,7 @@ import tomli_w
 from pyarrow import parquet
 
 from campaign.cli.overview import _entry
-from campaign.coordinator.follow import _before_first
-from campaign.coordinator.heartbeat import Heartbeat
+from campaign.coordinator.heartbeat import Heartbeat, _before_first
 from campaign.coordinator.lease import is_coordinated, lease_holder
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError

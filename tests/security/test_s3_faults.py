@@ -13,7 +13,7 @@ from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.files.patience import Patience
+from campaign.store.files.retry_policy import RetryPolicy
 from tests.campaign import fake_engine
 from tests.campaign.conftest import campaign_file  # noqa: F401  # a fixture
 from tests.campaign.driving import computed, rows
@@ -36,7 +36,7 @@ def test_campaign_with_faults(tmp_path, monkeypatch, campaign_file):  # noqa: F8
         s3fs.S3FileSystem.clear_instance_cache()
         make_bucket(name := f"bucket-{secrets.token_hex(4)}")
         monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)  # so that what is seen to repeat is the store
-        store = open_store(f"s3://{name}/runs", Patience(600.0, 0.05, 1.0))
+        store = open_store(f"s3://{name}/runs", RetryPolicy(600.0, 0.05, 1.0))
         plan = submit(store, campaign, 2)
         outcome = coordinate(store, plan, Cluster(workers=2), simulate=fake_engine.simulate)
         assert outcome.survey.missing == []

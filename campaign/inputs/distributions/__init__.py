@@ -12,21 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 from pydantic import BeforeValidator, Field
 
 from campaign.inputs.distributions.base import Distribution
-from campaign.inputs.distributions.beta import Beta
-from campaign.inputs.distributions.constant import Constant
-from campaign.inputs.distributions.continuous import Continuous
-from campaign.inputs.distributions.empirical import Empirical
-from campaign.inputs.distributions.exponential import Exponential
-from campaign.inputs.distributions.gamma import Gamma
-from campaign.inputs.distributions.geometric import Geometric
-from campaign.inputs.distributions.lognormal import Lognormal
-from campaign.inputs.distributions.normal import Normal
-from campaign.inputs.distributions.poisson import Poisson
-from campaign.inputs.distributions.production_batch import ProductionBatch
-from campaign.inputs.distributions.triangular import Triangular
-from campaign.inputs.distributions.truncated_normal import TruncatedNormal
-from campaign.inputs.distributions.uniform import Uniform
-from campaign.inputs.distributions.weibull import Weibull
+from campaign.inputs.distributions.bounded import Beta, Triangular, Uniform
+from campaign.inputs.distributions.continuous import Continuous, ProductionBatch
+from campaign.inputs.distributions.discrete import Constant, Empirical, Geometric, Poisson
+from campaign.inputs.distributions.normal import Normal, TruncatedNormal
+from campaign.inputs.distributions.skewed import Exponential, Gamma, Lognormal, Weibull
 
 __all__ = [
     "DISTRIBUTIONS",

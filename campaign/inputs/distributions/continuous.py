@@ -15,16 +15,18 @@ from collections.abc import Iterator
 from functools import cached_property
 from math import exp as exp_of
 from math import inf, isfinite, sqrt
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from scipy.special import ndtri
 
 from campaign.inputs.distributions.base import TAIL, Distribution, LowerBound, UpperBound, check_order
-from campaign.inputs.distributions.production_batch import LARGEST_SHIFT, ProductionBatch
 from engine.arrays import Array
+from engine.mechanism.base import PositiveNumber, TableModel
 
+LARGEST_SHIFT = 6.0  # in standard deviations; without the cut, two in a thousand million would be larger
 LEAST_PROBABILITY = 1e-290  # between the bounds; below it, quantiles lose digits
 TINIEST = float(np.finfo(np.float64).tiny)
 SHIFTS = 97  # number of shifts at which a mixture over production batches is evaluated
@@ -35,6 +37,24 @@ EDGES = np.concatenate([[0.0], 10.0**-DECADES, np.linspace(0.12, 0.5, 20)])
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 Window = tuple[Array, Array, Array, NDArray[np.bool_]]
+
+
+class ProductionBatch(TableModel, strict=True):
+    """A shift that all parts of a production batch share: normal with mean 0, cut at 6 standard deviations."""
+
+    size: Annotated[int, Field(ge=1, le=100_000_000)] = Field(
+        description="Number of consecutive samples with the same shift, at least 1."
+    )
+    std: PositiveNumber = Field(description="Standard deviation of the shift, in the target's unit, above 0.")
+
+    @property
+    def reach(self) -> float:
+        """The largest shift, in the target's unit."""
+        return LARGEST_SHIFT * self.std
+
+    def shifts(self, u: Array) -> Array:
+        """Return the shifts at probabilities ``u`` inside (0, 1), in the target's unit; same shape."""
+        return np.asarray(self.std * np.clip(ndtri(u), -LARGEST_SHIFT, LARGEST_SHIFT), dtype=np.float64)
 
 
 class Continuous(Distribution):

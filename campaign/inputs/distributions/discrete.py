@@ -1,21 +1,28 @@
-"""Discrete distributions, drawn from a table of values and probabilities, so that any cut keeps full precision."""
+"""Discrete distributions: Poisson, geometric, empirical, constant.
+
+All but the constant are drawn from a table of values and probabilities, so that any cut keeps full precision.
+"""
 
 from abc import abstractmethod
 from functools import cached_property
-from math import inf, isfinite, sqrt
-from typing import ClassVar, Self
+from math import inf, isfinite, lgamma, sqrt
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order
-from campaign.inputs.distributions.elementary import log
+from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order, exp, log
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
 
 LARGEST_COUNT = 10**15  # above it, counts lose their last digit
 ROUNDING = 1e-9  # of a step: a value this close to a bound counts as within it
+LARGEST_RATE = 1e8  # of a Poisson distribution
+LEAST_PROBABILITY = 1e-4  # of success, of a geometric distribution
+LARGEST_SAMPLE = 100_000  # measured values
+
+Values = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_SAMPLE)]
 
 
 class Discrete(Distribution):
@@ -119,3 +126,122 @@ class Count(Discrete):
         low, high = self.bounds()
         least, most = self.origin + self.step * first, self.origin + self.step * last
         return min(max(least, low), high), max(min(most, high), low)
+
+
+class Poisson(Count):
+    """Poisson distribution of a count k = 0, 1, 2, ..."""
+
+    least: ClassVar[int] = 0
+
+    distribution: Literal["poisson"] = Field(description="Name of the distribution.")
+    rate: Annotated[float, Field(gt=0.0, le=LARGEST_RATE)] = Field(
+        description="Mean of the count before any cut, above 0, at most 1e8."
+    )
+
+    def outcomes(self) -> tuple[Array, Array]:
+        """Return values and probabilities; counts less likely than 1e-25 are left out."""
+        first, last = self.counts()
+        reach, mode = int(12.0 * sqrt(self.rate)) + 60, int(self.rate)
+        begin = max(first, int(min(last, mode)) - reach)
+        k = np.arange(begin, int(min(last, max(first, mode) + reach)) + 1)
+        logarithm = k * float(log(self.rate)) - np.array([lgamma(i + 1.0) for i in k.tolist()])
+        return self.scaled(k), exp(logarithm - logarithm.max())
+
+    def text(self) -> str:
+        return f"Poisson, mean count {self.rate:g}, {self.origin:g} + {self.step:g} k{self.between()}"
+
+
+class Geometric(Count):
+    """Geometric distribution of a count k = 1, 2, 3, ...: number of trials up to the first success."""
+
+    least: ClassVar[int] = 1
+
+    distribution: Literal["geometric"] = Field(description="Name of the distribution.")
+    probability: Annotated[float, Field(ge=LEAST_PROBABILITY, lt=1.0)] = Field(
+        description="Probability of success in one trial, from 1e-4, below 1."
+    )
+
+    def outcomes(self) -> tuple[Array, Array]:
+        """Return values and probabilities; counts less likely than 1e-26 are left out."""
+        first, last = self.counts()
+        # (1 - p)^(60 / p) is below exp(-60), which is 1e-26
+        k = np.arange(first, int(min(last, first + 60.0 / self.probability + 1.0)) + 1)
+        return self.scaled(k), exp((k - first) * float(np.log1p(-self.probability)))
+
+    def text(self) -> str:
+        return f"geometric, probability {self.probability:g}, {self.origin:g} + {self.step:g} k{self.between()}"
+
+
+class Empirical(Discrete):
+    """Measured values, each drawn with equal probability and any number of times."""
+
+    smallest: ClassVar[float] = 0.0  # measured values may be of any size
+
+    distribution: Literal["empirical"] = Field(description="Name of the distribution.")
+    values: Values | None = Field(
+        default=None, description="The measured values, in the target's unit; 1 to 100,000 numbers."
+    )
+    file: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None,
+        description="CSV or Parquet file with the values, instead of them; its path is relative to the campaign file.",
+    )
+    column: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None, description="The column of the file that holds the values."
+    )
+    source: str = Field(default="", description="Where the values come from, in words.")
+
+    def check_parameters(self) -> None:
+        """Raise ValueError unless there are values, and some within the bounds if bounds are given."""
+        if self.values is None and self.file is None and self.column is None:
+            raise ValueError("its values are missing; give values, or file and column")
+        if self.values is not None and (self.file or self.column):
+            raise ValueError("values and file cannot be given together; give values, or file and column")
+        if (self.file is None) != (self.column is None):
+            raise ValueError("file and column are only valid together; give both, or values")
+        if self.values is not None and self.outcomes()[0].size == 0:
+            low, high = self.bounds()
+            raise ValueError(
+                f"none of the {len(self.values)} values, {min(self.values):g} to {max(self.values):g}, lies in"
+                f" [lower, upper] = [{low:g}, {high:g}]; widen the bounds"
+            )
+
+    def outcomes(self) -> tuple[Array, Array]:
+        """Return the distinct values within the bounds and how often each was measured.
+
+        Raises ValueError if the file has not been read.
+        """
+        if self.values is None:
+            raise ValueError(f"the values of {self.file} have not been read; load the campaign from its file")
+        values, times = np.unique(np.array(self.values), return_counts=True)
+        low, high = self.bounds()
+        inside = (values >= low) & (values <= high)
+        return values[inside], times[inside].astype(np.float64)
+
+    def text(self) -> str:
+        origin = f" of {self.source}" if self.source else ""
+        return f"one of {len(self.values or ())} values{origin}{self.between()}"
+
+
+class Constant(Distribution):
+    """One fixed value: sets a target for the whole campaign and documents it as an input."""
+
+    distribution: Literal["constant"] = Field(description="Name of the distribution.")
+    value: Number = Field(description="The value, in the target's unit.")
+
+    def ppf(self, u: Array) -> Array:
+        return np.full_like(u, self.value)
+
+    def support(self) -> tuple[float, float]:
+        return self.value, self.value
+
+    def moments(self) -> tuple[float, float]:
+        return self.value, 0.0
+
+    def cdf(self, x: Array) -> Array:
+        return np.asarray(x >= self.value, dtype=np.float64)
+
+    def logpdf(self, x: Array) -> Array:
+        return np.where(x == self.value, 0.0, -inf)
+
+    def text(self) -> str:
+        return f"constant {self.value:g}"

@@ -1,4 +1,4 @@
-"""Normal distribution, given by mean and standard deviation or by nominal, tolerance and assumed capability."""
+"""Normal distributions: given by mean and standard deviation or by nominal, tolerance and assumed capability."""
 
 from typing import ClassVar, Literal
 
@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
+from campaign.inputs.distributions.base import HALF_LOG_TWO_PI, StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
-from campaign.inputs.distributions.elementary import HALF_LOG_TWO_PI
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
 
@@ -81,3 +80,18 @@ class Normal(Continuous):
     def words(self) -> str:
         origin = "" if self.cpk is None else f" (tolerance {self.tolerance:g}, assumed Cpk {self.cpk:g})"
         return f"normal, mean {self.location:g}, sd {self.scale:g}{origin}"
+
+
+class TruncatedNormal(Normal):
+    """Normal distribution cut to [lower, upper]; the default if a variable names no distribution."""
+
+    hint: ClassVar[str] = "; or name another distribution: truncated_normal is used where none is named"
+
+    distribution: Literal["truncated_normal"] = Field(  # type: ignore[assignment]
+        default="truncated_normal", description="Name of the distribution."
+    )
+    lower: Number = Field(description="Lower bound of the values, in the target's unit; below the upper bound.")
+    upper: Number = Field(description="Upper bound of the values, in the target's unit; above the lower bound.")
+
+    def words(self) -> str:
+        return f"truncated {super().words()}"

@@ -1,21 +1,15 @@
 """Sampling: the inputs of a sample are a function of the campaign file and the sample number alone.
 
-Each sampler is one object in a module of its own; `SAMPLERS` is the only place that lists them. Most samplers draw from
-the variables' distributions (`inverse_transform`), the others enumerate values (`enumerating`).
+Each sampler is one object; `SAMPLERS` is the only place that lists them. Most samplers draw from the variables'
+distributions (`inverse_transform`, `quasi_random`, `importance`), the others enumerate values (`enumerating`).
 """
 
 from campaign.inputs.sampling.correlation import check_correlations
-from campaign.inputs.sampling.grid import Grid
-from campaign.inputs.sampling.halton import Halton
+from campaign.inputs.sampling.enumerating import Corners, Grid, UserTable
 from campaign.inputs.sampling.importance import ImportanceSampler
-from campaign.inputs.sampling.lhs import LatinHypercube
-from campaign.inputs.sampling.list import UserTable
-from campaign.inputs.sampling.production_batches import production_batch
-from campaign.inputs.sampling.random import RandomSampler
-from campaign.inputs.sampling.saltelli import Saltelli
+from campaign.inputs.sampling.inverse_transform import LatinHypercube, RandomSampler, production_batch
+from campaign.inputs.sampling.quasi_random import Halton, Saltelli, Sobol
 from campaign.inputs.sampling.sampler import SampledInputs, Sampler
-from campaign.inputs.sampling.sobol import Sobol
-from campaign.inputs.sampling.worst_case import Corners
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from campaign.inputs.distributions.base import DRAWN
-from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
-from campaign.inputs.sampling.production_batches import production_batch
+from campaign.inputs.sampling.inverse_transform import InverseTransformSampler, production_batch
 from campaign.inputs.sampling.proposal import Proposal, aimed, drawn_from, log_weights, moved
 from campaign.inputs.sampling.sampler import SampledInputs, varied
 from campaign.inputs.sampling.streams import COMPONENT, uniforms

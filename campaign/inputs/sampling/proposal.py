@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.elementary import exp
-from campaign.inputs.distributions.elementary import log as log_of
+from campaign.inputs.distributions.base import exp
+from campaign.inputs.distributions.base import log as log_of
 from engine.arrays import Array
 from engine.mechanism.base import TableModel
 

@@ -9,12 +9,9 @@ from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError, unwritable
-from campaign.store.files.file_name import check_name
-from campaign.store.files.known_outage import KnownOutage
 from campaign.store.files.local import LocalFolder
-from campaign.store.files.odd_file import OddFile
-from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
 from campaign.store.files.private_url import PrivateUrl
+from campaign.store.files.retry_policy import HASTY, PATIENT, CircuitBreaker, Outage, RetryPolicy
 from engine.regular_file import UnfitFile
 
 if TYPE_CHECKING:
@@ -23,6 +20,7 @@ if TYPE_CHECKING:
 TEMPORARY = ".tmp"  # ending of files that are being written
 LARGEST = 256 * 2**20  # bytes read into memory at once: ten times the largest file that a store should hold
 DEAD_AFTER = 3600.0  # s: no write of one file takes this long
+LONGEST_NAME = 500  # characters of a name relative to the root
 
 T = TypeVar("T")
 
@@ -30,20 +28,20 @@ T = TypeVar("T")
 class Files:
     """Read and write files under one root.
 
-    After a fault that may pass, an operation is tried again for as long as ``patience`` allows; then `StoreError` is
+    After a fault that may pass, an operation is tried again for as long as the policy allows; then `StoreError` is
     raised. A second attempt succeeds if the first one had done its work without confirming it.
 
-    `known_outage` is shared by concurrent callers that must not wait; `local` says whether the root is a folder of this
+    `breaker` is shared by concurrent callers that must not wait; `local` says whether the root is a folder of this
     machine, possibly shared with other machines. Raises SpecError if the URL names a file system that is not installed
     here.
     """
 
-    def __init__(self, url: str, patience: Patience = PATIENT, known_outage: KnownOutage | None = None) -> None:
+    def __init__(self, url: str, retry_policy: RetryPolicy = PATIENT, breaker: CircuitBreaker | None = None) -> None:
         self._private = PrivateUrl(url)
-        self.patience, self._known_outage = patience, known_outage
+        self.retry_policy, self._breaker = retry_policy, breaker
         self.local = ("://" not in url and "::" not in url) or url.startswith(("file://", "local://"))
         folder = re.sub(r"^(file|local)://", "", url)
-        self._backend = LocalFolder(folder) if self.local else _open_url(self._private, patience)
+        self._backend = LocalFolder(folder) if self.local else _open_url(self._private, retry_policy)
 
     @property
     def url(self) -> str:
@@ -64,14 +62,14 @@ class Files:
     def hasty(self) -> "Files":
         """The same files for callers that must not wait: each operation is tried only once."""
         hasty = copy(self)
-        hasty.patience = HASTY
+        hasty.retry_policy = HASTY
         hasty._backend = self._backend.within(HASTY.answer)
         return hasty
 
     @property
     def fault(self) -> str:
-        """Why the store is known not to answer now; empty if it answers, or if there is no ``known_outage``."""
-        return self._known_outage.fault if self._known_outage else ""
+        """Why the store is known not to answer now; empty if it answers, or if there is no ``breaker``."""
+        return self._breaker.fault if self._breaker else ""
 
     @property
     def shared(self) -> bool:
@@ -141,7 +139,7 @@ class Files:
         """Return these files for reading one folder; behind a URL it is listed only once, in this call."""
         if isinstance(self._backend, LocalFolder):
             return self
-        from campaign.store.files.listed_objects import ListedObjects
+        from campaign.store.files.object_store import ListedObjects
 
         sizes, listed = self._do(self._backend.sizes_below, folder, "listed"), copy(self)
         listed._backend = ListedObjects(self._backend, self.path(folder), sizes)
@@ -196,14 +194,14 @@ class Files:
         self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
 
     def _do(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool = False) -> T:
-        """Return the result of an action on a file, trying again after faults that may pass while patience lasts."""
+        """Return the result of an action on a file, trying again after faults that may pass while the policy allows."""
         check_name(self.url, name)
-        with self._known_outage.asking() if self._known_outage else nullcontext():
+        with self._breaker.asking() if self._breaker else nullcontext():
             return self._try(action, name, what, must_exist=must_exist)
 
     def _try(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool) -> T:
-        outage = Outage(self.url, self.patience)
-        for pause in chain(self.patience.pauses(), [None]):
+        outage = Outage(self.url, self.retry_policy)
+        for pause in chain(self.retry_policy.pauses(), [None]):
             try:
                 result = action(self._backend.path(name))
             except UnfitFile as error:
@@ -248,11 +246,41 @@ class Files:
         return None if self.has_secrets else error
 
 
-def _open_url(url: PrivateUrl, patience: Patience) -> "ObjectStore":
+def _open_url(url: PrivateUrl, retry_policy: RetryPolicy) -> "ObjectStore":
     """Open the file system of a URL."""
     from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do not need
 
     try:
-        return ObjectStore(url.full, patience.answer)
+        return ObjectStore(url.full, retry_policy.answer)
     except (ValueError, ImportError) as error:
         raise SpecError(f"store {url}: {url.redact(str(error))}; name a folder, or a URL fsspec can open") from None
+
+
+def check_name(store: str, name: str) -> None:
+    """Raise StoreError for a name relative to the root that leads out of it, or that no file can have."""
+    if (
+        len(name) > LONGEST_NAME
+        or not name.isprintable()
+        or name.startswith(("/", "~"))
+        or "\\" in name
+        or ".." in name.split("/")
+    ):
+        shown = name if len(name) <= 60 else name[:57] + "..."
+        raise StoreError(
+            f"store {store}: {shown!r} is not a valid file name; names are relative, without .."
+            f" and of at most {LONGEST_NAME} characters"
+        )
+
+
+class OddFile(StoreError):
+    """An entry of the store was not written by clearcap: it is a pipe, a link or a folder, or too large.
+
+    `where` names the store and the file, `reason` says what it is instead.
+    """
+
+    def __init__(self, where: str, reason: str) -> None:
+        super().__init__(f"{where} {reason}, so clearcap did not write it; move it away")
+        self.where, self.reason = where, reason
+
+    def __reduce__(self) -> tuple[type["OddFile"], tuple[str, str]]:
+        return OddFile, (self.where, self.reason)

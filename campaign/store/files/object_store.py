@@ -1,12 +1,18 @@
 """Files behind a URL that fsspec opens, such as an object store, where one PUT writes one whole file."""
 
 import errno
+import inspect
 import secrets
+import threading
+from collections.abc import Mapping
 from contextlib import suppress
 from copy import copy
 from typing import Any
 
-from campaign.store.files.opened_file_system import MANY_FILES, SLOWEST, OpenedFileSystem
+import fsspec
+from fsspec.asyn import sync
+from fsspec.core import split_protocol
+
 from engine.regular_file import UnfitFile
 
 FINAL = (  # errors that repeating the request would not change
@@ -21,6 +27,8 @@ FINAL = (  # errors that repeating the request would not change
     ImportError,
 )
 STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5")  # properties that show a change
+SLOWEST = 500e3  # bytes/s; the slowest connection to a server that is allowed for
+MANY_FILES = 60.0  # s, added for an operation that the server answers in many pieces
 
 
 class ObjectStore:
@@ -203,3 +211,116 @@ class ObjectStore:
 def _name(entry: dict[str, Any]) -> str:
     """Return the name of an entry within its folder."""
     return str(entry["name"]).rstrip("/").rsplit("/", 1)[-1]
+
+
+class ListedObjects(ObjectStore):
+    """Files under a URL for reading; the content of one folder is taken from an earlier listing.
+
+    Reading a file that was removed since the listing raises FileNotFoundError, as usual.
+
+    The folder is given by its full path; `sizes` has the size of each file below it, by its name relative to it.
+    """
+
+    def __init__(self, store: ObjectStore, folder: str, sizes: Mapping[str, int]) -> None:
+        vars(self).update(vars(store))  # the same connection
+        self._start, self._listed = f"{folder.rstrip('/')}/", sizes
+
+    def read(self, path: str, at_most: int) -> bytes:
+        """Return a file's content; FileNotFoundError without a request if it was not listed."""
+        if path.startswith(self._start) and path.removeprefix(self._start) not in self._listed:
+            raise FileNotFoundError(path)
+        return super().read(path, at_most)
+
+    def size(self, path: str) -> int:
+        """Return a file's size in bytes from the listing."""
+        if not path.startswith(self._start):
+            return super().size(path)
+        try:
+            return self._listed[path.removeprefix(self._start)]
+        except KeyError:
+            raise FileNotFoundError(path) from None
+
+    def names(self, path: str) -> list[str]:
+        """Return the names in a folder from the listing, sorted."""
+        below = self._below(path)
+        return super().names(path) if below is None else sorted({name.partition("/")[0] for name in below})
+
+    def sizes(self, path: str) -> dict[str, int]:
+        """Return the size of each file in a folder from the listing."""
+        below = self._below(path)
+        return super().sizes(path) if below is None else {n: size for n, size in below.items() if "/" not in n}
+
+    def _below(self, path: str) -> dict[str, int] | None:
+        """Return the sizes of the files below a folder by their names relative to it; None if it was not listed."""
+        start = f"{path.rstrip('/')}/"
+        if not start.startswith(self._start):
+            return None
+        inner = start.removeprefix(self._start)
+        return {name.removeprefix(inner): size for name, size in self._listed.items() if name.startswith(inner)}
+
+
+class OpenedFileSystem:
+    """The file system of an fsspec URL, given with its secrets; opened at first use.
+
+    A file system with a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
+    share one connection. `shared` says whether other processes see the same files. Raises ValueError or ImportError if
+    the file system is not installed.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._opened = threading.local()
+        self._for_all_threads: tuple[Any, str] | None = None
+        protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
+        for protocol in protocols:
+            # opened only later, but what is not installed is reported now
+            fsspec.get_filesystem_class(protocol)
+        self.shared = "memory" not in protocols
+
+    @property
+    def root(self) -> str:
+        """Path of the URL in the file system."""
+        return self._pair()[1]
+
+    @property
+    def is_async(self) -> bool:
+        """Whether it is an object store, whose operations need neither a connection per thread nor folders."""
+        return bool(self._pair()[0].async_impl)
+
+    def reopen(self) -> None:
+        """Drop the connection of this thread, because it may be broken."""
+        self._opened = threading.local()
+
+    def ask(self, operation: str, *arguments: Any, seconds: float, **how: Any) -> Any:
+        """Return what an operation, a method of fsspec, returns; TimeoutError without an answer in ``seconds``.
+
+        The limit is needed because libraries retry by themselves, and give up a server that accepts connections but
+        does not answer only after minutes. After it, the operation may still be carried out. For file systems with a
+        connection per thread, their own limit applies instead.
+        """
+        fs, _ = self._pair()
+        coroutine = getattr(fs, f"_{operation}", None)
+        if not (fs.async_impl and inspect.iscoroutinefunction(coroutine)):
+            return getattr(fs, operation)(*arguments, **how)
+        try:
+            return sync(fs.loop, coroutine, *arguments, timeout=seconds, **how)
+        except TimeoutError as error:
+            raise TimeoutError(errno.ETIMEDOUT, f"no answer within {seconds:.0f} s") from error
+
+    def forget_listings(self) -> None:
+        """Make the next listing ask the server anew."""
+        self._pair()[0].invalidate_cache()
+
+    def _pair(self) -> tuple[Any, str]:
+        """Return the file system and the path of the root in it."""
+        opened: tuple[Any, str] | None = self._for_all_threads or getattr(self._opened, "pair", None)
+        if opened is None:
+            fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)
+            if hasattr(fs, "max_concurrency"):
+                fs.max_concurrency = 1  # s3fs asks for the size before it reads, to read large files in pieces at once
+            opened = fs, str(root).rstrip("/")
+            if fs.async_impl:
+                self._for_all_threads = opened
+            else:
+                self._opened.pair = opened
+        return opened

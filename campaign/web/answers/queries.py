@@ -21,7 +21,7 @@ from campaign.reports.tolerances import advice_document, advice_from, cheapest_f
 from campaign.reports.whatif import change_of, what_if_document, what_if_from
 from campaign.run_status import FailedStatus
 from campaign.store import open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from campaign.web.answers.column_cache import ColumnCache
 from engine.arrays import Array
 from engine.toml_file import UnfitToml, parse_toml

@@ -7,15 +7,12 @@ from fastapi import Header
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
-from campaign.coordinator.cancellation import cancel_campaign
-from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.requests import cancel_campaign, delete_campaign, request_rerun
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
 from campaign.run_status import FailedStatus
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import CANCEL
-from campaign.store.rerun_request import request_rerun
 from campaign.web.access import Role
 from campaign.web.api.calls import TheCampaign, calls
 from campaign.web.http.authentication import Engineer, TheService

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from campaign.store.files.files import TEMPORARY
-from campaign.store.report_folders import comparisons, report_folder
+from campaign.store.store import comparisons, report_folder
 from campaign.web.api.calls import PATTERN, TheCampaign, calls, the_campaign
 from campaign.web.http.authentication import Asking, Engineer, TheService
 from campaign.web.http.problems import Refusal, described

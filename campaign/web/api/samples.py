@@ -20,7 +20,7 @@ from campaign.web.http.problems import Refusal, described
 from campaign.web.http.responses import TAGGED, tagged
 from campaign.web.jobs.samples import draw_sample, replay_document, sample_motion
 from campaign.web.web_service import Service
-from campaign.worker.repeat_row import stored_row
+from campaign.worker.row import stored_row
 
 MOST_COLUMNS = 1000
 ENDINGS = {"arrow": "arrows", "parquet": "parquet", "csv": "csv"}  # a stream of Arrow batches has the ending arrows

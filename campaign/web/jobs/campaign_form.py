@@ -14,12 +14,11 @@ from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Distribution, Variable
 from campaign.plan import dump_spec
 from campaign.reports.variable_settings import changed_variables
-from campaign.spec.campaign_file import CampaignSpec, Response
-from campaign.spec.campaign_text import campaign_text
+from campaign.spec.campaign_file import CampaignSpec, Response, Stop
 from campaign.spec.named_files import GivenFiles
-from campaign.spec.policy import Stop
+from campaign.spec.write import campaign_text
 from campaign.store import Store, open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from campaign.store.mechanism_library import read_mechanism
 from campaign.web.http.problems import faults_of
 from campaign.web.jobs.campaigns import CampaignSource, check_campaign_text

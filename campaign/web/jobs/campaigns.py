@@ -20,9 +20,8 @@ from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import fault
 from campaign.spec.load import Campaign, load_campaign_text
 from campaign.store import Store, open_store
-from campaign.store.files.patience import QUICK
-from campaign.store.label_versions import read_labels
-from campaign.store.labels import LabelChange
+from campaign.store.files.retry_policy import QUICK
+from campaign.store.labels import LabelChange, read_labels
 from campaign.store.mechanism_library import read_mechanism
 from engine import simulate
 from engine.mechanism import library_names

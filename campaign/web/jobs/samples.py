@@ -9,7 +9,7 @@ from typing import Any
 
 from campaign.reports.replayed import replay_sample
 from campaign.store import open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from engine import Trajectory, read_trajectory
 
 ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds

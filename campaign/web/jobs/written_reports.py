@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from campaign.reports.report import report
 from campaign.store import open_store
-from campaign.store.files.patience import QUICK
+from campaign.store.files.retry_policy import QUICK
 from reporting.write import USUAL
 
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Form, Path, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.reports.signing.signoff_document import LONGEST_COMMENT
 from campaign.web.access import Principal, Role
 from campaign.web.api.calls import TheCampaign

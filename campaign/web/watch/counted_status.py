@@ -6,9 +6,9 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Any
 
-from campaign.coordinator.progress.progress_report import progress_report, running_report
+from campaign.coordinator.progress_report import progress_report, running_report
 from campaign.store import Store
-from campaign.store.change_tokens import change_token
+from campaign.store.store import change_token
 
 MOST_KEPT = 2000  # campaigns
 RECOUNT_AFTER = 60.0  # s; needed because damage to a file in place does not change the token

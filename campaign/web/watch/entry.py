@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.coordinator.state import STATES
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
 
 Interval = tuple[float, float]

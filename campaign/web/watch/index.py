@@ -45,7 +45,7 @@ class CampaignIndex:
         """Drop the campaigns that are gone, and find those that must be read again because they have changed.
 
         Queued and running campaigns are always read, because neither their progress nor the death of their coordinator
-        changes their token; see `campaign.store.change_tokens`.
+        changes their token; see `campaign.store.store`.
         """
         gone = set(self._entries) - set(tokens)
         with self._lock:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any, TypeVar
 
-from campaign.coordinator.delete import finish_deletion, unfinished_deletions
-from campaign.coordinator.follow import Observation, observe
+from campaign.coordinator.heartbeat import Observation, observe
 from campaign.coordinator.lease import LeaseHeld
+from campaign.coordinator.requests import finish_deletion, unfinished_deletions
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.change_tokens import change_token, change_tokens
+from campaign.store.store import change_token, change_tokens
 from campaign.web.watch.index import CampaignIndex
 from reporting.capability.intervals import cpk_interval
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from campaign.coordinator.follow import Observation, observe
+from campaign.coordinator.heartbeat import Observation, observe
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, judge_life
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE

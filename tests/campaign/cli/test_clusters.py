@@ -10,8 +10,7 @@ from typer.testing import CliRunner
 from campaign.cli import app, main
 from campaign.cli.options import cluster_from, on_cluster
 from campaign.cli.output import Json
-from campaign.cluster.cluster import Cluster
-from campaign.cluster.tls import Tls
+from campaign.cluster.cluster import Cluster, Tls
 from campaign.errors import SpecError
 
 verb = typer.Typer()

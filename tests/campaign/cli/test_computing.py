@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.repeat_plan import repeated_samples
+from campaign.plan_header import repeated_samples
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.repeat_sets import read_repeats

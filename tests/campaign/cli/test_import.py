@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.coordinator.plan_campaign import plan_campaign
-from campaign.geometry_summary import geometry_provenance
+from campaign.coordinator.submit import plan_campaign
+from campaign.mechanism_summary import geometry_provenance
 from campaign.plan import Plan, make_plan
 from campaign.reports.report import provenance
 from campaign.spec.load import load_campaign

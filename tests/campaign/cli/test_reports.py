@@ -7,7 +7,7 @@ import pytest
 from campaign.plan import make_plan
 from campaign.reports.report import report
 from campaign.spec.load import load_campaign
-from campaign.store.report_folders import comparisons
+from campaign.store.store import comparisons
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 

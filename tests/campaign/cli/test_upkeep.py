@@ -11,7 +11,7 @@ from campaign.coordinator.lease import hold_lease
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store, part_name
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 

@@ -178,7 +178,7 @@ def test_cancel_and_resume(faked, campaign_file):
 def test_what_cancel_says(faked, campaign_file, monkeypatch, before, said):
     """A campaign that is computed ends a little later; any other is cancelled at once."""
     (campaign_id,) = faked.invoke(app, ["submit", str(campaign_file), "--queue-only"]).stdout.split()
-    monkeypatch.setattr("campaign.coordinator.cancellation.cancel_campaign", lambda *_: before)
+    monkeypatch.setattr("campaign.coordinator.requests.cancel_campaign", lambda *_: before)
     assert faked.invoke(app, ["cancel"]).stdout.startswith(f"{campaign_id} {said}")
 
 

@@ -11,9 +11,8 @@ import yaml
 
 import campaign.cluster.connect
 from campaign.cluster.batch_systems import _package, job_certificates, job_cluster, kubernetes_resource
-from campaign.cluster.cluster import Cluster
+from campaign.cluster.cluster import Cluster, Tls
 from campaign.cluster.connect import connect
-from campaign.cluster.tls import Tls
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.errors import SpecError, UnreachableError
 from tests.campaign.kubernetes_api import kubernetes_api

@@ -12,9 +12,8 @@ import pytest
 from cryptography import x509
 
 import campaign.cluster.connect
-from campaign.cluster.cluster import Cluster
+from campaign.cluster.cluster import Cluster, Tls, security
 from campaign.cluster.connect import check_cluster, connect
-from campaign.cluster.tls import Tls, security
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.errors import SpecError, UnreachableError
 from tests.campaign.cluster_processes import free_port, scheduler, tls_arguments, worker

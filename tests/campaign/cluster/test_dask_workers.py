@@ -1,13 +1,20 @@
-"""What dask's client is asked, and what a scheduler that is lost means; `test_workers` has the rest on real workers."""
+"""What dask's client is asked, and what a scheduler that is lost means; `test_workers` has the rest on real workers.
 
-from contextlib import nullcontext
+Which workers count as silent, and workers that are prestarted: for the first who connects, and ended in any case.
+"""
+
+from contextlib import contextmanager, nullcontext
 from queue import Empty
 from types import SimpleNamespace
 
 import pytest
 
-from campaign.cluster.dask_workers import DaskWorkers
+from campaign.cluster import dask_workers
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.dask_workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers
 from campaign.cluster.workers import SchedulerLost
+from campaign.coordinator.submit import plan_campaign
+from campaign.errors import SpecError, UnreachableError
 
 
 class Client:
@@ -165,3 +172,124 @@ def test_refused_workers_are_left_out(client, workers):
     options = [(task.options["workers"], task.options["allow_other_workers"]) for task in client.submitted]
     assert options == [(None, False), (["tcp://10.0.0.1:1"], True)]
     assert workers.count() == 2
+
+
+@pytest.fixture
+def silence():
+    return Liveness(60.0)
+
+
+def look(silence, times, heartbeat=lambda now: 0.0):
+    """Look at one worker at the times given; return when it was silent."""
+    return [now for now in times if silence.look({"a": heartbeat(now)}, now)]
+
+
+def every_two_seconds(start, end):
+    return [start + LOOK_INTERVAL * i for i in range(int((end - start) / LOOK_INTERVAL) + 1)]
+
+
+def test_a_worker_without_heartbeats_is_silent(silence):
+    """After the time allowed, and again after as long, until it is gone."""
+    assert look(silence, every_two_seconds(0.0, 130.0)) == [60.0, 120.0]
+    assert silence.look({}, 300.0) == []
+
+
+def test_a_worker_that_sends_heartbeats_is_not(silence):
+    """Rare ones are enough; clocks may jump."""
+    assert look(silence, every_two_seconds(0.0, 600.0), lambda now: now // 50.0) == []
+    assert look(silence, every_two_seconds(602.0, 900.0), lambda now: -(now // 50.0)) == []
+
+
+def test_time_in_which_nobody_looked_does_not_count(silence):
+    """A laptop slept, or all processes were stopped: neither is a worker's fault."""
+    assert look(silence, [0.0, 8.0 * 3600.0, 16.0 * 3600.0]) == []
+    assert look(silence, every_two_seconds(16.0 * 3600.0, 16.0 * 3600.0 + 40.0)) == []
+
+
+def test_one_of_several(silence):
+    """The others are left alone."""
+    silent = [silence.look({"a": 0.0, "b": now, "c": now}, now) for now in every_two_seconds(0.0, 70.0)]
+    assert [worker for workers in silent for worker in workers] == ["a"]
+
+
+@pytest.fixture
+def events(monkeypatch):
+    """Have workers start and end in a list."""
+    events = []
+
+    @contextmanager
+    def connect_workers(cluster):
+        number = len(events)
+        events.append(f"start {number}")
+        try:
+            yield number
+        finally:
+            events.append(f"end {number}")
+
+    monkeypatch.setattr(dask_workers, "connect_workers", connect_workers)
+    return events
+
+
+def test_first_to_connect_gets_them_and_ends_them(events):
+    """Who connects again after a loss gets others; nothing is left at the end."""
+    with PrestartedWorkers(Cluster()) as early:
+        early.begin()
+        early.begin()
+        with early.connect(Cluster()) as workers:
+            assert workers == 0
+        assert events == ["start 0", "end 0"]
+        with early.connect(Cluster()) as workers:
+            assert workers == 2
+    assert events == ["start 0", "end 0", "start 2", "end 2"]
+
+
+def test_nobody_connects(events):
+    """Workers of a campaign whose planning fails are ended."""
+
+    def plan(early):
+        early.begin()
+        raise SpecError("samples: none")
+
+    with pytest.raises(SpecError), PrestartedWorkers(Cluster()) as early:
+        plan(early)
+    assert events == ["start 0", "end 0"]
+
+
+@pytest.mark.parametrize("cluster", [Cluster(scheduler="tcp://127.0.0.1:1"), Cluster(kind="slurm", workers=2)])
+def test_only_processes_of_this_machine_start_early(events, cluster):
+    """Jobs are submitted, and a scheduler is reached, when the plan is there."""
+    with PrestartedWorkers(cluster) as early:
+        early.begin()
+        assert events == []
+        with early.connect(cluster) as workers:
+            assert workers == 0
+
+
+def test_whoever_connects_hears_why_they_did_not_start(monkeypatch):
+    """An error of the start is raised where workers are needed, once; a campaign that needs none never hears of it."""
+    failing = []
+
+    @contextmanager
+    def connect_workers(_):
+        failing.append(True)
+        raise UnreachableError("2 workers cannot be started on this machine")
+        yield
+
+    monkeypatch.setattr(dask_workers, "connect_workers", connect_workers)
+    with PrestartedWorkers(Cluster()) as early:
+        early.begin()
+        with pytest.raises(UnreachableError, match="2 workers"), early.connect(Cluster()):
+            pass
+    assert failing == [True]
+
+
+def test_faulty_campaign_starts_no_worker(tmp_path, campaign_file):
+    """Only a campaign that is sound and new has workers start."""
+    begun = []
+    plan_campaign(str(campaign_file), str(tmp_path / "store"), when_new=lambda: begun.append("new"))
+    plan_campaign(str(campaign_file), str(tmp_path / "store"), when_new=lambda: begun.append("again"))
+    text = campaign_file.read_text(encoding="utf-8")
+    campaign_file.write_text(text.replace("samples", "smaples", 1), encoding="utf-8")
+    with pytest.raises(SpecError, match="smaples"):
+        plan_campaign(str(campaign_file), str(tmp_path / "store"), when_new=lambda: begun.append("faulty"))
+    assert begun == ["new"]

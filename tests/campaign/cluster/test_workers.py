@@ -1,7 +1,11 @@
-"""What every kind of workers does with a call, whether dask runs it or a process that was spawned here."""
+"""What every kind of workers does with a call, whether dask runs it or a process that was spawned here.
+
+One worker compiles the engine before all others load it; what is compiled is not waited for.
+"""
 
 import os
 import signal
+from concurrent.futures import Future
 
 import psutil
 import pytest
@@ -9,7 +13,8 @@ import pytest
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.cluster.process_workers import process_workers
-from campaign.cluster.workers import NoWorkerLeft, WorkerDied
+from campaign.cluster.workers import ATTEMPTS, NoWorkerLeft, WorkerDied, compile_first
+from campaign.errors import UnreachableError
 from tests.until import until
 
 pytestmark = pytest.mark.processes
@@ -143,3 +148,46 @@ def test_a_worker_of_dask_that_hangs_is_replaced(monkeypatch):
             hung.result()
         after = until(lambda: computed(workers), "no other worker computes")  # one that is merely slow may follow it
         assert after.result() == 8
+
+
+class OneWorker:
+    """A worker that answers as it is told, and remembers what it was asked."""
+
+    def __init__(self, missing, deaths=0):
+        self.asked = []
+        self._missing, self._deaths, self._call = missing, deaths, None
+
+    def submit(self, key, function):
+        """Answer at once."""
+        self.asked.append(key)
+        self._call = Future()
+        if key == "warm_up" and self._deaths:
+            self._deaths -= 1
+            self._call.set_exception(WorkerDied("worker 7, which ended"))
+        else:
+            self._call.set_result(self._missing if key == "missing_kernels" else 0.0)
+        return self._call
+
+    def next_finished(self):
+        """Return the only call."""
+        return self._call
+
+
+def test_nothing_is_compiled_twice():
+    """A worker is asked what is missing; nothing is, and the batches can begin."""
+    workers = OneWorker(())
+    compile_first(workers)
+    assert workers.asked == ["missing_kernels"]
+
+
+def test_one_worker_compiles(tmp_path):
+    """What is missing is compiled, by another worker if the first one dies of it."""
+    workers = OneWorker((str(tmp_path / "index"),), deaths=1)
+    compile_first(workers)
+    assert workers.asked == ["missing_kernels", "warm_up"] * 2
+
+
+def test_workers_that_die_of_it(tmp_path):
+    """Who loses worker after worker is told what to look at."""
+    with pytest.raises(UnreachableError, match="worker 7"):
+        compile_first(OneWorker((str(tmp_path / "index"),), deaths=ATTEMPTS))

@@ -1,17 +1,20 @@
-"""The window of batches in flight, on workers that compute each call where it is submitted."""
+"""The window of batches in flight, the queue of those that wait, and pauses between attempts."""
 
 from concurrent.futures import Future
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from campaign.cluster.workers import SchedulerLost, WorkerDied
-from campaign.coordinator.coordinator import Coordinator
-from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL
+from campaign.coordinator import dispatch
+from campaign.coordinator.coordinate import Coordinator
+from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL, PAUSES, Backoff, WorkQueue
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from campaign.worker.messages import BatchRequest
 from tests.campaign import fake_engine
 from tests.campaign.coordinator.test_stopping_rule import RULE
 
@@ -153,3 +156,72 @@ def test_a_batch_that_ended_its_worker_is_isolated_next_time(begin):
     assert coordinator.queue.completed(30)
     attempts = sorted((request.batch, request.attempt, request.isolated) for request in workers.requests)
     assert attempts == [(0, 1, False), (0, 2, True), (1, 1, False), (2, 1, False)]
+
+
+def part(batch):
+    """Return the part of a batch."""
+    return SimpleNamespace(batch=batch)
+
+
+@pytest.fixture
+def queue(plan):
+    """Return the queue of a plan of batches of 10, 10 and 5, of which the second is completed."""
+    return WorkQueue(plan, {1: part(1)}, 25)
+
+
+def handed_out(queue):
+    """Return all requests."""
+    requests = []
+    while (request := queue.next()) is not None:
+        requests.append(request)
+    return requests
+
+
+def test_missing_batches_in_order(queue):
+    """Completed batches are not handed out; batches that are put back come first, in their order."""
+    assert len(queue) == 2
+    assert handed_out(queue) == [BatchRequest(0), BatchRequest(2)]
+    requests = [BatchRequest(0, 2, isolated=True), BatchRequest(2)]
+    queue.requeue(requests)
+    assert handed_out(queue) == requests
+    assert not queue
+
+
+def test_samples_beyond_the_end_are_not_computed(plan):
+    """A campaign that stopped at sample 10 needs its first batch, one that stopped at 11 two."""
+    assert handed_out(WorkQueue(plan, {}, 10)) == [BatchRequest(0)]
+    assert handed_out(WorkQueue(plan, {}, 11)) == [BatchRequest(0), BatchRequest(1)]
+
+
+def test_complete_from_the_beginning_on(queue):
+    """The first samples are completed when no batch among them is missing."""
+    assert not queue.completed(1)
+    queue.complete(part(2))
+    assert not queue.completed(1)
+    queue.complete(part(0))
+    assert queue.completed(25)
+
+
+def test_limit(queue):
+    """No batch from the limit on is handed out, until the limit moves."""
+    queue.limit = 2
+    assert handed_out(queue) == [BatchRequest(0)]
+    queue.limit = 3
+    assert handed_out(queue) == [BatchRequest(2)]
+
+
+def test_pauses_double_up_to_the_longest(monkeypatch):
+    """From the first one on, and from the first one again after a success."""
+    slept = []
+    monkeypatch.setattr(dispatch.time, "sleep", slept.append)
+    pauses = Backoff()
+    for _ in range(40):
+        pauses.fail()
+        pauses.wait()
+    first, longest = PAUSES
+    assert slept[:4] == [first, 2 * first, 4 * first, 8 * first]
+    assert slept[-1] == longest == max(slept)
+    pauses.reset()
+    pauses.fail()
+    pauses.wait()
+    assert slept[-1] == first

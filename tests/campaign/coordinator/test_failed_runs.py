@@ -8,8 +8,8 @@ from campaign.coordinator.failed_runs import TooManyFailed, lack_of_ok, what_to_
 from campaign.coordinator.state import state_of
 from campaign.plan import Plan, make_plan
 from campaign.reports.report import report_spec
+from campaign.spec.campaign_file import FIRST_RUNS, Failures
 from campaign.spec.load import load_campaign
-from campaign.spec.policy import FIRST_RUNS, Failures
 from campaign.store import open_store
 from reporting import ReportSpec
 from tests.campaign import fake_engine

@@ -1,4 +1,4 @@
-"""Heartbeats: counts of stored rows, and the rate at which rows are computed."""
+"""Heartbeats: counts of stored rows and their rate; one look tells a follower all, and nothing in it waits."""
 
 from dataclasses import replace
 
@@ -6,8 +6,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from campaign.coordinator.heartbeat import Heartbeat, Progress
+import campaign.coordinator.heartbeat as following
+from campaign.coordinator.heartbeat import Heartbeat, Progress, heartbeats, observe
+from campaign.coordinator.lease import STALE_AFTER, hold_lease, this_process
+from campaign.coordinator.state import write_state
+from campaign.errors import StoreError
 from campaign.store import Survey, open_store
+from campaign.store.layout import HEARTBEAT, LEASE, PLAN, STATE
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from campaign.worker.moments import moments
@@ -63,3 +68,93 @@ def test_cpk_of_no_spread(plan):
     """One value, or all equal: none."""
     assert cpk_of(plan, [1.0], 0.0, 2.0) is None
     assert cpk_of(plan, [1.0, 1.0], 0.0, 2.0) is None
+
+
+@pytest.fixture(autouse=True)
+def nobody_sleeps(monkeypatch):
+    """Refuse to wait, in whatever module."""
+
+    def sleep(_):
+        raise AssertionError("a look waits")
+
+    monkeypatch.setattr("time.sleep", sleep)
+
+
+def beat(campaign_id, number, done=5):
+    """Return a heartbeat as a coordinator writes it."""
+    counts = {"samples": 25, "done": done, "ok": done, "failed": 0, "left": 25 - done}
+    document = {"campaign": campaign_id, "state": "running", **counts, "statuses": {"ok": done}, "rate": 1.0}
+    return {**document, "eta_s": None, "workers": 2, "beat": number}
+
+
+def test_a_planned_campaign(store, plan):
+    """It has no heartbeat, nobody waits for it, and two looks are equal."""
+    seen = observe(store, plan.campaign_id)
+    assert (seen.state, seen.heartbeat, seen.odd, seen.sign, seen.is_over) == ("planned", None, None, None, True)
+    assert observe(store, plan.campaign_id, seen) == seen
+
+
+def test_a_running_campaign_that_goes_on(store, plan):
+    """Its heartbeat has the state of the state file; only what a follower would see makes two looks differ."""
+    name = plan.campaign_id
+    with hold_lease(store, name):
+        write_state(store, name, "running", "a word")
+        store.write_json(name, HEARTBEAT, beat(name, 1))
+        first = observe(store, name, now=0.0)
+        assert (first.state, first.is_over, first.heartbeat.done) == ("running", False, 5)
+        assert (first.heartbeat.state, first.heartbeat.message) == ("running", "a word")
+        assert first.sign.is_alive
+        assert observe(store, name, first, now=60.0) == first
+        store.write_json(name, HEARTBEAT, beat(name, 2, done=6))
+        assert observe(store, name, first, now=61.0) != first
+    assert observe(store, name, first).state == "interrupted"
+
+
+def test_a_coordinator_elsewhere_is_judged_by_two_looks(store, plan):
+    """Unknown at first, alive with a new heartbeat, dead after enough of the same one; the state is the file's."""
+    name = plan.campaign_id
+    write_state(store, name, "running")
+    store.write_json(name, LEASE, {"token": "x", **this_process(), "host": "another machine"})
+    store.write_json(name, HEARTBEAT, beat(name, 1))
+    seen = observe(store, name, now=100.0)
+    assert (seen.state, seen.sign.is_alive) == ("running", None)
+    store.write_json(name, HEARTBEAT, beat(name, 2))
+    seen = observe(store, name, seen, now=102.0)
+    assert (seen.sign.is_alive, seen.sign.seen_at) == (True, 102.0)
+    seen = observe(store, name, seen, now=102.0 + 0.9 * STALE_AFTER)
+    assert seen.sign.is_alive
+    seen = observe(store, name, seen, now=102.0 + STALE_AFTER)
+    assert (seen.state, seen.sign.is_alive, seen.sign.seen_at) == ("running", False, 102.0)
+
+
+@pytest.mark.parametrize("name", [HEARTBEAT, STATE])
+def test_what_clearcap_never_writes_is_said(store, plan, name):
+    """A document with a strange content is named; one that is no JSON is an error of this campaign only."""
+    store.write_json(plan.campaign_id, name, {"state": 7})
+    assert f"{name} " in observe(store, plan.campaign_id).odd
+    store.files.write(f"{plan.campaign_id}/{name}", b"garbage")
+    with pytest.raises(StoreError, match=f"{name} is not JSON"):
+        observe(store, plan.campaign_id)
+
+
+def test_a_campaign_that_is_gone(store, plan):
+    """Its plan was removed: that is a state, and no error that a poller must catch."""
+    store.remove(plan.campaign_id, PLAN)
+    assert (observe(store, plan.campaign_id).state, observe(store, "never-was").state) == ("gone", "gone")
+
+
+def test_heartbeats_are_what_looks_show(store, plan, monkeypatch):
+    """Each look is yielded, the first of all from the rows, until the campaign is over; between two looks it sleeps."""
+    name, slept = plan.campaign_id, []
+
+    def sleep(seconds):
+        slept.append(seconds)
+        if len(slept) == 1:
+            store.write_json(name, HEARTBEAT, beat(name, 1))
+        else:
+            write_state(store, name, "cancelled", "by somebody")
+
+    write_state(store, name, "queued")
+    monkeypatch.setattr(following.time, "sleep", sleep)
+    shown = [(each.state, each.done, each.left) for each in heartbeats(store, name)]
+    assert shown == [("queued", 0, 25), ("queued", 5, 20), ("cancelled", 5, 20)]

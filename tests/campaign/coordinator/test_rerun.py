@@ -6,10 +6,10 @@ import pytest
 
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.lease import LeaseHeld, hold_lease
+from campaign.coordinator.requests import request_rerun, rerun_request
 from campaign.coordinator.rerun import failed_samples, rerun, rerun_requested
 from campaign.coordinator.state import state_of
 from campaign.errors import SpecError
-from campaign.store.rerun_request import request_rerun, rerun_request
 from campaign.worker.messages import WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed

@@ -9,7 +9,7 @@ from campaign.coordinator.run_time import ENOUGH, RUNS, known_seconds_per_run, s
 from campaign.coordinator.submit import submit
 from campaign.plan import UNTRIED_BATCH, batch_size_is_fixed, make_plan
 from campaign.store import open_store, part_name
-from campaign.worker.runs import rows_in_process
+from campaign.worker.row import rows_in_process
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 

@@ -6,7 +6,7 @@ import campaign.reports.report
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import service
 from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.requests import delete_campaign
 from campaign.coordinator.service import serve
 from campaign.coordinator.state import state_of, write_state
 from campaign.errors import CampaignError, StoreError
@@ -117,7 +117,7 @@ def test_interrupted_service_leaves_its_campaign_to_the_next(store, plan, monkey
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("campaign.coordinator.coordinator.Coordinator.run", interrupt)
+    monkeypatch.setattr("campaign.coordinator.coordinate.Coordinator.run", interrupt)
     with pytest.raises(KeyboardInterrupt):
         serve(store, CLUSTER)
     state = state_of(store, plan.campaign_id)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from campaign.coordinator.cancellation import cancel_campaign
 from campaign.coordinator.lease import hold_lease
+from campaign.coordinator.requests import cancel_campaign
 from campaign.coordinator.state import state_of, write_state
 from campaign.store.layout import HEARTBEAT, STATE
 from tests.campaign.commands import clearcap_here

@@ -7,8 +7,8 @@ from scipy import stats
 from campaign.coordinator.stopping_rule import judge
 from campaign.errors import SpecError
 from campaign.plan import Plan
+from campaign.spec.campaign_file import Stop
 from campaign.spec.load import load_campaign
-from campaign.spec.policy import Stop
 from campaign.store import Store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress

@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from campaign.coordinator.plan_campaign import plan_campaign
+from campaign.coordinator.submit import plan_campaign
 from campaign.errors import SpecError
 from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.load import campaign_names, load_campaign

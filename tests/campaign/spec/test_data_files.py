@@ -73,11 +73,11 @@ def test_footer_that_says_fewer_rows(tmp_path):
 IN_LITTLE_MEMORY = """\
 import sys
 from pathlib import Path
-from campaign.spec import data_formats
+from campaign.spec import data_files
 from campaign.spec.data_files import read_columns
 from campaign.spec.named_files import FolderFiles
 
-data_formats.LARGEST_DECODED = 40_000_000
+data_files.LARGEST_DECODED = 40_000_000
 read_columns(FolderFiles(Path(sys.argv[1]).parent), Path(sys.argv[1]).name, ["x"])
 """
 

@@ -5,16 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.requests import delete_campaign
 from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store, part_name
-from campaign.store.change_tokens import change_token, change_tokens
 from campaign.store.files import local
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import HEARTBEAT, LOG, PLAN, STOPPED
+from campaign.store.store import change_token, change_tokens
 from tests.campaign.store.test_store import fill
 
 CHANGES = {

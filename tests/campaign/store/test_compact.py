@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from campaign.errors import StoreError
-from campaign.store import compact as compaction
 from campaign.store import open_store, part_name
+from campaign.store import rows as compaction
 from campaign.store.parts import encode
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
@@ -71,7 +71,7 @@ def test_holes_and_single_parts_stay(store, plan):
 
 def test_size_of_files(store, plan, monkeypatch):
     """A merged file ends where the next 100,000 samples begin."""
-    monkeypatch.setattr(compaction, "ROWS", 20)
+    monkeypatch.setattr(compaction, "MERGED_ROWS", 20)
     fill(store, plan)
     store.compact(plan)
     assert parts(store, plan) == ["part-000002.parquet", "rows-000000-000001.parquet"]
@@ -172,7 +172,7 @@ import sys
 from campaign.store import open_store
 store = open_store(sys.argv[1])
 plan = store.plan_header(store.find(None))
-import campaign.store.compact
+import pyarrow
 print("go", flush=True)
 store.compact(plan)
 """

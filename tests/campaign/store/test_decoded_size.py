@@ -8,10 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from campaign.footers.column_chunks import column_chunks
-from campaign.store import BadPart, decoded_size, parts
-from campaign.store.decoded_size import check_decoded_size
-from campaign.store.parts import check, decode, encode
+from campaign.parquet_footer import column_chunks
+from campaign.store import BadPart, parts
+from campaign.store.parts import check, check_decoded_size, decode, encode
 from tests.campaign.store.test_store import fill
 
 
@@ -47,10 +46,10 @@ def test_decoded_size_is_bounded(plan, part, monkeypatch):
     content = encode(plan, long, 1, 1)
     assert len(content) < 100_000
     assert decode(plan, content, 10).equals(long)
-    monkeypatch.setattr(parts, "MOST", 2**20)
+    monkeypatch.setattr(parts, "LARGEST_DECODED", 2**20)
     with pytest.raises(BadPart, match="decodes to more than"):
         decode(plan, content, 10)
-    monkeypatch.setattr(decoded_size, "MOST", 2**10)
+    monkeypatch.setattr(parts, "LARGEST_DECODED", 2**10)
     with pytest.raises(BadPart, match=r"\b10 rows"):
         decode(plan, content, 10)
 

@@ -8,11 +8,11 @@ from campaign.cluster.cluster import Cluster
 from campaign.coordinator.rerun import failed_samples, rerun
 from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
-from campaign.repeat_plan import repeated_samples
+from campaign.plan_header import repeated_samples
 from campaign.spec.load import load_campaign
 from campaign.store.repeat_sets import add_share, read_repeats, repeat_plans, repeated_shares, survey_repeats
-from campaign.worker.halved_step import HalvedStep, halved_settings
 from campaign.worker.messages import CampaignAddress
+from campaign.worker.row import HalvedStep, halved_settings
 from engine.mechanism import load_mechanism, set_values
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC

@@ -7,7 +7,7 @@ import pytest
 
 from campaign.errors import StoreError
 from campaign.store import part_name, rows
-from campaign.store import survey as surveys
+from campaign.store import parts as surveys
 from campaign.store.files.files import Files
 from tests.campaign.store.test_store import fill
 

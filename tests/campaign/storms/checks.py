@@ -4,11 +4,11 @@ import signal
 
 import pyarrow as pa
 
-from campaign.repeat_plan import repeated_samples
+from campaign.plan_header import repeated_samples
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
+from campaign.store.parts import load_manifest
 from campaign.store.repeat_sets import read_repeats, repeat_plans, survey_repeats
-from campaign.store.survey import load_manifest
 
 VARIES = ["wall_s", "attempts"]
 OF_DASK = "scheduler", "worker"  # their statuses and words are dask's

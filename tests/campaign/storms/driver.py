@@ -10,12 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from campaign.cli.output import show_logs
-from campaign.cluster.cluster import Cluster
-from campaign.cluster.tls import Tls
+from campaign.cluster.cluster import Cluster, Tls
 from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
-from campaign.store.files.patience import PATIENT, Patience
+from campaign.store.files.retry_policy import PATIENT, RetryPolicy
 from tests.campaign import fake_engine
 
 
@@ -31,7 +30,7 @@ def main():
     parser.add_argument("--tls", type=Path, help="folder of certificates")
     options = parser.parse_args()
     show_logs()
-    store = open_store(options.store, Patience(options.patience))
+    store = open_store(options.store, RetryPolicy(options.patience))
     tls = options.tls and Tls(*(str(options.tls / name) for name in ("ca.pem", "client.pem", "client.key")))
     where = Cluster(scheduler=options.scheduler, workers=options.workers, tls=tls)
     simulate = partial(fake_engine.takes, options.seconds) if options.seconds else fake_engine.simulate

@@ -14,8 +14,8 @@ import psutil
 import pytest
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.backoff import TRIES
 from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.dispatch import TRIES
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
 from campaign.errors import StoreError

@@ -10,15 +10,14 @@ from functools import partial
 import pytest
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.coordinator import Coordinator
+from campaign.coordinator.coordinate import Coordinator, coordinate
 from campaign.coordinator.dispatch import Window
 from campaign.coordinator.lease import LeaseLost, lease_holder
 from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
-from campaign.store.files.patience import Patience
+from campaign.store.files.retry_policy import RetryPolicy
 from campaign.store.layout import HEARTBEAT, LEASE
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
@@ -147,7 +146,7 @@ class Away:
 @pytest.fixture
 def split(tmp_path, campaign):
     """Return a store, the view of it that its coordinator has, and the plan."""
-    store, seen = (open_store(str(tmp_path / "s"), Patience(600.0, 0.05, 0.2)) for _ in range(2))
+    store, seen = (open_store(str(tmp_path / "s"), RetryPolicy(600.0, 0.05, 0.2)) for _ in range(2))
     return store, seen, submit(store, campaign, 1)
 
 
@@ -188,7 +187,7 @@ def test_lease_after_an_outage(split, workers, taken_over, runs):
 @pytest.mark.processes
 def test_heartbeat_that_cannot_be_written(tmp_path, campaign, workers, monkeypatch):
     """Batches go on all the same: here the heartbeat is refused until ten of them are in the store."""
-    store = open_store(str(tmp_path / "s"), Patience(600.0, 0.05, 0.2))
+    store = open_store(str(tmp_path / "s"), RetryPolicy(600.0, 0.05, 0.2))
     plan = submit(store, campaign, 1)
     write_json, refused = Store.write_json, []
 

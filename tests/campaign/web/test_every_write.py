@@ -10,7 +10,7 @@ import pytest
 from campaign.coordinator.state import write_state
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from campaign.web.access import Role
 from campaign.web.api.mechanisms import shipped_text
 from campaign.web.http.authentication import COOKIE, CSRF_FIELD, CSRF_HEADER

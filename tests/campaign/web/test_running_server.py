@@ -12,7 +12,7 @@ import pytest
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.label_versions import read_labels
+from campaign.store.labels import read_labels
 from tests.campaign.web.running import PATIENCE, Served
 from tests.until import until
 

@@ -1,15 +1,17 @@
-"""A sample becomes a row: whatever happens in its run, the answer is a row."""
+"""A sample becomes a row: whatever happens in its run, the answer is a row; and what makes two rows the same."""
 
 from functools import partial
+
+import pytest
 
 from campaign.coordinator.rerun import failed_samples
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
+from campaign.spec.result_columns import ENERGY_COLUMNS
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
-from campaign.worker.row import compute_row, sample_values
-from campaign.worker.runs import rows_in_process
+from campaign.worker.row import _same, compute_row, rows_in_process, sample_values
 from engine import simulate
 from engine.loop import Cancel
 from tests.campaign import fake_engine
@@ -19,6 +21,19 @@ POLICY = """
 [failures]
 retry = [{ step = 0.002, tolerance = 1e-7 }, { step = 0.001 }]
 """
+
+ROW = {
+    "status": "ok",
+    "message": "",
+    "steps": 79,
+    "max_residual": 1e-9,
+    "max_penetration": 4e-9,
+    "max_created_energy": 2e-9,
+    "created_energy": 3e-9,
+    "settled": True,
+    "wall_s": 0.01,
+    "FC-1": 12.6,
+}
 
 
 def run_rows(store, plan, simulate):
@@ -147,3 +162,15 @@ def test_a_mechanism_that_does_not_come_to_rest_is_a_row_of_its_own_status(tmp_p
         assert (row["drop"], row["tip"]) == (None, None)
     assert failed_samples(store, plan, ["not_at_rest"]) == [0, 1, 2]
     assert failed_samples(store, plan, ["not_converged"]) == []
+
+
+def test_a_row_of_an_earlier_build_has_no_energies():
+    """It is compared in what it has."""
+    earlier = {name: value for name, value in ROW.items() if name not in ENERGY_COLUMNS}
+    assert _same(ROW, earlier, ["FC-1"])
+
+
+@pytest.mark.parametrize(("name", "same"), [("created_energy", False), ("FC-1", False), ("wall_s", True)])
+def test_rows_differ_in_what_the_sample_determines(name, same):
+    """One bit is enough; the time of the clock does not count."""
+    assert _same(ROW | {name: ROW[name] * (1 + 1e-15)}, ROW, ["FC-1"]) == same

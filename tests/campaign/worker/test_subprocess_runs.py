@@ -13,12 +13,12 @@ import psutil
 import pytest
 
 from campaign.errors import StoreError
-from campaign.store.files.patience import HASTY
+from campaign.store.files.retry_policy import HASTY
 from campaign.store.layout import CANCEL
 from campaign.worker import subprocess_runs
 from campaign.worker.limits import memory_limit, time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, ChildFailed, WrongBuild
-from campaign.worker.runs import rows_in_process
+from campaign.worker.row import rows_in_process
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from tests.campaign import fake_engine
@@ -47,7 +47,7 @@ def test_only_the_child_loads_the_engine(store, plan, monkeypatch):
     def load_engine():
         pytest.fail("the engine was loaded here")
 
-    monkeypatch.setattr("campaign.worker.runs.load_engine", load_engine)
+    monkeypatch.setattr("campaign.worker.row.load_engine", load_engine)
     address = CampaignAddress.of(store, plan, simulate)
     assert [row["sample"] for row in rows_in_subprocess(address, [3], 1)] == [3]
 
@@ -62,7 +62,7 @@ def same(rows, store, plan):
 @pytest.mark.slow
 def test_a_store_that_fails_the_child_is_no_fault_of_a_run(store, plan):
     """The child's error is the store's, so that the batch is tried again; then all rows are as ever."""
-    address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), patience=HASTY)
+    address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), retry_policy=HASTY)
     rows_before = rows_in_subprocess(address, range(3), 1)
     first = next(rows_before)  # this process has read the plan
     rows_before.close()

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy import integrate, stats
 
 from campaign.inputs.distributions import DISTRIBUTIONS, Variable
-from campaign.inputs.distributions.weibull import Weibull
+from campaign.inputs.distributions.skewed import Weibull
 from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.statistics import check_sample
 from tests.each import each

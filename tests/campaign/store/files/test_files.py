@@ -13,7 +13,7 @@ import pytest
 
 from campaign.errors import SpecError, StoreError
 from campaign.store.files.files import DEAD_AFTER, Files
-from campaign.store.files.patience import HASTY
+from campaign.store.files.retry_policy import HASTY
 from tests.each import each
 
 

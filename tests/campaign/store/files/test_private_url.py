@@ -9,8 +9,8 @@ import pytest
 
 from campaign.errors import CampaignError, StoreError
 from campaign.store.files.files import Files
-from campaign.store.files.patience import HASTY
 from campaign.store.files.private_url import PrivateUrl
+from campaign.store.files.retry_policy import HASTY
 from campaign.worker.messages import CampaignAddress
 from tests.each import each
 

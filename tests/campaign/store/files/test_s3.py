@@ -19,7 +19,7 @@ from campaign.errors import SpecError, StoreError
 from campaign.store import open_store, part_name
 from campaign.store.files import object_store
 from campaign.store.files.files import Files
-from campaign.store.files.patience import HASTY, Patience
+from campaign.store.files.retry_policy import HASTY, RetryPolicy
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
@@ -129,7 +129,7 @@ def test_server_that_is_killed(monkeypatch, plan):
     """A server that dies is a StoreError that says what to do; with it back, the same call succeeds."""
     with s3_server() as (server, port):
         url = bucket(monkeypatch, port)
-        store = open_store(url, Patience(0.5, 0.1))
+        store = open_store(url, RetryPolicy(0.5, 0.1))
         store.create_plan(plan)
         fill(store, plan)
         table = store.read_part(plan, 1)
@@ -163,7 +163,7 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
 def test_busy_server(monkeypatch, plan, campaign):
     """Every third request is answered "slow down", and no call fails."""
     with s3_server(busy=3) as (_, port):
-        store = open_store(bucket(monkeypatch, port), Patience(600.0, 0.01))
+        store = open_store(bucket(monkeypatch, port), RetryPolicy(600.0, 0.01))
         monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
         assert store.create_plan(plan) == plan
         fill(store, plan)

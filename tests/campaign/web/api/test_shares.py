@@ -2,7 +2,7 @@
 
 import pytest
 
-from campaign.store.report_folders import report_folder
+from campaign.store.store import report_folder
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
+from campaign.coordinator.requests import rerun_request
 from campaign.coordinator.state import state_of, write_state
-from campaign.store.rerun_request import rerun_request
 from campaign.web import web_service
 from campaign.web.access import Role
 from campaign.web.access.request_keys import RequestKeys

@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
-from campaign.store.change_tokens import change_tokens
+from campaign.store.store import change_tokens
 from campaign.web.answers.fair_queue import Quota
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.http.monitoring import ServiceGauges, logger, show_requests

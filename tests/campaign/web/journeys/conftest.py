@@ -10,8 +10,7 @@ import pytest
 
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.web.access import Role, secrets
 from campaign.web.settings import Settings
 from campaign.web.web_service import open_service

@@ -14,10 +14,9 @@ from campaign.coordinator.state import write_state
 from campaign.errors import UnreachableError
 from campaign.plan import make_plan
 from campaign.store import Store
-from campaign.store.change_tokens import change_tokens
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import SUBMISSION
+from campaign.store.store import change_tokens
 from campaign.web.access import Role
 from campaign.web.watch import index as indexing
 from campaign.web.watch.entry import REPORT_DOCUMENT, Weakest, entry_of

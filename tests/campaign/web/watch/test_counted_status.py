@@ -6,7 +6,7 @@ import pytest
 
 from campaign.coordinator.heartbeat import Heartbeat
 from campaign.coordinator.lease import hold_lease
-from campaign.coordinator.progress.progress_report import progress_report
+from campaign.coordinator.progress_report import progress_report
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
 from campaign.store.files import local

@@ -8,18 +8,17 @@ from itertools import groupby
 
 import pytest
 
-from campaign.coordinator.follow import observe
+from campaign.coordinator.heartbeat import observe
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import close_campaign, write_state
 from campaign.errors import SpecError
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.change_tokens import change_tokens
 from campaign.store.files import local
-from campaign.store.label_versions import change_labels
-from campaign.store.labels import LabelChange
+from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import DELETED, PLAN
+from campaign.store.store import change_tokens
 from campaign.web.watch import watcher as watching
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.index import CampaignIndex

@@ -17,7 +17,7 @@ from OCP.TopAbs import TopAbs_State
 from scipy.spatial.transform import Rotation
 
 from campaign.cli import main
-from campaign.geometry_summary import geometry_lines, geometry_provenance
+from campaign.mechanism_summary import geometry_lines, geometry_provenance
 from engine import MechanismError, load_mechanism
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from

@@ -1,1 +1,0 @@
-"""The progress of a campaign, counted from the content of the store."""

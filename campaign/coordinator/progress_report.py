@@ -1,0 +1,100 @@
+"""The progress of a campaign as one document: its state, its rows, its heartbeat and its comparisons."""
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from campaign.coordinator.state import state_of
+from campaign.store import Store
+from campaign.store.layout import HEARTBEAT
+from campaign.store.repeat_sets import repeat_plans, survey_repeats
+from campaign.store.store import comparisons, report_folder
+
+if TYPE_CHECKING:
+    from campaign.coordinator.heartbeat import Heartbeat
+    from campaign.plan_header import PlanHeader
+
+COUNTS = ("samples", "done", "ok", "failed", "left", "statuses", "repeats", "repeated")
+Say = Callable[[str], None]
+
+
+def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
+    """Return the progress of a campaign as plain data; ``say`` gets a sentence for each fault of its files.
+
+    The entries are ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a running campaign or None, and
+    ``comparisons``, the address of each by the id of the other campaign.
+    """
+    campaign_id = header.campaign_id
+    state, counts = progress(store, header, say)
+    heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
+    return _report(store, campaign_id, {**state, **counts}, heartbeat, say)
+
+
+def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] | None:
+    """Return the document of `progress_report` from the last heartbeat, without reading any file of rows.
+
+    None if the campaign is not running or has no heartbeat yet.
+    """
+    state = state_of(store, campaign_id)
+    heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
+    if heartbeat is None:
+        return None
+    counts = {name: getattr(heartbeat, name) for name in COUNTS}
+    return _report(store, campaign_id, {**_dated(state), **counts}, heartbeat, say)
+
+
+def _report(
+    store: Store, campaign_id: str, progress: dict[str, Any], heartbeat: "Heartbeat | None", say: Say
+) -> dict[str, Any]:
+    """Return the document for a state, counts and a heartbeat."""
+    compared = {
+        other: store.files.address(report_folder(campaign_id, other)) for other in comparisons(store, campaign_id)
+    }
+    if progress["fault"]:
+        say(f"{campaign_id}: {progress['fault']}")
+    document = {"campaign": campaign_id, "store": store.url, **progress}
+    return {**document, "heartbeat": heartbeat and heartbeat.to_json(), "comparisons": compared}
+
+
+def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the state of a campaign with its date as ISO 8601, and the numbers of its rows, in all and by status.
+
+    A completed campaign that has lost rows since is ``incomplete``.
+    """
+    state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
+    if state["state"] == "completed" and counts["left"]:
+        message = f"rows lost after the campaign was completed: {counts['left']}"
+        state |= {"state": "incomplete", "message": message}
+    return _dated(state), counts
+
+
+def _dated(state: dict[str, Any]) -> dict[str, Any]:
+    """Return a state with its date as ISO 8601."""
+    since = state["since"]
+    date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
+    return {**state, "since": date}
+
+
+def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
+    """Return the last heartbeat of a campaign's coordinator; None if there is none or it cannot be read."""
+    from campaign.coordinator.heartbeat import (
+        Heartbeat,  # loads the engine's names, which an idle campaign does not need
+    )
+
+    written = store.read_json(campaign_id, HEARTBEAT)
+    heartbeat = Heartbeat.from_json(written or {})
+    if written and not heartbeat:
+        say(f"{campaign_id}: {HEARTBEAT} was not written by clearcap; its coordinator replaces it")
+    return heartbeat
+
+
+def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
+    """Return the numbers of a campaign's rows, in all and by status; report bad parts."""
+    survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
+    for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
+        command = store.command("resume", header.campaign_id)
+        say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
+    done, ok = survey.rows, survey.statuses.get("ok", 0)
+    samples = store.end(header)
+    counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
+    return {**counts, "statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}

@@ -1,0 +1,112 @@
+"""What users request of a campaign that exists: to cancel it, to compute failed rows again, to delete it."""
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from campaign.coordinator.lease import beating, check_lease, hold_lease, is_coordinated
+from campaign.coordinator.state import state_of, write_state
+from campaign.errors import StoreError
+from campaign.run_status import FailedStatus
+from campaign.store import Store
+from campaign.store.files.files import TEMPORARY
+from campaign.store.layout import CANCEL, DELETED, HEARTBEAT, LEASE, PLAN, RERUN
+
+
+def cancel_campaign(store: Store, campaign_id: str) -> str:
+    """End a campaign, unless it is ``completed``, and return its previous state.
+
+    Unfinished runs are abandoned, finished rows stay. Raises StoreError if the store cannot be written.
+    """
+    before = str(state_of(store, campaign_id)["state"])
+    if before != "completed":
+        store.files.write(f"{campaign_id}/{CANCEL}", b"")
+        # otherwise its coordinator finds the marker and writes the state
+        if not is_coordinated(store, campaign_id):
+            write_state(store, campaign_id, "cancelled")
+    return before
+
+
+# -- runs again --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RerunRequest:
+    """Which failed rows to compute again."""
+
+    statuses: tuple[str, ...] = ()  # of the rows; empty for all failed rows
+    by: str = ""  # who requested it
+
+
+def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: str) -> None:
+    """Request that failed rows be computed again, by a document for a coordinator; this replaces an earlier request."""
+    document = {"statuses": sorted(set(statuses)), "by": by, "time": time.time()}
+    store.write_json(campaign_id, RERUN, document)
+
+
+def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
+    """Return the open request to compute rows again; None if there is none.
+
+    Raises StoreError if the document cannot be read, or was not written by clearcap.
+    """
+    document = store.read_json(campaign_id, RERUN)
+    if document is None:
+        return None
+    statuses = document.get("statuses")
+    if not isinstance(statuses, list) or not set(map(str, statuses)) <= {*FailedStatus}:
+        raise StoreError(f"store {store.url}: {campaign_id}/{RERUN} is not what clearcap wrote; remove it")
+    return RerunRequest(tuple(statuses), str(document.get("by", ""))[:200])
+
+
+# -- deletion ----------------------------------------------------------------------------------------------------------
+#
+# First the plan is renamed in one step. From then on the store has no such campaign, so that an interruption cannot
+# leave one that seems to have lost rows. Then everything else is removed, and the renamed plan last. An interrupted
+# deletion is finished by the next deletion of the same campaign, or before the campaign is submitted again.
+
+
+def delete_campaign(store: Store, campaign_id: str) -> None:
+    """Delete the folder of a campaign with all its content, or finish an interrupted deletion.
+
+    If a process on another machine holds the lease, this takes up to ten seconds, plus the time to remove the files.
+    Raises LeaseHeld if another process is computing or deleting it, StoreError if it cannot be deleted.
+    """
+    with hold_lease(store, campaign_id) as token:
+        _remove_all(store, campaign_id, token)
+    store.files.remove(campaign_id)
+
+
+def _remove_all(store: Store, campaign_id: str, token: str) -> None:
+    """Remove everything except the lease, which the caller holds."""
+    with beating(store, campaign_id):
+        if store.files.exists(f"{campaign_id}/{PLAN}"):
+            store.files.move(f"{campaign_id}/{PLAN}", f"{campaign_id}/{DELETED}")
+        for name in store.files.names(campaign_id):
+            # keep the temporary file of the next heartbeat, which is being written
+            if name not in (DELETED, LEASE, HEARTBEAT) and not name.endswith(TEMPORARY):
+                check_lease(store, campaign_id, token)  # after a long pause, there may be a new campaign of this id
+                store.files.remove_tree(f"{campaign_id}/{name}")
+    left = [name for name in store.files.names(campaign_id) if name not in (DELETED, LEASE)]
+    for name in (*left, DELETED):
+        check_lease(store, campaign_id, token)
+        store.files.remove_tree(f"{campaign_id}/{name}")
+
+
+def is_half_deleted(store: Store, campaign_id: str) -> bool:
+    """Return whether the deletion of a campaign has begun but is not finished."""
+    return not store.files.exists(f"{campaign_id}/{PLAN}") and store.files.exists(f"{campaign_id}/{DELETED}")
+
+
+def unfinished_deletions(store: Store) -> list[str]:
+    """Return the sorted ids of the campaigns whose deletion has begun but is not finished."""
+    return [name for name in store.folders() if is_half_deleted(store, name)]
+
+
+def finish_deletion(store: Store, campaign_id: str) -> None:
+    """Finish an interrupted deletion of a campaign, if there is one; raises the same errors as `delete_campaign`."""
+    if not is_half_deleted(store, campaign_id):
+        return
+    with hold_lease(store, campaign_id) as token:
+        if is_half_deleted(store, campaign_id):  # if another process finished it, the campaign may be a new one
+            _remove_all(store, campaign_id, token)
+    store.files.remove(campaign_id)
