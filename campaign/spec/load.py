@@ -24,13 +24,13 @@ from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
 from engine import MechanismError, set_values
+from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
-from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file
 

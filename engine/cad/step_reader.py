@@ -8,8 +8,8 @@ from engine.cad.assembly_cache import cached, keep
 from engine.cad.cad_model import CadAssembly
 from engine.cad.occt_process import USUAL_LIMITS, ReadingLimits, ask_occt
 from engine.errors import CadError
-from engine.file_kinds import content_kind
-from engine.regular_file import read_regular_file
+from engine.faults.file_kinds import content_kind
+from engine.platform.regular_file import read_regular_file
 
 RECOGNITION = 1e-4
 """Default of the largest recognition gap [mm]."""

@@ -8,8 +8,8 @@ from engine.cad import RECOGNITION, CadAssembly, read_step
 from engine.cad.assembly_cache import cached
 from engine.errors import CadError, MechanismError
 from engine.mechanism.tables import sub_table
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST, UnfitToml, parse_toml
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
 
 @dataclass(frozen=True, eq=False)

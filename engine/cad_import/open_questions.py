@@ -5,8 +5,8 @@ from pathlib import Path
 
 from engine.cad_import.toml_lines import QUESTION
 from engine.mechanism import library_names
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST
 
 
 @dataclass(frozen=True)

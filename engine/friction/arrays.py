@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.arrays import Array, Integers, aligned_zeros
-from engine.compiler.numba_internals import by_address
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
-from engine.jit import inner
-from engine.lanes import LANES, fused, read, spread, total, write
+from engine.jit import by_address, inner
+from engine.jit.lanes import LANES, fused, read, spread, total, write
 
 CONVERGED = 0
 NOT_CONVERGED = 1

@@ -14,7 +14,7 @@ cases costs less than branching. Contacts without friction have only a normal eq
 
 from engine.friction.cone import project
 from engine.jit import inner
-from engine.lanes import choose, larger, read, root, write
+from engine.jit.lanes import choose, larger, read, root, write
 
 TINY = 1e-300
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.jit import inner
-from engine.lanes import LANES, choose, larger, read, root, spread, total
+from engine.jit.lanes import LANES, choose, larger, read, root, spread, total
 
 GAIN = 100.0  # largest ratio of impulses to velocities in the scale of the data: impulses may grow without limit
 TINY = 1e-300

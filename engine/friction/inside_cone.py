@@ -1,7 +1,7 @@
 """Points inside second-order cones: the Nesterov-Todd scaling, and the distance to the boundary."""
 
 from engine.jit import inner
-from engine.lanes import choose, larger, root
+from engine.jit.lanes import choose, larger, root
 
 TINY = 1e-300
 FAR = 1e3  # upper limit of the step, as a multiple of the direction

@@ -24,7 +24,7 @@ from engine.friction.complementarity import read_matrix, write_matrix
 from engine.friction.cone import residual
 from engine.friction.inside_cone import FAR, TINY, scaling, to_boundary
 from engine.jit import inner
-from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
+from engine.jit.lanes import LANES, choose, larger, least, read, root, spread, total, write
 
 
 class Pace(NamedTuple):

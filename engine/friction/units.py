@@ -11,7 +11,7 @@ import math
 
 from engine.friction.blocks import ROW
 from engine.jit import inner
-from engine.lanes import read, write
+from engine.jit.lanes import read, write
 
 
 @inner

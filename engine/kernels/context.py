@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from engine.compiler.numba_internals import by_address
 from engine.friction.arrays import FrictionArrays
+from engine.jit import by_address
 from engine.kernels.model import Model, Scratch, State
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.numba_internals import by_address
+from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)

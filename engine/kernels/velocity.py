@@ -4,9 +4,9 @@ import numpy as np
 
 from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
+from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, aim_centred, relative_velocity, whitened_rows
-from engine.lanes import LANES, read, write
 
 
 @inner

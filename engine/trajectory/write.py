@@ -13,9 +13,9 @@ import h5py
 
 from engine.arrays import Array
 from engine.assembly import Assembly
-from engine.build import build_id
 from engine.errors import TrajectoryError
 from engine.mechanism import Mechanism
+from engine.platform.build import build_id
 from engine.run import Run
 from engine.trajectory.layout import Series, series_of
 from engine.trajectory.read import FORMAT, VERSION

@@ -85,8 +85,8 @@ def _campaign(
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
-    from engine.regular_file import read_regular_file
-    from engine.toml_file import LARGEST
+    from engine.platform.regular_file import read_regular_file
+    from engine.platform.toml_file import LARGEST
 
     path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
     diameters = all_diameters(before), all_diameters(found)

@@ -10,7 +10,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 from campaign.errors import CampaignError, SpecError
 from campaign.store.files.files import LARGEST
-from engine.regular_file import UnfitFile, read_regular_file
+from engine.platform.regular_file import UnfitFile, read_regular_file
 
 MOST_FILES = 200_000
 MOST_BYTES = 2**36  # of all files together, 64 GiB

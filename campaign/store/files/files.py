@@ -15,7 +15,7 @@ from campaign.store.files.local import LocalFolder
 from campaign.store.files.odd_file import OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
 from campaign.store.files.private_url import PrivateUrl
-from engine.regular_file import UnfitFile
+from engine.platform.regular_file import UnfitFile
 
 if TYPE_CHECKING:
     from campaign.store.files.object_store import ObjectStore

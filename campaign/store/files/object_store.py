@@ -7,7 +7,7 @@ from copy import copy
 from typing import Any
 
 from campaign.store.files.opened_file_system import MANY_FILES, SLOWEST, OpenedFileSystem
-from engine.regular_file import UnfitFile
+from engine.platform.regular_file import UnfitFile
 
 FINAL = (  # errors that repeating the request would not change
     FileNotFoundError,

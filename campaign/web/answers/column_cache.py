@@ -16,7 +16,7 @@ from campaign.store import Store
 from campaign.web.answers.column_file import map_columns, write_columns
 from campaign.web.answers.growing_columns import SourcedColumns, grown_columns
 from engine import FolderError
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 
 USUAL_SIZE = 4 << 30  # bytes; enough for thirty campaigns of a million rows
 ABANDONED_AFTER = 3600.0  # s; no file takes this long to write

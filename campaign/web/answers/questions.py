@@ -21,7 +21,7 @@ from campaign.reports.whatif import change_of, what_if_document, what_if_from
 from campaign.store import open_store
 from campaign.store.files.patience import QUICK
 from campaign.web.answers.column_cache import ColumnCache
-from engine.toml_file import UnfitToml, parse_toml
+from engine.platform.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability
 from reporting.shape.histogram import histogram
 from reporting.tolerance.reweighting import Weights, weights

@@ -26,7 +26,7 @@ from campaign.store.labels import LabelChange
 from campaign.store.mechanism_library import read_mechanism
 from engine import simulate
 from engine.mechanism import library_names
-from engine.toml_file import UnfitToml, parse_toml, text_bytes
+from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 
 @dataclass(frozen=True)

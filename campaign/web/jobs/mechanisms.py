@@ -19,7 +19,7 @@ from engine import (
 )
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.keys.listing import settable_numbers
-from engine.toml_file import UnfitToml, parse_toml, text_bytes
+from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")
 ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from engine.regular_file import read_regular_file
+from engine.platform.regular_file import read_regular_file
 
 LARGEST = 1_000_000  # bytes
 MOST_PARTS = 16  # parts of a dotted key

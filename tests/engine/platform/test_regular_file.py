@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from engine.regular_file import UnfitFile, read_regular_file
+from engine.platform.regular_file import UnfitFile, read_regular_file
 
 
 def pipe(path):

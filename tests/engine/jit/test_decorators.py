@@ -10,8 +10,8 @@ import pytest
 
 pytestmark = pytest.mark.processes
 
-ROOT = Path(__file__).parents[2]
-PRINT = "from engine import jit; print(jit.numba.config.CACHE_DIR, flush=True)"
+ROOT = Path(__file__).parents[3]
+PRINT = "from engine.jit import decorators; print(decorators.numba.config.CACHE_DIR, flush=True)"
 PRINT_TWICE = f"{PRINT}; import subprocess, sys; subprocess.run([sys.executable, '-c', {PRINT!r}], check=True)"
 
 
@@ -82,8 +82,8 @@ def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
 
 def test_no_unchecked_folder(tmp_path):
     """Numba looks nowhere else for compiled code."""
-    done = run("from engine import jit; print(jit.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
-    assert done.stdout == "engine.compiler.numba_internals.BuildLocator\n"
+    done = run("from engine.jit import decorators; print(decorators.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
+    assert done.stdout == "engine.jit.numba_internals.BuildLocator\n"
 
 
 @pytest.mark.slow
@@ -95,9 +95,11 @@ def test_installations_of_a_build_share_compiled_code(tmp_path):
         source.write("# another build\n")
     turn = (
         "import numpy as np; from engine.kernels.rotations import rotation_matrix as turn;"
-        " turn(np.array([1.0, 0, 0, 0]), np.zeros((3, 3))); from engine import jit;"
-        " print(sum(turn.compiled.stats.cache_hits.values()), jit.__file__)"
+        " turn(np.array([1.0, 0, 0, 0]), np.zeros((3, 3))); from engine.jit import decorators;"
+        " print(sum(turn.compiled.stats.cache_hits.values()), decorators.__file__)"
     )
     places = (ROOT, tmp_path / "copy", tmp_path / "changed")
     hits = [run(turn, tmp_path, PYTHONPATH=str(place), PYTHONSAFEPATH="1").stdout for place in places]
-    assert hits == [f"{count} {place}/engine/jit.py\n" for count, place in zip((0, 1, 0), places, strict=True)]
+    assert hits == [
+        f"{count} {place}/engine/jit/decorators.py\n" for count, place in zip((0, 1, 0), places, strict=True)
+    ]

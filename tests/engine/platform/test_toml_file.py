@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from engine.toml_file import LARGEST, UnfitToml, parse_toml, read_toml
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, read_toml
 from tests.each import each
 
 PARTS = 100_000

@@ -5,8 +5,7 @@ import pytest
 from numba.core.errors import TypingError
 from numba.core.types.functions import BaseFunction
 
-from engine.compiler import numba_internals
-from engine.jit import inner, kernel
+from engine.jit import inner, kernel, numba_internals
 
 CHOOSE = BaseFunction.get_call_type
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.regular_file import UnfitFile, read_beginning
+from engine.platform.regular_file import UnfitFile, read_beginning
 
 # Top-level keys that only one of the two formats has.
 MECHANISM_KEYS = frozenset(

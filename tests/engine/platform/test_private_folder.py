@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from engine import FolderError
-from engine import private_folder as module
-from engine.private_folder import private_folder
+from engine.platform import private_folder as module
+from engine.platform.private_folder import private_folder
 
 OTHER = 20002
 

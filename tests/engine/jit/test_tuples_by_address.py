@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from engine.compiler.numba_internals import TupleByAddress, by_address
 from engine.jit import inner, kernel
+from engine.jit.numba_internals import TupleByAddress, by_address
 
 
 @by_address

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-import engine.clock
-from engine.clock import set_after
+import engine.platform.clock
+from engine.platform.clock import set_after
 from tests.until import until
 
 SOON = 0.05  # s
@@ -46,7 +46,7 @@ def test_a_block_that_is_over_is_left_alone(monkeypatch):
     with set_after(3600.0, one, 3):
         let_the_clock_look()
     later = time.monotonic() + 7200.0
-    monkeypatch.setattr(engine.clock, "monotonic", lambda: later)
+    monkeypatch.setattr(engine.platform.clock, "monotonic", lambda: later)
     let_the_clock_look()
     assert not one[0]
 

@@ -86,11 +86,11 @@ class Lines(logging.Handler):
 
 
 def outcome():
-    """Import the compiler's layer of the engine anew, compile a kernel that calls others, and call it."""
-    for name in ("engine.jit", "engine.compiler.numba_internals"):
+    """Import the layer of the engine that compiles anew, compile a kernel that calls others, and call it."""
+    for name in ("engine.jit", "engine.jit.decorators", "engine.jit.numba_internals"):
         sys.modules.pop(name, None)
     lines = Lines()
-    log = logging.getLogger("engine.compiler")
+    log = logging.getLogger("engine.jit")
     log.addHandler(lines)
     try:
         try:
@@ -107,7 +107,7 @@ def computed(jit):
     """Return what a kernel computes, which passes a tuple of an array to an inner one, and whether it was missing."""
     import numpy as np
 
-    from engine.compiler.numba_internals import by_address, index_file
+    from engine.jit.numba_internals import by_address, index_file
 
     @by_address
     class Given(NamedTuple):
@@ -132,7 +132,7 @@ def computed(jit):
 
 def main():
     """Print the outcome with every name, and without each."""
-    import engine.compiler.numba_internals as internals
+    import engine.jit.numba_internals as internals
 
     found = {"": outcome()}
     names = [*internals.ESSENTIAL, *(name for names in internals.SAVINGS.values() for name in names)]

@@ -4,8 +4,8 @@ import gc
 
 import pytest
 
-from engine.compiler.paused_collection import collection_paused
 from engine.jit import kernel
+from engine.jit.numba_internals import collection_paused
 
 
 @pytest.fixture(autouse=True)

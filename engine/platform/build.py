@@ -24,7 +24,7 @@ def hash_sources(root: Path, parts: Iterable[str] = (".",)) -> str:
 @lru_cache(maxsize=1)
 def engine_sources() -> str:
     """Return the hash of all engine sources, 16 hexadecimal digits."""
-    return hash_sources(Path(__file__).parent)
+    return hash_sources(Path(__file__).parents[1])
 
 
 @lru_cache(maxsize=1)

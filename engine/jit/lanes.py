@@ -17,7 +17,7 @@ from numba import types
 from numba.extending import lower_builtin, models, register_model, type_callable
 
 from engine.arrays import Array
-from engine.compiler.numba_internals import converted, data_of, declared, nothing
+from engine.jit.numba_internals import converted, data_of, declared, nothing
 
 LANES = 8
 DOUBLE = ir.DoubleType()

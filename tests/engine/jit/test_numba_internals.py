@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from engine.compiler import numba_internals
-from engine.compiler.numba_internals import ESSENTIAL, OF_A_KERNEL, SAVINGS, SUPPORTED
+from engine.jit import numba_internals
+from engine.jit.numba_internals import ESSENTIAL, OF_A_KERNEL, SAVINGS, SUPPORTED
 
 ROOT = Path(__file__).parents[3]
 PRIVATE = {name.rpartition(":")[2] for name in (*ESSENTIAL, *(name for names in SAVINGS.values() for name in names))}
@@ -20,7 +20,7 @@ PROGRAM = Path(__file__).with_name("without_a_name.py")
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory):
     """Return, by the name that is gone, what the engine logs, what its kernel computes, or why it is not imported."""
-    program = [sys.executable, "-m", "tests.engine.compiler.without_a_name", str(tmp_path_factory.mktemp("cache"))]
+    program = [sys.executable, "-m", "tests.engine.jit.without_a_name", str(tmp_path_factory.mktemp("cache"))]
     done = subprocess.run(program, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True, timeout=300)
     return json.loads(done.stdout)
 

@@ -6,7 +6,7 @@ which the caller checks, instead of an exception), no fast-math (a row must have
 Only kernels that Python calls become machine code, each as one module with all kernels it calls, optimised once and
 kept on disk. By default Numba does this for every kernel and again for all of its callees, so that a kernel ten calls
 deep is optimised ten times. The cost of compiling a kernel grows with the length of its code, so tuples of arrays are
-passed by address, see `engine.compiler.numba_internals`.
+passed by address, see `engine.jit.numba_internals`.
 """
 
 import atexit
@@ -23,10 +23,10 @@ from typing import Any
 
 from llvmlite import binding
 
-from engine.build import build_id
-from engine.compiler.numba_internals import INNER_OPTIONS, KEEPS_CODE, KERNEL_OPTIONS, NOT_INLINED_OPTIONS
 from engine.errors import FolderError
-from engine.private_folder import private_folder
+from engine.jit.numba_internals import INNER_OPTIONS, KEEPS_CODE, KERNEL_OPTIONS, NOT_INLINED_OPTIONS
+from engine.platform.build import build_id
+from engine.platform.private_folder import private_folder
 
 import numba  # isort: skip  # after `numba_internals`, which imports it in the required way
 from numba.extending import typeof_impl  # isort: skip

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from engine.jit import kernel
-from engine.lanes import LANES, choose, fused, larger, least, read, root, spread, total, write
+from engine.jit.lanes import LANES, choose, fused, larger, least, read, root, spread, total, write
 
 pytestmark = pytest.mark.bits
 

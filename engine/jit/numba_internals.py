@@ -7,7 +7,7 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | for | names of Numba |
 | --- | --- |
 | no settings from the current folder | `_config_fname`, `_env_reloader` |
-| eight numbers at a time (`engine.lanes`) | `make_array`, `cast`, `get_dummy_value`, `get_or_insert_function` |
+| eight numbers at a time (`engine.jit.lanes`) | `make_array`, `cast`, `get_dummy_value`, `get_or_insert_function` |
 | no wrappers and counts of references that nobody needs | `_nrt`, `no_cfunc_wrapper`, `no_cpython_wrapper` |
 | pausing and remembering while a kernel compiles | `_compile_core` |
 | remembering choices of built-in functions | `top_or_none`, `get_call_type` |
@@ -21,6 +21,7 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | knowing which machine code is on disk | `_cache`, `_cache_file`, `_index_path`, `_load_index` |
 """
 
+import gc
 import hashlib
 import logging
 import os
@@ -33,12 +34,12 @@ from typing import Any, TypeVar
 
 from llvmlite import ir
 
-from engine.compiler.paused_collection import collection_paused
 from engine.errors import UnsupportedNumbaError
 
 # Numba reads settings from this file in the current folder, where anybody may have put it; they even include the
 # processor's instruction set. So Numba is imported from another folder, and never looks for the file again.
 SETTINGS = ".numba_config.yaml"
+
 
 with chdir("/") if os.path.lexists(SETTINGS) else nullcontext():
     import numba
@@ -242,6 +243,23 @@ def choices_remembered() -> Iterator[None]:
 
 
 # -- how kernels and their callees are compiled ----------------------------------------------------------------------
+
+
+@contextmanager
+def collection_paused() -> Iterator[None]:
+    """Pause garbage collection inside the block, which holds Numba's lock; if it was off, it stays off.
+
+    Numba creates millions of small objects, nearly all of which live until the kernel is compiled. The garbage
+    collector examined them again and again and found hardly any to free, which took a seventh of the compilation time.
+    """
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
 
 KERNEL_OPTIONS = dict(OPTIONS)  # of a kernel that Python calls
 INNER_OPTIONS = OPTIONS | ({"no_cpython_wrapper": True} if _is_lean else {})  # of one that only kernels call
