@@ -98,7 +98,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from campaign.geometry_summary import geometry_lines
     from campaign.mechanism_summary import converted_surfaces, mechanism_warnings
-    from engine.cad_import.open_questions import questions_of_file
+    from engine.cad_import.proposed_text import questions_of_file
     from engine.preflight.start_gaps import with_start_gaps
 
     questions = questions_of_file(mechanism)
@@ -134,7 +134,7 @@ def plain(
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
     from campaign.cli.output_files import check_output, replacing
     from campaign.spec.plain_mechanism import plain_tables, plain_text
-    from engine.cad_import.open_questions import questions_of_file
+    from engine.cad_import.proposed_text import questions_of_file
 
     loaded = named_mechanism(mechanism)
     for question in questions_of_file(mechanism):  # the written file has no questions

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.cad_import.open_questions import questions_of_file
+from engine.cad_import.proposed_text import questions_of_file
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 

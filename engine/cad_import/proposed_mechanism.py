@@ -8,7 +8,7 @@ from engine.cad.cad_model import CadAssembly, CadPart, Solid
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_joints import LAW, all_diameters, ball_lines, joint_lines
 from engine.cad_import.proposed_stops import stop_tables
-from engine.cad_import.toml_lines import key_line, marked, question
+from engine.cad_import.proposed_text import key_line, marked, question
 
 _HEAD = """\
 # Proposed by clearcap mechanism import. A line that begins with #? asks what no CAD file says: answer it, by removing

@@ -37,7 +37,7 @@ def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Pat
     from campaign.pictures.sketches.found_sketch import sketch_found
     from campaign.pictures.sketches.sketch_figure import plot_sketch
     from engine.cad_import.found_places import found_places
-    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.proposed_text import open_questions
 
     drawing, page = picture_files(mechanism)
     places, title = found_places(found), Path(step_file).name

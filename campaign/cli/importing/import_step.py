@@ -46,9 +46,9 @@ def import_step(
     from campaign.errors import SpecError
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad import RECOGNITION
-    from engine.cad_import.open_questions import open_questions
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.proposed_text import open_questions
     from engine.cad_import.unloaded_directions import unloaded_directions
 
     if (output is None) == (update is None):

@@ -23,13 +23,11 @@ def bring_to_revision(
     """
     from campaign.cli.importing.found_in_step import draw_found, found_in_step, picture_files
     from campaign.cli.output_files import check_output, replacing
-    from engine.cad_import.earlier_revision import earlier_revision
     from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.names_in_file import named_as_written
-    from engine.cad_import.names_of_before import named_as_before, renamed_parts
-    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.names_of_before import named_as_before, named_as_written, renamed_parts
     from engine.cad_import.proposed_mechanism import proposed_mechanism
-    from engine.cad_import.updated_proposal import updated_proposal
+    from engine.cad_import.proposed_text import open_questions
+    from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
 
     check_output("--update", path, (".toml",))
     earlier = earlier_revision(path)

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
-from engine.cad.drawn_distances import MeasuredShape, ShapePair
+from engine.cad.step_reader import MeasuredShape, ShapePair
 from engine.faults.fault import Fault
 from engine.mechanism.faults import did_you_mean, faults_of
 from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of

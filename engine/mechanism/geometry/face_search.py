@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
-from engine.cad.triangle_distance import distance_to_triangles
+from engine.cad.geometry import distance_to_triangles
 from engine.mechanism.geometry.cad_table import NearPlace, RoundFace
 from engine.mechanism.geometry.plain_numbers import direction, lengths
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.cad import CadEdge, CadFace
-from engine.cad.drawn_distances import MeasuredShape, ShapePair, drawn_distances
+from engine.cad.step_reader import MeasuredShape, ShapePair, drawn_distances
 from engine.errors import CadError
 from engine.mechanism.base import is_number
 from engine.mechanism.geometry.face_search import PartSearch

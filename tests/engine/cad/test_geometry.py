@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.cad.angles import covered, perpendicular
+from engine.cad.geometry import covered, perpendicular
 
 interval = st.tuples(st.floats(-10.0, 10.0), st.floats(0.01, 6.2))
 

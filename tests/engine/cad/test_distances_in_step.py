@@ -6,8 +6,8 @@ import pytest
 
 from engine import CadError
 from engine.cad import ReadingLimits
-from engine.cad.drawn_distances import MeasuredShape, drawn_distances
 from engine.cad.occt.step_assembly import read_assembly
+from engine.cad.step_reader import MeasuredShape, drawn_distances
 from tests.engine.cad.hinges import BORE, PIN, PLAY, hinge
 
 pytestmark = pytest.mark.processes
@@ -36,7 +36,7 @@ def test_measured_once(drawn, own_cache, monkeypatch):
     expected = pytest.approx([BORE - PIN - OFF, BORE], abs=1e-9)
     assert drawn_distances(*drawn) == expected
     [kept] = own_cache.iterdir()
-    monkeypatch.setattr("engine.cad.occt_process.subprocess.run", no_process)
+    monkeypatch.setattr("engine.cad.step_reader.subprocess.run", no_process)
     assert drawn_distances(*drawn) == expected
     path, sha256, pairs = drawn
     with pytest.raises(AssertionError, match="was started"):

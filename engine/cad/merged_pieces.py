@@ -1,5 +1,9 @@
-"""Merge pieces of one surface into one face: many CAD systems cut a bore into halves, or a plane where parts touch."""
+"""Merge pieces of one surface into one face, and arcs of one circle into one edge.
 
+Many CAD systems cut a bore and the circle at its end into halves, or a plane where parts touch.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import pi, tau
 from typing import get_args
@@ -8,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.arrays import Array, Integers
-from engine.cad.angles import covered, perpendicular
-from engine.cad.cad_model import CadFace, FaceKind, SplineSurface
-from engine.cad.one_surface import groups_of_one
+from engine.cad.cad_model import CadEdge, CadFace, FaceKind, SplineSurface
+from engine.cad.geometry import covered, perpendicular
 
 _CORNER = 1e-5  # mm between two corners that coincide
-_NEAR = 1e-2  # mm between the features of two pieces that may be merged
-_SAME = 1e-6  # mm between two surfaces that are one, besides their recognition gaps
+_NEAR = 1e-2  # mm between the features of two pieces or arcs that may be merged
+_SAME = 1e-6  # mm between two surfaces or circles that are one, besides their recognition gaps
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,7 +48,7 @@ def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Int
     """Return the faces of a part, and for each piece the number of its face."""
     near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
     features = np.array([_features(piece) for piece in pieces]).reshape(-1, 6)
-    groups = groups_of_one(features, near, lambda a, b: _are_one(pieces[a], pieces[b]))
+    groups = groups_of_one(features, near, lambda a, b: _is_one_surface(pieces[a], pieces[b]))
     numbers = np.zeros(len(pieces), np.int64)
     for number, group in enumerate(groups):
         numbers[group] = number
@@ -64,7 +67,7 @@ def _features(piece: FacePiece) -> Array:
     return np.array([piece.solid, kind, *where.get(piece.kind, (*piece.point, piece.radius))])
 
 
-def _are_one(a: FacePiece, b: FacePiece) -> bool:
+def _is_one_surface(a: FacePiece, b: FacePiece) -> bool:
     """Return whether two pieces lie on the same side of the same surface, and meet along its axis."""
     if (a.solid, a.kind) != (b.solid, b.kind) or a.kind == "surface":
         return False
@@ -181,3 +184,77 @@ def _intervals(corners: Array, on_axis: NDArray[np.bool_]) -> tuple[Array, Array
     base = filled[:, :1]
     turned = (filled - base + pi) % tau - pi
     return base[:, 0] + turned.min(axis=1), base[:, 0] + turned.max(axis=1)
+
+
+def groups_of_one(features: Array, near: float, are_one: Callable[[int, int], bool]) -> list[list[int]]:
+    """Return groups of pieces that are linked, directly or through others, by pairs that belong together.
+
+    `features`, shape (n, k), differ by less than `near` between two pieces that belong together; `are_one` is called
+    with two indices only then. Indices ascend in each group; the groups are ordered by their first index.
+    """
+    group_of = np.arange(len(features))
+    for place in range(len(features)):
+        close = (np.abs(features[:place] - features[place]) < near).all(axis=1)
+        for other in np.flatnonzero(close).tolist():
+            if group_of[other] != group_of[place] and are_one(other, place):
+                joined = group_of[other], group_of[place]
+                group_of[np.isin(group_of, joined)] = min(joined)
+    return [np.flatnonzero(group_of == group).tolist() for group in np.unique(group_of)]
+
+
+# -- arcs -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ArcPiece:
+    """An edge as given in the file, in the frame of its product; lengths in mm, angles in rad."""
+
+    place: int
+    """Index among all edges of the product."""
+    faces: tuple[int, ...]
+    centre: Array
+    axis: Array
+    radius: float
+    recognition_gap: float
+    points: Array
+    """Points from one end to the other, shape (n, 3), each less than half a turn from the next."""
+
+
+def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:
+    """Return the circles and arcs of a part."""
+    near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
+    features = np.array([(*piece.centre, piece.radius) for piece in pieces]).reshape(-1, 4)
+    groups = groups_of_one(features, near, lambda a, b: _is_one_circle(pieces[a], pieces[b]))
+    return [_edge([pieces[place] for place in group], part) for group in groups]
+
+
+def _is_one_circle(a: ArcPiece, b: ArcPiece) -> bool:
+    """Return whether two arcs lie on one circle."""
+    allowed = _SAME + a.recognition_gap + b.recognition_gap
+    tilt = float(np.linalg.norm(np.cross(a.axis, b.axis)))
+    apart = float(np.linalg.norm(a.centre - b.centre)), abs(a.radius - b.radius), tilt * a.radius
+    return max(apart) <= allowed
+
+
+def _edge(pieces: list[ArcPiece], part: str) -> CadEdge:
+    first = pieces[0]
+    frame = perpendicular(first.axis)
+    starts, ends = [], []
+    for piece in pieces:
+        away = piece.points - first.centre
+        angles = np.unwrap(np.arctan2(away @ frame[1], away @ frame[0]))
+        starts.append(angles.min())
+        ends.append(angles.max())
+    span, middle = covered(np.array(starts), np.array(ends))
+    towards = np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
+    return CadEdge(
+        part=part,
+        faces=tuple(sorted({number for piece in pieces for number in piece.faces})),
+        centre=first.centre,
+        axis=first.axis,
+        radius=first.radius,
+        span=span,
+        middle=towards,
+        recognition_gap=max(piece.recognition_gap for piece in pieces),
+        places=tuple(piece.place for piece in pieces),
+    )

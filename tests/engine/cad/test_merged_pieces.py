@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.cad.one_surface import groups_of_one
+from engine.cad.merged_pieces import groups_of_one
 
 
 @given(st.lists(st.integers(0, 30), max_size=25))
