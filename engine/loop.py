@@ -9,7 +9,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.jit import Kernel
-from engine.kernels.context import Control
+from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
 from engine.kernels.time_loop import (
     COMPLETED,

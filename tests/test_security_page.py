@@ -12,7 +12,7 @@ from campaign.spec import data_files, data_formats, named_files
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from engine.cad import ReadingLimits
-from engine.mechanism.parameters import expression
+from engine.mechanism import expression
 from engine.platform import toml_file
 from tests.each import each
 

@@ -155,7 +155,7 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     """Print the settable numbers with value, unit, limits and meaning."""
     from campaign.errors import SpecError
     from engine.mechanism.keys.listing import settable_numbers
-    from engine.mechanism.keys.unknown import meant_key
+    from engine.mechanism.keys.values import meant_key
 
     entries = settable_numbers(mechanism, pattern)
     if not entries:

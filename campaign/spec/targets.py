@@ -12,9 +12,8 @@ from campaign.spec.faults import SpecFault, fault
 from engine import MechanismError, check
 from engine.mechanism import Mechanism, full_key, get_value
 from engine.mechanism.base import is_number
-from engine.mechanism.keys.formulas import following
-from engine.mechanism.keys.places import SETTINGS
-from engine.mechanism.parameters.parameter_table import PREFIX
+from engine.mechanism.keys.key_paths import SETTINGS, following
+from engine.mechanism.parameters import PREFIX
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 

@@ -7,7 +7,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly.contacts import Pair
 from engine.assembly.frames import BodyFrame
-from engine.assembly.phases import event_limit
+from engine.assembly.loads import event_limit
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.kernels import model

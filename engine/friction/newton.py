@@ -16,9 +16,9 @@ from engine.friction.complementarity import (
     natural_map,
     natural_mismatch,
     read_matrix,
+    residual,
     smoothed_mismatch,
 )
-from engine.friction.cone import residual
 from engine.jit import inner
 from engine.jit.lanes import LANES, choose, read, spread, total, write
 

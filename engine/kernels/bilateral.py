@@ -15,8 +15,8 @@ import numpy as np
 from engine.friction.blocks import ROW
 from engine.jit import inner, kernel
 from engine.kernels.model import SLIDE
-from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.time_laws import time_law, time_law_rate
+from engine.kernels.vectors import to_world, turn_to_world
 
 
 @kernel

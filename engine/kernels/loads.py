@@ -3,8 +3,8 @@
 import numpy as np
 
 from engine.jit import inner, kernel
-from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 from engine.kernels.time_laws import time_law
+from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
 
 
 @kernel

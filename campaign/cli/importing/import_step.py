@@ -47,9 +47,8 @@ def import_step(
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad import RECOGNITION
     from engine.cad_import.proposed_joints import all_diameters
-    from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
     from engine.cad_import.proposed_text import open_questions
-    from engine.cad_import.unloaded_directions import unloaded_directions
 
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")

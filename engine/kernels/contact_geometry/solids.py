@@ -10,7 +10,7 @@ changes faster than the features move, and a point that leaves a face moves arou
 import math
 
 from engine.jit import inner
-from engine.kernels.contact_geometry.patched_surfaces import surface_distance
+from engine.kernels.contact_geometry.patches import surface_distance
 from engine.kernels.contact_geometry.profiles import extruded, turned
 from engine.kernels.model import ON_EXTRUDED, ON_RECTANGLE, ON_SURFACE, ON_TURNED
 

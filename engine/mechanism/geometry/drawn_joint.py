@@ -10,10 +10,8 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad import CadFace
 from engine.mechanism.geometry.cad_table import AS_DRAWN
-from engine.mechanism.geometry.face_search import PartSearch
+from engine.mechanism.geometry.face_search import PartSearch, axis_of, length, line_side
 from engine.mechanism.geometry.geometry_certificate import DrawnJoint
-from engine.mechanism.geometry.plain_numbers import length
-from engine.mechanism.geometry.sides import axis_of, line_side
 
 NO_PLAY = 1e-9
 """Clearance [mm] below which a pin and its hole count as drawn with equal radii, beyond the recognition gap of their

@@ -12,9 +12,8 @@ from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.faults import faults_of
 from engine.mechanism.geometry.cad_table import CadTable
-from engine.mechanism.geometry.drawn_tables import DrawnTables
+from engine.mechanism.geometry.drawn_tables import DrawnTables, drawn_gaps
 from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
-from engine.mechanism.geometry.measured_pairs import drawn_gaps
 from engine.mechanism.quantities import UnitSystem
 from engine.mechanism.tables import as_table, named_tables, sub_table
 

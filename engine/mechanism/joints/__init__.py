@@ -7,11 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from engine.mechanism.joints.base import Joint
-from engine.mechanism.joints.ideal import Fixed, Planar
+from engine.mechanism.joints.base import Fixed, Joint, Planar, Spherical
 from engine.mechanism.joints.journal import Cylindrical, Revolute
 from engine.mechanism.joints.prismatic import Prismatic
-from engine.mechanism.joints.spherical import Spherical
 
 AnyJoint = Annotated[
     Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar,

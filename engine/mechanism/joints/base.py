@@ -1,11 +1,12 @@
 """The base of all joints: two sides, the type that makes a joint ideal or loose, and the law of its contacts."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import BodyPoint, Direction, PairLaw, is_number, refuse
+from engine.mechanism.base import BodyPoint, Direction, PairLaw, PositiveLength, is_number, refuse
+from engine.mechanism.quantities import Quantity
 
 
 class Line(BodyPoint):
@@ -85,3 +86,67 @@ def stations(value: Any) -> tuple[float, ...] | None:
     if len(set(value)) != len(value):
         raise refuse("two rings at one station; allowed: different stations; remove one")
     return tuple(float(s) for s in value)
+
+
+# Joints without a form with play; for play, a user writes their faces as contacts.
+
+
+class Fixed(Joint):
+    """Two bodies as one: the points coincide, and the bodies stay turned to each other as they are at the start."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("a", "b")
+
+    type: Literal["fixed"] = Field(description="the kind of joint")
+    a: BodyPoint = Field(description="one side: { body, point }")
+    b: BodyPoint = Field(description="the other side: { body, point }")
+
+
+class Face(BodyPoint):
+    """A point of a plane of a body."""
+
+    normal: Direction = Field(description="the normal of the plane, in the frame of the body")
+
+
+class Planar(Joint):
+    """Two planes that stay on each other: free are two displacements and the rotation about the normal."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("a", "b")
+    DIRECTION: ClassVar[str] = "normal"
+
+    type: Literal["planar"] = Field(description="the kind of joint")
+    a: Face = Field(description="the plane of one body: { body, point, normal }")
+    b: Face = Field(description="the plane of the other body: { body, point, normal }")
+
+    @property
+    def axes(self) -> tuple[Any, Any]:
+        """The common normal in the frames of the two sides."""
+        return self.a.normal, self.b.normal
+
+
+# A ball in a socket.
+
+
+class Ball(BodyPoint):
+    """The ball; ``point`` is its centre."""
+
+    radius: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="the radius of the ball, a number > 0"
+    )
+
+
+class Spherical(Joint):
+    """A ball in a socket: the centres coincide, or are at most the radial clearance apart."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("socket", "ball")
+    CLEARANCE: ClassVar[str] = "radial_clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
+
+    type: Literal["spherical", "clearance_spherical"] = Field(description="the kind of joint")
+    socket: BodyPoint = Field(description="the socket and its centre: { body, point }")
+    ball: Ball = Field(description="the ball and its centre: { body, point, radius }")
+    radial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="socket radius minus ball radius, a number > 0"
+    )
+
+    def _check_play(self) -> None:
+        self._need("ball.radius", "radial_clearance")

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 from engine.mechanism.components import limits
 from engine.mechanism.joints.journal import JournalJoint
-from engine.mechanism.keys.places import SETTINGS, Place, settable_places
+from engine.mechanism.keys.key_paths import SETTINGS, Place, settable_places
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters.parameter_table import PREFIX
-from engine.mechanism.parameters.usage import users
+from engine.mechanism.parameters import PREFIX, users
 
 _RELATIONS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 

@@ -8,7 +8,7 @@ number are checked again, not the whole mechanism.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
@@ -19,13 +19,14 @@ from pydantic import ValidationError
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.mechanism.base import LARGEST_NUMBER, is_number
+from engine.mechanism.closest import closest
+from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.faults import faults_of
-from engine.mechanism.keys.formulas import following
-from engine.mechanism.keys.places import Place, along, by_tokens, settable_places, without_effect
-from engine.mechanism.keys.unknown import unknown_key
+from engine.mechanism.keys.key_paths import Place, along, by_tokens, following, settable_places, without_effect
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
-from engine.mechanism.parameters.parameter_table import PREFIX
+from engine.mechanism.parameters import PREFIX
+
+MOST_NAMED = 20
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:
@@ -220,3 +221,58 @@ def _places(mechanism: Mechanism, key: str) -> list[Place]:
         inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
         raise _refused(key, f"not a single number; allowed: single numbers{inner_keys}")
     return places
+
+
+def unknown_key(mechanism: Mechanism, key: str) -> str:
+    """Return the message that no number has this key, with what exists where it goes wrong and the likely key."""
+    meant = meant_key(mechanism, key)
+    question = f"; did you mean '{meant}'?" if meant else ""
+    places = along(mechanism, key.split("."))
+    if len(places) > 1:
+        known = ".".join(key.split(".")[: len(places) - 1])
+        below = list(places[-1].below())
+        names = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
+        return f"unknown key; {f'{known} has {names}' if below else f'{known} has nothing inside'}{question}"
+    joints = ", ".join(mechanism.joints) or "there is none"
+    return (
+        f"unknown key; allowed: a joint ({joints}), whose clearance it sets, "
+        f"or the dotted path of a number in the file, as clearcap mechanism show --keys lists them{question}"
+    )
+
+
+def meant_key(mechanism: Mechanism, key: str) -> str:
+    """Return the key of the existing number that an unknown key most likely means; empty if none is likely.
+
+    Tokens are matched table by table: a wrong token matches a name there that differs by a slip, and an index matches
+    the component at its place. If the table is missing from the key, all tables are searched for the name; a single
+    token matches the first number whose key ends with it.
+    """
+    tokens = key.split(".")
+    root = Place(mechanism)
+    for start in (root, *(place for place in root.below().values() if isinstance(place.value, Mapping))):
+        table = [token for token, place in root.below().items() if place.value is start.value][:1]
+        if found := next(_followed(start, tokens, exact=start is not root), None):
+            return ".".join([*(table if start is not root else []), *found])
+    return _of_this_name(mechanism, tokens[-1]) if len(tokens) == 1 else ""
+
+
+def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[list[str]]:
+    """Yield the path to a number below a place that resembles the tokens; with ``exact`` the first token must match."""
+    if not tokens:
+        if isinstance(place.value, float):
+            yield []
+        return
+    below, token = place.below(), tokens[0]
+    by_index = dict(zip(map(str, range(len(below))), below, strict=True)) if isinstance(place.value, tuple) else {}
+    twins = {f"{axis}{axis}": axis for axis in "xyz"} | {name: name[::-1] for name in ("xy", "xz", "yz")}
+    likely = [name for name in below if name == token or twins.get(name) == token]
+    if not exact:
+        likely += [name for name in (by_index.get(token), closest(token, below)) if name]
+    for name in likely:
+        for rest in _followed(below[name], tokens[1:], exact=False):
+            yield [name, *rest]
+
+
+def _of_this_name(mechanism: Mechanism, token: str) -> str:
+    """Return the first key whose last token is the given one."""
+    return next((key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == token), "")

@@ -1,15 +1,25 @@
 """How the edges of patches meet: which are shared, which are open, and which patches have opposite normals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.arrays import Array
-from engine.mechanism.surfaces.bezier import basis, directed_edges
+from engine.arrays import Array, Integers
+from engine.mechanism.surfaces.bezier import THIRDS, basis, convex_curvature, directed_edges, normals, points
 
 JOINED = 1e-6  # share of the surface's size: control points closer together than this coincide
 SAMPLES = 129  # points per edge in the search for other edges along it
+
+BORDER = np.array([[i in (0, 3) or j in (0, 3) for j in range(4)] for i in range(4)])
+ALONG_EDGE = np.linspace(0.0, 1.0, 33)  # parameters along an edge
+ACROSS = 6  # number of closest samples, at least one of which lies on another edge
+RIGHT_ANGLE = 1e-9  # two normals with a smaller cosine are more than 90 degrees apart
+
+SHARE_OF_RADIUS = 0.5  # default depth relative to the least radius with which the surface bends away from its normals
+SHARE_OF_SIZE = 0.25  # and relative to the surface's size
+MOST_OF_RADIUS = 0.9
 
 
 @dataclass(frozen=True)
@@ -66,3 +76,103 @@ def _along_others(edges: Array, which: NDArray[np.int64], long: NDArray[np.bool_
             ]
             found[k] &= any(near)
     return found
+
+
+# Join the patches of several faces into one surface: common edges get the same control points, sharp gaps are found.
+#
+# At an edge between two faces the closest point of a surface lies on both, and the two normals together tell on which
+# side of the surface a point is. If there is a gap between the faces, however small, the closest point lies on only one
+# of them, and its normal tells the side correctly only where the two normals are less than 90 degrees apart.
+
+
+def joined_faces(faces: Sequence[Array]) -> tuple[Array, list[float]]:
+    """Return the patches of faces, (n, 4, 4, 3) each, in one array, with common control points where borders meet.
+
+    The second result is the largest displacement of a control point of each face [length].
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree  # 0.1 s to load
+
+    patches = np.concatenate(faces)
+    border = patches[:, BORDER].reshape(-1, 3)
+    pairs = cKDTree(border).query_pairs(JOINED * extent(patches), output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(border),) * 2)
+    count, group = connected_components(links, directed=False)
+    members = np.bincount(group, minlength=count)
+    means = np.stack([np.bincount(group, border[:, k], count) for k in range(3)], axis=1) / members[:, None]
+    met = np.where(members[group, None] > 1, means[group], border)
+    far = np.linalg.norm(met - border, axis=1).reshape(len(patches), -1).max(axis=1)
+    patches[:, BORDER] = met.reshape(len(patches), -1, 3)
+    ends = np.cumsum([len(face) for face in faces])[:-1]
+    return patches, [float(each.max()) for each in np.split(far, ends)]
+
+
+def sharp_gap(patches: Array, meeting: MeetingEdges) -> tuple[int, int] | None:
+    """Return two patches that meet without a common edge, with normals more than 90 degrees apart; None if none do."""
+    from scipy.spatial import cKDTree  # 0.1 s to load
+
+    loose = np.argwhere(meeting.is_loose)
+    if not len(loose):
+        return None
+    points = np.einsum("ai,nij->naj", basis(ALONG_EDGE)[0], meeting.edges[meeting.is_loose]).reshape(-1, 3)
+    own = _along_edges(patches, loose).reshape(-1, 3)
+    edge = np.repeat(np.arange(len(loose)), len(ALONG_EDGE))
+    _, near = cKDTree(points).query(points, k=min(ACROSS, len(points)))
+    other = edge[near] != edge[:, None]
+    nearest = near[np.arange(len(points)), other.argmax(axis=1)]
+    sharp = other.any(axis=1) & (np.sum(own * own[nearest], axis=1) < -RIGHT_ANGLE)
+    if not sharp.any():
+        return None
+    first = int(sharp.argmax())
+    return int(loose[edge[first], 0]), int(loose[edge[nearest[first]], 0])
+
+
+def _along_edges(patches: Array, which: Integers) -> Array:
+    """Return the normals along edges of patches, given as rows (patch, edge), at the samples: (n, samples, 3)."""
+    found = normals(patches[which[:, 0]], ALONG_EDGE)
+    each = np.stack([found[:, :, 0], found[:, -1, :], found[:, ::-1, -1], found[:, 0, ::-1]], axis=1)
+    return np.asarray(each[np.arange(len(which)), which[:, 1]])
+
+
+# Treat a surface with open edges as the top of a plate: the sides and the back of the plate are patches too.
+#
+# The back is a copy of the surface, with each control point moved against the normal by the depth of the plate. The
+# sides are ruled surfaces: lines from the points of the open edges to those of the copy. Together the patches bound a
+# solid, so the signed distance from it is defined everywhere and changes by no more than the displacement of a point.
+
+
+def default_depth(patches: Array) -> float:
+    """Return the default depth of a plate with these patches as its top."""
+    curvature = convex_curvature(patches)
+    return min(SHARE_OF_SIZE * extent(patches), SHARE_OF_RADIUS / curvature if curvature > 0.0 else np.inf)
+
+
+def largest_depth(patches: Array) -> float:
+    """Return the depth beyond which the back of the plate would fold over."""
+    curvature = convex_curvature(patches)
+    return MOST_OF_RADIUS / curvature if curvature > 0.0 else np.inf
+
+
+def plate(patches: Array, meeting: MeetingEdges, depth: float) -> Array:
+    """Return patches that bound a plate: those of its top, shape (n, 4, 4, 3), then its sides, then its back."""
+    down = -depth * _common_normals(patches)
+    back = (patches + down).transpose(0, 2, 1, 3)  # u and v exchanged, so that the normals point out of the back
+    below = np.stack([down[:, :, 0], down[:, 3, :], down[:, ::-1, 3], down[:, 0, ::-1]], axis=1)
+    top, way = meeting.edges[meeting.is_open], below[meeting.is_open]
+    sides = top[:, None] + THIRDS[None, :, None, None] * way[:, None]
+    return np.concatenate([patches, sides, back])
+
+
+def _common_normals(patches: Array) -> Array:
+    """Return a direction for each control point: the mean normal of all patches that meet at its surface point."""
+    from scipy.spatial import cKDTree  # 0.1 s to load
+
+    own = normals(patches, THIRDS).reshape(-1, 3)
+    there = points(patches, THIRDS, THIRDS).reshape(-1, 3)
+    pairs = cKDTree(there).query_pairs(JOINED * extent(patches), output_type="ndarray")
+    mean = own.copy()
+    np.add.at(mean, pairs[:, 0], own[pairs[:, 1]])
+    np.add.at(mean, pairs[:, 1], own[pairs[:, 0]])
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.asarray(np.where(length > JOINED, mean / np.where(length > 0.0, length, 1.0), own)).reshape(patches.shape)

@@ -94,7 +94,7 @@ def test_installations_of_a_build_share_compiled_code(tmp_path):
     with (tmp_path / "changed/engine/arrays.py").open("a") as source:
         source.write("# another build\n")
     turn = (
-        "import numpy as np; from engine.kernels.rotations import rotation_matrix as turn;"
+        "import numpy as np; from engine.kernels.vectors import rotation_matrix as turn;"
         " turn(np.array([1.0, 0, 0, 0]), np.zeros((3, 3))); from engine.jit import decorators;"
         " print(sum(turn.compiled.stats.cache_hits.values()), decorators.__file__)"
     )

@@ -203,7 +203,7 @@ def test_a_reader_that_fails(loaded, monkeypatch):
     def fails(*_):
         raise CadError("hinge.step: OCCT crashed while it read it (SIGSEGV); export it again")
 
-    monkeypatch.setattr("engine.mechanism.geometry.measured_pairs.drawn_distances", fails)
+    monkeypatch.setattr("engine.mechanism.geometry.drawn_tables.drawn_distances", fails)
     mechanism = loaded(hinge())
     assert mechanism.geometry.gaps == {}
     [caution] = start_gap_cautions(mechanism)

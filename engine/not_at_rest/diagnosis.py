@@ -4,21 +4,34 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.assembly.frames import order_bodies
 from engine.kernels import time_loop
-from engine.kernels.context import Control
 from engine.kernels.loads import apply_loads
+from engine.kernels.model import SLIDE, Control, Model
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel
 from engine.mechanism import Mechanism
-from engine.unrest.continuation import FINE, Continuation, go_on
-from engine.unrest.course_of_speed import SpeedCourse, course_of, turns_of
-from engine.unrest.direction_words import HINGED, direction_words, joint_lines
-from engine.unrest.mover import Mover, find_mover
-from engine.unrest.two_places import held_in_turn
+from engine.mechanism.joints import Joint
+from engine.not_at_rest.continuation import (
+    FINE,
+    Continuation,
+    Mover,
+    SpeedCourse,
+    course_of,
+    find_mover,
+    go_on,
+    held_in_turn,
+    turns_of,
+)
+
+Chosen = NDArray[np.bool_]
+
+HELD = 1e-9  # share of a group's speed at which a joint or a gap may still change
+LOADED = 1e-6  # share of the largest load below which a load counts as zero
 
 TREMBLES = FINE // 8  # smallest number of reversals in that many steps
 GETS_NOWHERE = 0.1  # share of the distance that a body would cover at its speed
@@ -26,6 +39,9 @@ TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried if something tr
 PURE = 0.05  # share of a motion's square above which it is more than a displacement, or more than a turn
 NO_LOAD = 1e-6  # share of the largest load below which none acts along a motion
 BEYOND = 1.2  # a sufficient horizon, as a multiple of the time of rest
+
+HINGED = 0.3  # share of a body's motion that a joint with play allows at its axis
+PARALLEL = 0.99  # cosine of 8 degrees, because a body in a joint with play tilts
 
 
 def unrest(
@@ -68,7 +84,7 @@ def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
 def flight(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array) -> str:
     """Describe which body is in flight while everything measured is at rest; empty if none is.
 
-    `pose` is that at the end of the run, `twist`, shape (nb + 1, 6), is from `engine.unrest.in_flight`.
+    `pose` is that at the end of the run, `twist`, shape (nb + 1, 6), is from `engine.not_at_rest.in_flight`.
     """
     motion = _begun(mechanism, pose, control, twist, "flies")
     return f"{motion}, and no contact, joint or spring holds it" if motion else ""
@@ -214,3 +230,132 @@ def _places(assembly: Assembly, onward: Continuation) -> str:
             f"{needs} a contact for each, such as two planes in place of a groove"
         )
     return "it changes its direction within a few steps: a shorter simulation.step may help"
+
+
+# Directions and axes in words: world axes, axes of the body's joints, otherwise components.
+
+
+def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction: Array, signed: bool = True) -> str:
+    """Return a direction in words, such as ``"-z, the axis of J1"``.
+
+    `rotation` (3, 3) turns the axes of the body, whose joints are considered, into the world's; `direction` (3,) is in
+    world axes, of any length. An axis, whose sign is irrelevant, is not `signed`.
+    """
+    unit = direction / np.linalg.norm(direction)
+    largest = int(np.abs(unit).argmax())
+    joints = [name for name, _, axis in joint_lines(mechanism, body, rotation) if abs(axis @ unit) > PARALLEL]
+    named = f"the axis of {' and '.join(joints)}" if joints else ""
+    if abs(unit[largest]) > PARALLEL:
+        sign = ("-" if unit[largest] < 0 else "+") if signed else ""
+        return ", ".join(filter(None, (f"{sign}{'xyz'[largest]}", named)))
+    unit = unit if signed or unit[largest] > 0.0 else -unit
+    components = ", ".join(f"{round(float(x), 3) + 0.0:g}" for x in unit)
+    return named or f"({components})"
+
+
+def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> str:
+    """Return a description of a body's motion to and fro: along a direction, about an axis, or both.
+
+    `rotation` (3, 3) turns the body's axes into the world's; `velocity` of the centre of mass and `spin`, both (3,),
+    are in world axes, of any magnitude.
+    """
+    about = f"about {direction_words(mechanism, body, rotation, spin, signed=False)}" if spin.any() else ""
+    hinged = any(
+        np.linalg.norm(velocity + np.cross(spin, point)) < HINGED * np.linalg.norm(velocity)
+        for _, point, _ in joint_lines(mechanism, body, rotation)
+    )
+    if about and (hinged or not velocity.any()):
+        return about
+    along = f"along {direction_words(mechanism, body, rotation, velocity, signed=False)}"
+    return f"{along} and {about}" if about else along
+
+
+def joint_lines(mechanism: Mechanism, body: str, rotation: Array) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the joints of a body that have an axis: name, point from the centre of mass, unit axis; in world axes."""
+    centre = np.array(mechanism.bodies[body].center_of_mass)
+    for name, joint in mechanism.joints.items():
+        for side, axis in _own_lines(joint, body):
+            vector = np.array(axis, float)
+            yield name, rotation @ (np.array(side) - centre), rotation @ (vector / np.linalg.norm(vector))
+
+
+def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Yield point and axis of a joint on a body."""
+    for side, axis in zip(joint.sides, joint.axes or (), strict=False):
+        if side.body == body:
+            yield side.point, axis
+            return
+
+
+# Bodies in flight while everything measured is at rest: they fall, or continue at a constant speed.
+#
+# A part without load that floats in its play does not count: it will meet the other side.
+
+
+def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
+    """Return the twists, shape (nb + 1, 6), of bodies in flight; zero for all others.
+
+    Bodies connected by joints, springs, loaded contacts or motions form a group. A group without such a link to the
+    ground is in flight if a load moves its centre of mass in a direction that joints to the ground allow. Without a
+    load it is in flight if it moves faster than ``least`` in a direction that these joints allow, and closes no gap in
+    doing so.
+
+    `pose` is a copy of the assembly as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and
+    rows at that pose. `least` is a speed [length/time].
+    """
+    model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
+    found = np.zeros_like(assembly.state.v)
+    for group in _groups(model, assembly.state.r[:, 0] > 0.0):
+        mean = np.average(velocity[group], axis=0, weights=model.bodies.mass[group])
+        load = _allowed(pose, group, forces[group].sum(axis=0))
+        falls = np.linalg.norm(load) > LOADED * np.abs(forces[group]).max()
+        if falls or (np.linalg.norm(mean) > least and _goes_on(pose, group, mean)):
+            found[:-1, :3][group] = mean if mean.any() else load
+    return found
+
+
+def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
+    """Yield the groups of bodies, each a mask of shape (nb,), that are linked to one another and not to the ground.
+
+    An ideal joint to the ground is not such a link, because it may allow the motion. Neither is a spring that only
+    pushes.
+    """
+    rows, loads, contacts, ground = model.bilateral, model.loads, model.contacts, len(model.bodies.mass)
+    ends = np.stack([rows.a, rows.b], axis=1)
+    between = rows.acts & (ends != ground).all(axis=1)
+    driven = ends[rows.acts & (rows.law >= 0)].ravel()
+    member = np.arange(ground + 1)
+    for a, b in np.concatenate(
+        [
+            ends[between],
+            np.stack([driven, np.full_like(driven, ground)], axis=1),
+            loads.spring_body[loads.spring_law[:, 4] <= 0.0],
+            np.stack([contacts.a, contacts.b], axis=1)[loaded],
+        ]
+    ):
+        # all of one group take the number of the other: at the end, equal numbers are linked
+        member[member == member[a]] = member[b]
+    for number in np.unique(member):
+        if number != member[ground]:
+            yield member[:-1] == number
+
+
+def _slides(pose: Assembly, group: Chosen) -> Array:
+    """Return the directions, shape (n, 3), in which joints hold points of a group."""
+    rows, own = pose.model.bilateral, np.append(group, False)
+    slides = rows.acts & (rows.kind == SLIDE) & (own[rows.a] != own[rows.b])
+    return np.asarray(pose.work.bilateral.direction[slides])
+
+
+def _allowed(pose: Assembly, group: Chosen, vector: Array) -> Array:
+    """Return the component of a vector along which joints let a group move."""
+    _, sizes, directions = np.linalg.svd(_slides(pose, group))
+    held = directions[: int((sizes > HELD).sum())]
+    return np.asarray(vector - held.T @ (held @ vector))
+
+
+def _goes_on(pose: Assembly, group: Chosen, velocity: Array) -> bool:
+    """Return whether a group can continue with this velocity: joints to the ground allow it, and it closes no gap."""
+    contacts, own, held = pose.model.contacts, np.append(group, False), HELD * float(np.linalg.norm(velocity))
+    opens = (own[contacts.a].astype(float) - own[contacts.b]) * (pose.work.sites.frame[:, 0] @ velocity)
+    return bool((np.abs(_slides(pose, group) @ velocity) <= held).all() and (opens >= -held).all())

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from engine.mechanism.parameters.expression import DEEPEST, ExpressionFault, evaluate, names_in, parse
+from engine.mechanism.expression import DEEPEST, ExpressionFault, evaluate, names_in, parse
 from tests.each import each
 
 VALUES = {"a": 3.0, "b": 4.0, "arm": 12.0, "pi2": 1.0}

@@ -13,8 +13,9 @@ from engine.arrays import Array
 from engine.assembly.frames import order_bodies
 from engine.kernels.model import State
 from engine.kernels.responses import measure
-from engine.mechanism import Mechanism
-from engine.preflight.caution import Caution
+from engine.mechanism import Mechanism, get_value, unit_of
+from engine.not_at_rest.diagnosis import motion_words
+from engine.preflight.plausibility import Caution
 from engine.preflight.small_motions import (
     NOTHING,
     SmallMotions,
@@ -23,7 +24,6 @@ from engine.preflight.small_motions import (
     null_space,
     small_motions,
 )
-from engine.unrest.direction_words import motion_words
 
 SEEN = 0.05  # share of a response's gradient that is worth mentioning
 BEGUN = 100.0  # number of small steps after which a motion has begun
@@ -31,8 +31,11 @@ ACTS = 1e-6  # share of a load along a motion above which it acts on it
 SAME = 1e-6  # relative difference up to which two sizes are equal
 PURE = 0.05  # share of a motion's energy that is worth mentioning
 
+SLOW = 1e6  # windows: a play that takes longer to close has no load
+SHORT = 4.0  # windows: a run does not wait for a play of a joint that takes longer than this to close
 
-def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+
+def unloaded_cautions(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     """Yield cautions about bodies that a response at the end of the run measures along a motion without any load.
 
     Without responses, all bodies along all such motions are reported, provided that a body is fixed: otherwise all
@@ -168,3 +171,114 @@ def _words(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> tu
     own = small.root[6 * body : 6 * body + 6, 6 * body : 6 * body + 6]
     name, w = order_bodies(mechanism)[body], (own @ y.ravel()).reshape(2, 3)
     return name, motion_words(mechanism, name, small.assembly.state.R[body], w[0], w[1])
+
+
+# A window of rest so short that the mechanism counts as being at rest before its plays have closed.
+
+
+def early_rest(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield the slowest play that is still open when the mechanism may count as being at rest.
+
+    At the start everything is at rest. If the loads move no measured length by more than the allowed drift within the
+    window, the run ends there although its bodies have only begun to slide or turn. If they do, a body that is not
+    measured may still move later, when the measured ones stand still. A run waits only for bodies in flight.
+    """
+    rest, assembly = mechanism.simulation.rest, small.assembly
+    window = max(rest.window, mechanism.simulation.step)
+    touching = small.normals[assembly.state.gap <= max(mechanism.simulation.penetration, rest.drift)]
+    moves, _ = accelerations(null_space(small.joints, len(small.root)), touching, small.loads(0, 0.0))
+    gradients = small.derivative(lambda pose: values_at(small, pose))
+    measured = gradients[assembly.model.responses.measures_motion] @ moves
+    seen = assembly.state.v.any() or 0.5 * np.abs(measured).max(initial=0.0) * window**2 > rest.drift
+    slowest, which = 0.0, ""
+    for i, name in enumerate(assembly.contact_names):
+        play, towards = float(assembly.state.gap[i]), _approach(small, i, moves)
+        takes = float(np.sqrt(2.0 * play / towards)) if towards > 0.0 and play > 0.0 else 0.0
+        long = SHORT * rest.window if seen and "." in name else SLOW * rest.window if seen else rest.window
+        if max(long, slowest) < takes < SLOW * rest.window:
+            slowest, which = takes, name
+    if which:
+        unit = mechanism.unit("time")
+        yield Caution(
+            "simulation.rest.window",
+            rest.window,
+            unit,
+            f"the loads take {slowest:.3g} {unit} to close {_play(mechanism, which)}, and "
+            + (
+                "a body that nothing measures counts as moving only in flight"
+                if seen
+                else "nothing that is measured moves at first: the run could end before"
+            ),
+            f"more than {slowest:.2g} {unit}",
+            "make the window longer",
+        )
+
+
+def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
+    """Return the acceleration at which the gap of a contact closes."""
+    if small.is_round[contact]:
+        rows = small.rounds[small.round_of == contact]
+        return float(np.linalg.norm(rows @ moves))
+    return float(-small.normals[contact] @ moves)
+
+
+def _play(mechanism: Mechanism, contact: str) -> str:
+    """Return the name of the play at a contact, with its value if it is a number in the file."""
+    joint, _, face = contact.partition(".")
+    if not face:
+        return f"the gap of contacts.{contact}"
+    key = f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
+    return f"the play {key} = {get_value(mechanism, key):g} {unit_of(mechanism, key)}"
+
+
+# Motions that lose no energy and so never come to rest: undamped oscillations on springs and in gravity.
+
+
+def undamped_modes(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield cautions about bodies that move from the start, are measured at the end, and lose no energy meanwhile."""
+    if mechanism.motions or any(phase.damping for phase in mechanism.phases):
+        return
+    assembly, names = small.assembly, order_bodies(mechanism)
+    loads = small.loads(0, 0.0)
+    moves, _ = accelerations(null_space(small.joints, len(small.root)), small.normals, loads)
+    start = assembly.state.v[:-1].copy()
+    start[:, 3:] = np.einsum("bij,bj->bi", assembly.state.R[:-1], start[:, 3:])
+    starts = np.linalg.solve(small.root, start.ravel()) if start.any() else start.ravel()
+    gradients = small.derivative(lambda pose: values_at(small, pose))[assembly.model.responses.measures_motion]
+    for group in _linked(mechanism):
+        if any(_dissipates(mechanism, body) for body in group):
+            continue
+        own = np.isin(np.repeat(np.array(names), 6), sorted(group))
+        goes = np.abs(gradients @ np.where(own, moves, 0.0)).max(initial=0.0)
+        flies = np.abs(gradients @ np.where(own, starts, 0.0)).max(initial=0.0)
+        size = np.linalg.norm(gradients) if gradients.size else 0.0
+        if goes > NOTHING * size * np.linalg.norm(loads) or flies > NOTHING * size * np.linalg.norm(starts):
+            yield Caution(
+                f"bodies.{min(group, key=names.index)}",
+                None,
+                "1",
+                "no contact, damper or damping of the phase takes energy from its motion: it never comes to rest",
+                "",
+                "add what damps it, or give the phase a duration if the motion is the result",
+            )
+
+
+def _linked(mechanism: Mechanism) -> list[set[str]]:
+    """Return the groups of moving bodies that are linked by joints, contacts, springs or dampers."""
+    groups = [{name} for name, body in mechanism.bodies.items() if not body.fixed]
+    pairs = [{side.body for side in pair.sides} for pair in (*mechanism.joints.values(), *mechanism.contacts.values())]
+    for link in (*mechanism.springs.values(), *mechanism.dampers.values()):
+        pairs.append({end if isinstance(end, str) else end.body for end in (link.a, link.b)})
+    for pair in pairs:
+        met = [group for group in groups if group & pair]
+        groups = [group for group in groups if not group & pair] + ([set().union(*met)] if met else [])
+    return groups
+
+
+def _dissipates(mechanism: Mechanism, body: str) -> bool:
+    """Return whether a contact, a joint with play or a damper acts on a body."""
+    touches = [joint for joint in mechanism.joints.values() if not joint.ideal] + [*mechanism.contacts.values()]
+    if any(side.body == body for pair in touches for side in pair.sides):
+        return True
+    damped = [link for link in (*mechanism.springs.values(), *mechanism.dampers.values()) if link.damping]
+    return any(body == (end if isinstance(end, str) else end.body) for link in damped for end in (link.a, link.b))
