@@ -1,7 +1,7 @@
 """The geometry certificate in words: how well a mechanism agrees with the CAD file that it takes numbers from."""
 
 from engine.mechanism import Mechanism
-from engine.mechanism.geometry.geometry_certificate import (
+from engine.mechanism.geometry.cad_table import (
     DrawnBody,
     DrawnFace,
     DrawnGap,

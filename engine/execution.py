@@ -1,4 +1,4 @@
-"""Execute one run of an assembled mechanism: the time loop, the forces at rest, the verdict."""
+"""Execute one run of an assembled mechanism: the time loop, the forces at rest, derived responses, the verdict."""
 
 import math
 import time
@@ -13,7 +13,7 @@ from engine.kernels.time_loop import Course
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
 from engine.mechanism.responses import ConditionMet, ContactForce, ResponseDifference
-from engine.not_at_rest import flight, in_flight, unheld, unrest
+from engine.not_at_rest import describe_motion, flight, in_flight, unheld
 from engine.run import Certificate, Run
 from engine.verdict import failure, judge, unfinished
 
@@ -81,7 +81,7 @@ def execute(
             status, message = judge(mechanism, measured, certificate.settled, drift, until_rest)
         else:
             left = mechanism.simulation.wall_limit - certificate.wall_s
-            motion = "" if certificate.settled else unrest(mechanism, assembly, control, course, left, cancel)
+            motion = "" if certificate.settled else describe_motion(mechanism, assembly, control, course, left, cancel)
             status, message = unfinished(mechanism, int(counts[time_loop.PHASE]), certificate.settled, motion)
     else:
         status, message = failure(mechanism, assembly, course)

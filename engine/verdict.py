@@ -9,7 +9,7 @@ from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
-from engine.mechanism.readout import Event
+from engine.mechanism.conditions import Event
 from engine.run import Status
 
 

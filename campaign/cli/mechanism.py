@@ -154,8 +154,7 @@ def plain(
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     """Print the settable numbers with value, unit, limits and meaning."""
     from campaign.errors import SpecError
-    from engine.mechanism.keys.listing import settable_numbers
-    from engine.mechanism.keys.values import meant_key
+    from engine.mechanism.keys.values import meant_key, settable_numbers
 
     entries = settable_numbers(mechanism, pattern)
     if not entries:

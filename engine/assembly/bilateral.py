@@ -1,4 +1,4 @@
-"""Bilateral rows as arrays."""
+"""Bilateral rows of joints and prescribed motions as arrays, and the unknowns of a step that follow from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from engine.friction.blocks import BODY, ROW, Elimination
 from engine.friction.elimination import eliminate_nodes
 from engine.kernels.model import SLIDE, TURN, BilateralRows, State
 from engine.mechanism.models import Mechanism
-from engine.mechanism.motions import Translation
+from engine.mechanism.time_laws import Translation
 
 
 @dataclass(frozen=True)

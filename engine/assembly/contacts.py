@@ -1,4 +1,8 @@
-"""Contact pairs as arrays: first those of joints with clearance, then those in the file's [contacts]."""
+"""Contact pairs as arrays: first those of joints with clearance, then those in the file's [contacts].
+
+Their primitives become geometry rows from the centre of mass (table in `kernels.contact_geometry.gaps`), their profiles
+rows of `kernels.contact_geometry.solids`, one per line or arc.
+"""
 
 import math
 from collections.abc import Iterator
@@ -29,10 +33,10 @@ from engine.kernels.model import (
     Laws,
     Surfaces,
 )
-from engine.mechanism.closed_profiles.profile_curve import Piece
+from engine.mechanism.closed_profiles import Piece
 from engine.mechanism.contacts import PAIRS, Contact, Side
 from engine.mechanism.models import Mechanism
-from engine.mechanism.surfaces.bezier import mean_direction
+from engine.mechanism.surfaces.patches import mean_direction
 
 NO_PIECES = np.zeros((0, PIECE))
 SMOOTH = 1e-9  # sine of the angle at a joint; a smaller one is no corner

@@ -1,4 +1,4 @@
-"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1)."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1), and ideal joints as bilateral rows."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Phases as arrays: their durations, the events that end them, and the loads that act in them."""
+"""Phases, time laws and loads as arrays: when the phases end, which loads act in them, and how they vary with time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,11 +8,10 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly.frames import BodyFrame, quaternion
 from engine.kernels.model import Loads, Phases, TimeLaws
+from engine.mechanism.conditions import Event
 from engine.mechanism.loads import Force, ForceAction, LinearSpring, Torque, TorqueAction, TorsionDamper, TorsionSpring
 from engine.mechanism.models import Mechanism
-from engine.mechanism.motions import Led
-from engine.mechanism.readout import Event
-from engine.mechanism.time_laws import FactorSine, Law, Sine, TableLaw
+from engine.mechanism.time_laws import FactorSine, Law, Led, Sine, TableLaw
 
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 

@@ -12,9 +12,9 @@ from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.kernels import model
 from engine.kernels.model import Responses, State
+from engine.mechanism.conditions import Peak
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.readout import Peak
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {

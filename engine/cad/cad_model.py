@@ -1,8 +1,8 @@
 """The content of a STEP file as plain numbers: parts, solids, faces, circular edges, limits of size, triangles.
 
 All positions and directions are in the frame of the assembly, as posed in the file; lengths in mm, angles in rad. The
-type of a field determines the power of the unit of length with which its numbers scale,
-see `in_unit`. A product is read once, in its own frame, and placed as each of its parts, see `placed_product`.
+type of a field determines the power of the unit of length with which its numbers scale, see `in_unit`. A product is
+read once, in its own frame, and placed as each of its parts, see `placed_product`.
 """
 
 from dataclasses import dataclass, field, is_dataclass, replace

@@ -1,4 +1,7 @@
-"""The text of a mechanism file, proposed from the features found in a CAD file."""
+"""The text of a mechanism file, proposed from the features found in a CAD file.
+
+Motions that no load acts on yet are named in it: gravity and loads will have to act on them.
+"""
 
 import tomllib
 from collections.abc import Sequence
@@ -143,9 +146,6 @@ def _responses(found: FoundGeometry) -> list[str]:
         f'contact = "{found.stops[0].name if found.stops else "NAME"}"',
     ]
     return [question("responses", "what is read off at the end?"), *marked(example)]
-
-
-# Motions of a proposed mechanism that no load acts on yet: gravity and loads will have to act on them.
 
 
 def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:

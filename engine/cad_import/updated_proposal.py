@@ -21,7 +21,7 @@ from engine.cad_import.proposed_text import (
     what_it_asks,
 )
 from engine.errors import CadError, MechanismError
-from engine.mechanism.tables import sub_table
+from engine.mechanism.faults import sub_table
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 

@@ -1,4 +1,18 @@
-"""Coulomb's cone K = {|r_T| <= mu r_N} (eq. 3): its projection, and the residual of the friction problem."""
+"""The contact law as an equation f(r, u) = 0, its derivatives P and Q, and its elimination: eight contacts at a time.
+
+First Coulomb's cone K = {|r_T| <= mu r_N} (eq. 3): its projection, and the residual of the friction problem.
+
+Coulomb's law (eq. 5) reads K* > u + mu |u_T| N  _|_  r < K. Impulses are passed in multiplied by the contact's own
+Delassus scale s, so that r and u are both velocities here, and f' = P s dr + Q du. Two equations are equivalent to it:
+
+- the natural map r - P_K(r - (u + mu |u_T| N)), piecewise smooth: one or two Newton steps from a nearby start;
+- the smoothed Fischer-Burmeister function. With a = (mu r_N, r_T) and b = (u_N + mu |u_T|, mu u_T), both scaled by
+  1/max(1, mu), the law is Lorentz > a _|_ b < Lorentz, which is the root of phi = a + b - z for tau -> 0,
+  z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. It is smooth and works from any start.
+
+Each formula treats eight contacts that may stick, slide or be open independently: computing the derivatives for all
+cases costs less than branching. Contacts without friction have only a normal equation; their others are r_T = 0.
+"""
 
 import numpy as np
 
@@ -55,21 +69,6 @@ def residual(c, scale):
         return 1.0
     size = max(speed2, min(r2, GAIN * GAIN * speed2))
     return 0.0 if size == 0.0 and miss == 0.0 else np.sqrt(miss / size)  # with a NaN the size may have stayed 0
-
-
-# The contact law as an equation f(r, u) = 0, its derivatives P and Q, and its elimination: eight contacts at a time.
-#
-# Coulomb's law (eq. 5) reads K* > u + mu |u_T| N  _|_  r < K. Impulses are passed in multiplied by the contact's own
-# Delassus scale s, so that r and u are both velocities here, and f' = P s dr + Q du. Two equations are equivalent to
-# it:
-#
-# - the natural map r - P_K(r - (u + mu |u_T| N)), piecewise smooth: one or two Newton steps from a nearby start;
-# - the smoothed Fischer-Burmeister function. With a = (mu r_N, r_T) and b = (u_N + mu |u_T|, mu u_T), both scaled by
-#   1/max(1, mu), the law is Lorentz > a _|_ b < Lorentz, which is the root of phi = a + b - z for tau -> 0,
-#   z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. It is smooth and works from any start.
-#
-# Each formula treats eight contacts that may stick, slide or be open independently: computing the derivatives for all
-# cases costs less than branching. Contacts without friction have only a normal equation; their others are r_T = 0.
 
 
 @inner

@@ -1,6 +1,12 @@
 """Solve a friction problem: a fast method from the last solution, then robust methods from zero impulses.
 
-All methods work in units in which the Delassus scales of the contacts are nearly equal (`units`).
+All methods work in units in which the Delassus scales of the contacts are nearly equal.
+
+Coulomb's law holds in any unit: with rows d_i G_i and velocities d_i q_i the impulses are r_i / d_i. Where a light
+body and a heavy one touch other bodies, the Delassus scales s_i = |G_i|^2 / 3 of their contacts differ as their
+masses do, and so does the significance of one unit of velocity. With d_i = (s / s_i)^(1/2), s the mean, speeds are
+weighted as in the kinetic energy, and smoothing and line search treat all contacts alike. The factors are powers of
+two, which change no digit.
 
 1. From given impulses: Newton's method on the natural map, which takes one or two steps if the impulses are those of
    the previous time step; then the interior-point method, which approaches the solution from inside the cones.
@@ -149,15 +155,6 @@ def _follow(nc, p, goal, tau2, load, proximal, before, effort):
             copy(c.r, c.base)
             end *= FALL
         natural = not natural
-
-
-# Units for each contact in which the Delassus scales of all contacts are nearly equal.
-#
-# Coulomb's law holds in any unit: with rows d_i G_i and velocities d_i q_i the impulses are r_i / d_i. Where a light
-# body and a heavy one touch other bodies, the Delassus scales s_i = |G_i|^2 / 3 of their contacts differ as their
-# masses do, and so does the significance of one unit of velocity. With d_i = (s / s_i)^(1/2), s the mean, speeds are
-# weighted as in the kinetic energy, and smoothing and line search treat all contacts alike. The factors are powers of
-# two, which change no digit.
 
 
 @inner

@@ -1,4 +1,4 @@
-"""The arrays of a mechanism and of its motion, which the kernels read and write.
+"""The arrays of a mechanism and of its motion, which the kernels read and write, and the inputs of a run and a step.
 
 Body ``n_body`` (the last one) is the ground: it is fixed, and its frame is the world. All local geometry is given from
 the centre of mass of a body in its body axes.

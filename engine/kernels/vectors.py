@@ -1,4 +1,8 @@
-"""Vectors of three numbers as tuples: values in registers, for kernels without an array to write them to."""
+"""Vectors, quaternions and rotation matrices.
+
+Vectors of three numbers are tuples: values in registers, for kernels without an array to write them to. Tangents of a
+contact's frame and points of a body are written into arrays.
+"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The description of a mechanism, and its checks."""
+"""The description of a mechanism, with the settings of its runs, its test benches and presets, and its checks."""
 
 import hashlib
 import json
@@ -31,16 +31,14 @@ from engine.mechanism.base import (
     refuse,
     with_numbers,
 )
-from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
-from engine.mechanism.conditions import ValidityCondition
+from engine.mechanism.conditions import Event, ValidityCondition
 from engine.mechanism.contacts import Contact
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
-from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
+from engine.mechanism.geometry.cad_table import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.keys.key_paths import Place, along, formulas_in, with_formulas
 from engine.mechanism.loads import Damper, Force, Spring, Torque
-from engine.mechanism.motions import Motion
 from engine.mechanism.parameters import (
     PREFIX,
     Uses,
@@ -50,9 +48,78 @@ from engine.mechanism.parameters import (
     unused_parameters,
 )
 from engine.mechanism.quantities import Quantity, UnitSystem
-from engine.mechanism.readout import Event
 from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import Response, ResponseDifference
+from engine.mechanism.time_laws import Motion
+
+Table = dict[str, Any]
+Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
+
+
+class Plot(TableModel):
+    """Two responses plotted against each other over the run, such as a force against a travel."""
+
+    x: Name = Field(description="the response along the axis of abscissae")
+    y: Name = Field(description="the response along the axis of ordinates")
+
+
+class Preset(TableModel):
+    """A named set of values."""
+
+    title: str = Field(default="", description="what the values are")
+    source: str = Field(default="", description="where they come from")
+    values: dict[str, Number] = Field(description="key -> number, as they can be set")
+
+
+class Bench(TableModel):
+    """Tables added to a mechanism or removed from it for a test; `on_bench` checks the resulting mechanism."""
+
+    title: str = Field(default="", description="what the test is called")
+    without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
+    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    simulation: Table = Field(default={}, description="keys of [simulation] that differ")
+    phases: tuple[Table, ...] | None = Field(default=None, description="the parts of the run, in the place of those")
+    validity: tuple[str, ...] | None = Field(default=None, description="the conditions, in the place of those")
+    parameters: dict[Name, Any] = Field(default={}, description="parameters that are added, or replace those here")
+    materials: Tables
+    bodies: Tables
+    joints: Tables
+    contacts: Tables
+    springs: Tables
+    dampers: Tables
+    forces: Tables
+    torques: Tables
+    motions: Tables
+    responses: Tables
+
+
+NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "torques", "motions", "responses")
+
+
+def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
+    """Return a mechanism's plain data with a bench's tables added and removed.
+
+    Raise MechanismError if the bench removes a table that does not exist.
+    """
+    merged = {**data, "bench": name, "benches": {}, "presets": {}}
+    tables = {table: dict(data.get(table, {})) for table in NAMED}
+    for path in bench.without:
+        table, _, entry = path.partition(".")
+        if entry not in tables.get(table, {}):
+            available = [f"{t}.{e}" for t in tables for e in tables[t]]
+            raise MechanismError(
+                f"benches.{name}.without = {path!r}: no such table; allowed: TABLE.NAME of one that is there"
+                f"{did_you_mean(path, available)}"
+            )
+        del tables[table][entry]
+    for table in NAMED:
+        tables[table].update(getattr(bench, table))
+    merged |= {table: entries for table, entries in tables.items() if entries or table in data}
+    if parameters := {**data.get("parameters", {}), **bench.parameters}:
+        merged["parameters"] = parameters
+    merged["simulation"] = {**data["simulation"], **bench.simulation}
+    own = bench.model_dump(include={"title", "plot", "phases", "validity"}, exclude_unset=True)
+    return merged | own
 
 
 class Rest(TableModel):

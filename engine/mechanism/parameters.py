@@ -1,4 +1,4 @@
-"""The table ``[parameters]``: the value of each parameter, from a number or an expression over other parameters."""
+"""The table ``[parameters]``: the value of each parameter, and the keys and units in which a mechanism uses it."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter

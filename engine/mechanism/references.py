@@ -1,12 +1,11 @@
-"""Faults that no single table shows: missing names, names used twice, parts that cannot move."""
+"""Faults that no single table shows: missing names, names used twice, parts that cannot move, phases and events."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from engine.faults.fault import Fault
 from engine.mechanism.conditions import CONDITION
-from engine.mechanism.faults import did_you_mean
-from engine.mechanism.tables import as_table, list_under, named_tables, phase_names, sub_table
+from engine.mechanism.faults import as_table, did_you_mean, list_under, named_tables, phase_names, sub_table
 
 _PAIRED = {
     "joints": (("bearing", "journal"), ("guide", "slider"), ("socket", "ball"), ("a", "b")),

@@ -1,13 +1,12 @@
-"""The responses of a mechanism: the quantities measured, and the instant at which each is read."""
+"""The responses of a mechanism: quantities measured, each read at an instant, and those derived from others."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, TableModel, refuse
-from engine.mechanism.conditions import ValidityCondition
+from engine.mechanism.conditions import At, ValidityCondition
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.readout import At
 
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
 

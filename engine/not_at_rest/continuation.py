@@ -1,5 +1,7 @@
 """Continue a run beyond its horizon, step by step, to see what the mechanism does.
 
+The motion seen has a dominant direction, its speed a trend, and some contacts press alternately at two places.
+
 Only runs that did not come to rest are continued, on copies of their arrays, by the same time loop.
 """
 
@@ -109,7 +111,7 @@ def _copy(arrays: RunArrays, phase: int) -> RunArrays:
 
 
 @dataclass(frozen=True)
-class SpeedCourse:
+class SpeedTrend:
     """How a speed develops."""
 
     # swings to and fro, turns back once, slows down, is steady, or gets faster
@@ -119,7 +121,7 @@ class SpeedCourse:
     loss: float | None = None  # for a swing, the share of its amplitude lost per period, if more than one was seen
 
 
-def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCourse:
+def speed_trend(time: Array, speed: Array, window: float, drift: float) -> SpeedTrend:
     """Return how a speed develops; `time` and `speed` have shape (n,), n >= 3.
 
     A body is at rest if it moves by no more than `drift` in the time `window`.
@@ -129,10 +131,10 @@ def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCo
         return _swing(time, speed, turns, window, drift)
     first, middle, last = np.interp([time[0], 0.5 * (time[0] + time[-1]), time[-1]], time, np.abs(speed))
     if abs(last - first) <= STEADY * max(first, last):
-        return SpeedCourse("steady")
+        return SpeedTrend("steady")
     if last > first:
-        return SpeedCourse("faster")
-    return SpeedCourse("slows", _stop(time, first, middle, last, drift / window))
+        return SpeedTrend("faster")
+    return SpeedTrend("slows", _stop(time, first, middle, last, drift / window))
 
 
 def turns_of(speed: Array) -> Integers:
@@ -153,30 +155,30 @@ def _stop(time: Array, first: float, middle: float, last: float, slow: float) ->
     return float(time[-1] + half * max(np.log((slow - level) / (last - level)) / np.log(ratio), 0.0))
 
 
-def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: float) -> SpeedCourse:
+def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: float) -> SpeedTrend:
     """Return the period and loss of a speed that changes its sign, and when it will be at rest."""
     zeros = time[turns] + (time[turns + 1] - time[turns]) * speed[turns] / (speed[turns] - speed[turns + 1])
     if turns.size < 2:
-        return SpeedCourse("turns back")
+        return SpeedTrend("turns back")
     half = float(np.diff(zeros).mean())
     tops = np.array([np.abs(speed[a + 1 : b + 1]).max() for a, b in pairwise(turns)])
     if tops.size < 2:
-        return SpeedCourse("swings", None, 2 * half)
+        return SpeedTrend("swings", None, 2 * half)
     left = float((tops[-1] / tops[0]) ** (1.0 / (tops.size - 1)))
     loss = 1.0 - left**2  # a period is two halves
     if loss <= STEADY:
-        return SpeedCourse("swings", None, 2 * half, max(loss, 0.0))
+        return SpeedTrend("swings", None, 2 * half, max(loss, 0.0))
     # a swing shorter than the window moves by 2 half / pi times its top speed, and never further
     slow = max(drift / window, drift * np.pi / (2 * half))
     halves = max(np.log(slow / tops[-1]) / np.log(left), 0.0)
-    return SpeedCourse("swings", float(zeros[-1] + halves * half), 2 * half, loss)
+    return SpeedTrend("swings", float(zeros[-1] + halves * half), 2 * half, loss)
 
 
 # The body that moves most, and its motion as one coordinate: a displacement, a turn, or both.
 
 
 @dataclass(frozen=True)
-class Mover:
+class DominantMotion:
     """A body's motion along its principal direction; `along` and `about` have lengths whose squares add up to 1."""
 
     body: int  # number in the arrays
@@ -186,7 +188,7 @@ class Mover:
     speed: Array  # (n,), at the times of the continuation [length/time]; positive on average
 
 
-def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -> Mover:
+def dominant_motion(assembly: Assembly, control: Control, twist: Array, own: Array) -> DominantMotion:
     """Return the motion of the fastest body among those that keep the mechanism from rest, or of all if these rest.
 
     The motion since the end of the run is given in world axes (`twist`) and in body axes (`own`), both (n, nb, 6), see
@@ -204,7 +206,7 @@ def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -
     share, direction, speed = max(in_world, in_body, key=lambda found: found[0])
     if share > in_world[0]:
         direction = (assembly.state.R[body] @ direction.reshape(2, 3, 1)).ravel()
-    return Mover(body, direction[:3], direction[3:], float(arms[body]), speed)
+    return DominantMotion(body, direction[:3], direction[3:], float(arms[body]), speed)
 
 
 def _principal(motion: Array) -> tuple[float, Array, Array]:
@@ -217,7 +219,7 @@ def _principal(motion: Array) -> tuple[float, Array, Array]:
     direction = directions[:, -1]
     speed = motion @ direction
     sign = -1.0 if speed.sum() < 0.0 else 1.0
-    # rounded, so that of two equal shares `find_mover` takes the first, that in world axes
+    # rounded, so that of two equal shares `dominant_motion` takes the first, that in world axes
     return round(float(sizes[-1] / sizes.sum()), 9), sign * direction, sign * speed
 
 
@@ -244,7 +246,7 @@ def _restless(assembly: Assembly, control: Control) -> NDArray[np.bool_]:
 # Find contacts that press alternately at two places: a contact acts at one of them and cannot hold at both.
 
 
-def held_in_turn(assembly: Assembly, onward: Continuation) -> list[str]:
+def alternating_contacts(assembly: Assembly, onward: Continuation) -> list[str]:
     """Return the names of the contacts that press alternately in two different directions.
 
     `onward` must contain every step. `assembly` is as the run left it, and is not written to.

@@ -1,4 +1,7 @@
-"""Describe the motion of a mechanism that did not come to rest, and what would bring it to rest."""
+"""Describe the motion of a mechanism that did not come to rest, and what would bring it to rest.
+
+Bodies in flight, which fall or continue at a constant speed, move although everything measured is at rest.
+"""
 
 import math
 from collections.abc import Iterator
@@ -19,12 +22,12 @@ from engine.mechanism.joints import Joint
 from engine.not_at_rest.continuation import (
     FINE,
     Continuation,
-    Mover,
-    SpeedCourse,
-    course_of,
-    find_mover,
+    DominantMotion,
+    SpeedTrend,
+    alternating_contacts,
+    dominant_motion,
     go_on,
-    held_in_turn,
+    speed_trend,
     turns_of,
 )
 
@@ -44,7 +47,7 @@ HINGED = 0.3  # share of a body's motion that a joint with play allows at its ax
 PARALLEL = 0.99  # cosine of 8 degrees, because a body in a joint with play tilts
 
 
-def unrest(
+def describe_motion(
     mechanism: Mechanism, assembly: Assembly, control: Control, course: Course, seconds: float, cancel: Cancel | None
 ) -> str:
     """Describe which body moves most at the end of a run, where to, how fast, and what would bring it to rest.
@@ -58,18 +61,18 @@ def unrest(
     trial = (assembly, control, course, seconds, cancel)
     if trembling := _trembling(mechanism, fine, *trial):
         return trembling
-    mover = find_mover(assembly, control, fine.twist, fine.own)
+    dominant = dominant_motion(assembly, control, fine.twist, fine.own)
     onward = go_on(*trial)
     if onward is None or len(onward.time) < 3:
-        return _motion(mechanism, assembly, mover, "goes on")
+        return _motion(mechanism, assembly, dominant, "goes on")
     if trembling := _trembling(mechanism, onward.last(FINE), *trial):
         return trembling
-    mover = find_mover(assembly, control, onward.twist, onward.own)
+    dominant = dominant_motion(assembly, control, onward.twist, onward.own)
     if onward.rested is not None:
-        return f"{_motion(mechanism, assembly, mover, 'still moves')}; " + _longer(mechanism, onward.rested, "comes")
-    speeds = course_of(onward.time, mover.speed, control.window, control.drift)
-    loaded = _is_loaded(assembly, mover, course)
-    return "; ".join([_motion(mechanism, assembly, mover, speeds.kind, loaded), *_advice(mechanism, speeds, loaded)])
+        return f"{_motion(mechanism, assembly, dominant, 'still moves')}; " + _longer(mechanism, onward.rested, "comes")
+    speeds = speed_trend(onward.time, dominant.speed, control.window, control.drift)
+    loaded = _is_loaded(assembly, dominant, course)
+    return "; ".join([_motion(mechanism, assembly, dominant, speeds.kind, loaded), *_advice(mechanism, speeds, loaded)])
 
 
 def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
@@ -96,51 +99,51 @@ def _begun(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array,
     motion = np.concatenate([twist[:-1, :3], spin], axis=1)[None]
     if not motion.any():
         return ""
-    return _motion(mechanism, pose, find_mover(pose, control, motion, motion), kind)
+    return _motion(mechanism, pose, dominant_motion(pose, control, motion, motion), kind)
 
 
-def _motion(mechanism: Mechanism, assembly: Assembly, mover: Mover, kind: str, loaded: bool = True) -> str:
+def _motion(mechanism: Mechanism, assembly: Assembly, dominant: DominantMotion, kind: str, loaded: bool = True) -> str:
     """Describe the body, direction and speed of a motion; without the speed if ``kind`` is "begins"."""
-    body, length, time = order_bodies(mechanism)[mover.body], mechanism.unit("length"), mechanism.unit("time")
-    R, moves, turns = assembly.state.R[mover.body], mover.along @ mover.along, mover.about @ mover.about
+    body, length, time = order_bodies(mechanism)[dominant.body], mechanism.unit("length"), mechanism.unit("time")
+    R, moves, turns = assembly.state.R[dominant.body], dominant.along @ dominant.along, dominant.about @ dominant.about
     to_and_fro = kind in ("swings", "trembles")
-    speed = float(np.abs(mover.speed).max() if to_and_fro else abs(mover.speed[0]))
+    speed = float(np.abs(dominant.speed).max() if to_and_fro else abs(dominant.speed[0]))
     before = " at up to " if to_and_fro else " at "
     slides = "" if kind == "begins" else f"{before}{speed * math.sqrt(moves):.3g} {length}/{time}"
-    spins = "" if kind == "begins" else f"{before}{speed * math.sqrt(turns) / mover.arm:.3g} rad/{time}"
+    spins = "" if kind == "begins" else f"{before}{speed * math.sqrt(turns) / dominant.arm:.3g} rad/{time}"
     if not turns > PURE:
-        along = direction_words(mechanism, body, R, mover.along, signed=not to_and_fro)
+        along = direction_words(mechanism, body, R, dominant.along, signed=not to_and_fro)
         verb = kind if to_and_fro or kind == "flies" else "slides" if loaded else "floats"
         return f"{body} {verb} along {along}{slides}"
-    verb, about = kind if to_and_fro else "turns", direction_words(mechanism, body, R, mover.about, signed=False)
-    if not moves > PURE or _is_hinged(mechanism, assembly, mover):
+    verb, about = kind if to_and_fro else "turns", direction_words(mechanism, body, R, dominant.about, signed=False)
+    if not moves > PURE or _is_hinged(mechanism, assembly, dominant):
         return f"{body} {verb} about {about}{spins}"
-    along = direction_words(mechanism, body, R, mover.along, signed=not to_and_fro)
+    along = direction_words(mechanism, body, R, dominant.along, signed=not to_and_fro)
     return f"{body} moves along {along}{slides} and {verb} about {about}{spins}"
 
 
-def _is_hinged(mechanism: Mechanism, assembly: Assembly, mover: Mover) -> bool:
+def _is_hinged(mechanism: Mechanism, assembly: Assembly, dominant: DominantMotion) -> bool:
     """Return whether a joint of the body lies on the axis of its motion."""
-    body, spin = order_bodies(mechanism)[mover.body], mover.about / mover.arm
-    for _, point, _ in joint_lines(mechanism, body, assembly.state.R[mover.body]):
-        there = mover.along + np.cross(spin, point)
-        if np.linalg.norm(there) < HINGED * np.linalg.norm(mover.along):
+    body, spin = order_bodies(mechanism)[dominant.body], dominant.about / dominant.arm
+    for _, point, _ in joint_lines(mechanism, body, assembly.state.R[dominant.body]):
+        there = dominant.along + np.cross(spin, point)
+        if np.linalg.norm(there) < HINGED * np.linalg.norm(dominant.along):
             return True
     return False
 
 
-def _is_loaded(assembly: Assembly, mover: Mover, course: Course) -> bool:
+def _is_loaded(assembly: Assembly, dominant: DominantMotion, course: Course) -> bool:
     """Return whether a load acts on the body along its motion."""
-    model, state, work, body = assembly.model, assembly.state, assembly.work, mover.body
+    model, state, work, body = assembly.model, assembly.state, assembly.work, dominant.body
     phase, t = int(course.counts[time_loop.PHASE]), float(course.reals[time_loop.TIME])
     apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
-    forces, torques = work.wrench[:-1, :3], work.wrench[:-1, 3:] / mover.arm
+    forces, torques = work.wrench[:-1, :3], work.wrench[:-1, 3:] / dominant.arm
     size = np.sqrt((forces**2).sum(axis=1) + (torques**2).sum(axis=1)).max()
-    along = forces[body] @ mover.along + torques[body] @ mover.about
+    along = forces[body] @ dominant.along + torques[body] @ dominant.about
     return bool(abs(along) > NO_LOAD * size)
 
 
-def _advice(mechanism: Mechanism, speeds: SpeedCourse, loaded: bool) -> Iterator[str]:
+def _advice(mechanism: Mechanism, speeds: SpeedTrend, loaded: bool) -> Iterator[str]:
     """Yield how the motion continues, and what would end it."""
     time, result = mechanism.unit("time"), "if this motion is the result, give the phase a duration"
     if speeds.kind == "swings":
@@ -190,20 +193,22 @@ def _trembling(
     cancel: Cancel | None,
 ) -> str:
     """Describe what trembles from step to step over a short time, and what would end it; empty if nothing does."""
-    mover = find_mover(assembly, control, onward.twist, onward.own)
+    dominant = dominant_motion(assembly, control, onward.twist, onward.own)
     span = float(onward.time[-1] - onward.time[0])
     if onward.rested is not None or span > 2 * FINE * control.longest:  # a slow motion to and fro, not trembling
         return ""
-    if len(turns_of(mover.speed)) < TREMBLES and not (_stays(onward, mover, span) and held_in_turn(assembly, onward)):
+    if len(turns_of(dominant.speed)) < TREMBLES and not (
+        _stays(onward, dominant, span) and alternating_contacts(assembly, onward)
+    ):
         return ""
     advice = _shorter_step(mechanism, assembly, control, course, seconds, cancel) or _places(assembly, onward)
-    return f"{_motion(mechanism, assembly, mover, 'trembles')}; {advice}"
+    return f"{_motion(mechanism, assembly, dominant, 'trembles')}; {advice}"
 
 
-def _stays(onward: Continuation, mover: Mover, span: float) -> bool:
+def _stays(onward: Continuation, dominant: DominantMotion, span: float) -> bool:
     """Return whether the body gets nowhere at its speed, because the projection undoes the motion of each step."""
-    moved = onward.place[-1, mover.body, :3] - onward.place[0, mover.body, :3]
-    went = float(np.abs(mover.speed).mean()) * math.hypot(*mover.along) * span
+    moved = onward.place[-1, dominant.body, :3] - onward.place[0, dominant.body, :3]
+    went = float(np.abs(dominant.speed).mean()) * math.hypot(*dominant.along) * span
     return math.hypot(*moved) < GETS_NOWHERE * went  # hypot avoids squares, which may overflow for a runaway body
 
 
@@ -223,7 +228,7 @@ def _shorter_step(
 
 def _places(assembly: Assembly, onward: Continuation) -> str:
     """Return what may help if no shorter step does: a separate contact for each of two places that one has to hold."""
-    if names := held_in_turn(assembly, onward):
+    if names := alternating_contacts(assembly, onward):
         which, needs = ("contact", "it needs") if len(names) == 1 else ("contacts", "they need")
         return (
             f"{which} {', '.join(names)} would have to hold at two places at once, and a contact acts at one point: "

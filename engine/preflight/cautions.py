@@ -1,4 +1,4 @@
-"""All cautions about a mechanism."""
+"""All cautions about a mechanism, and one about a fixed step with which it does not come to rest."""
 
 from engine.mechanism import Mechanism, set_values
 from engine.preflight.plausibility import Caution, duplicates, implausible_numbers, stiff_springs

@@ -1,6 +1,7 @@
-"""Motions without any load: no force, spring or gravity determines where a body ends up.
+"""What looks wrong in the small motions about the start pose: no load, no damping, or rest that is detected too early.
 
-If the mechanism has responses, only motions measured by one of them matter; otherwise all of them.
+Along a motion without any load no force, spring or gravity determines where a body ends up. If the mechanism has
+responses, only motions measured by one of them matter; otherwise all of them.
 """
 
 from collections.abc import Iterator

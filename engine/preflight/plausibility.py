@@ -1,4 +1,7 @@
-"""A caution: something that looks wrong in a mechanism although it could run."""
+"""Cautions about what is written: numbers off their plausible range, duplicates, springs too stiff for the step.
+
+A caution is something that looks wrong in a mechanism although it could run.
+"""
 
 import math
 from collections.abc import Iterator

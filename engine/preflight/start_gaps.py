@@ -7,8 +7,8 @@ import numpy as np
 
 from engine.errors import EngineError
 from engine.mechanism import Mechanism
+from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.geometry.face_search import length
-from engine.mechanism.geometry.geometry_certificate import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.preflight.plausibility import Caution
 
 AGREE = 1e-5

@@ -1,4 +1,7 @@
-"""The settings of a recording: the trajectory file and the steps it contains."""
+"""The settings of a recording, and a trajectory file read into arrays; one that is not valid is refused.
+
+Reading names the reason why a file is not a valid trajectory.
+"""
 
 import json
 from dataclasses import dataclass
@@ -45,7 +48,7 @@ class Recording(NamedTuple):
         return recording
 
 
-# Read a trajectory file into arrays; a file that is not a valid trajectory is refused with the reason.
+# -- reading ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Write the trajectory of a run in blocks during the run; the file gets its name once it is complete."""
+"""Write the trajectory of a run in blocks during the run; the file gets its name once it is complete.
+
+Each dataset takes its numbers from their position in a row of `kernels.record`.
+"""
 
 import json
 import os

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from engine import load_mechanism, simulate
 from engine.mechanism import Mechanism
-from engine.mechanism.benches import Bench, with_bench
-from engine.mechanism.models import mechanism_from
+from engine.mechanism.models import Bench, mechanism_from, with_bench
 from studies.settling.settlings import Settling
 
 HALVINGS = range(4)  # the steps are divided by 1, 2, 4 and 8

@@ -18,7 +18,7 @@ from engine import (
     simulate,
 )
 from engine.mechanism import Mechanism, library_names
-from engine.mechanism.keys.listing import settable_numbers
+from engine.mechanism.keys.values import settable_numbers
 from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")

@@ -1,4 +1,4 @@
-"""The surface of a face as B-splines that cover exactly the face."""
+"""The surface of a face as B-splines that cover exactly the face: one for each rectangle of its parameters."""
 
 from dataclasses import dataclass
 from itertools import pairwise

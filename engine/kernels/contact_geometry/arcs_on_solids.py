@@ -1,4 +1,6 @@
-"""Contacts of points, spheres and arcs with turned and extruded solids: the nearest point of the arc, wherever it is.
+"""Contacts of points, spheres and arcs with turned and extruded solids, and with surfaces of bicubic patches.
+
+The nearest point of the arc is found, wherever it is, first on a profile.
 
 The angle of the arc is divided into cells. Within a cell the distance changes by no more than a known slope allows, so
 a cell that cannot contain a smaller distance than the least one found is skipped. A cell is halved until only one piece
@@ -11,7 +13,7 @@ import numpy as np
 from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.arcs import CELL, FLAT, SMALLEST, UNEVEN, distance_along, normal_at, stationary
 from engine.kernels.contact_geometry.patches import surface_distance
-from engine.kernels.contact_geometry.profiles import is_alone
+from engine.kernels.contact_geometry.solids import is_alone
 from engine.kernels.model import ON_SURFACE, ON_TURNED
 from engine.kernels.vectors import (
     CENTRED,

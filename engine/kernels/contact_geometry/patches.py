@@ -1,4 +1,4 @@
-"""Values, derivatives and normals of pieces of bicubic patches, and derivatives of half the squared distance from them.
+"""Signed distances of solids bounded by bicubic patches: their pieces, the nearest point of one, and of all.
 
 A piece is a polynomial S(x, y), |x| and |y| <= 1, with coefficients for powers of x and y; phi = |S - q|^2 / 2.
 """

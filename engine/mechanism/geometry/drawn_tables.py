@@ -1,4 +1,4 @@
-"""Replace references to CAD geometry by plain numbers in the tables of a mechanism file."""
+"""Replace references to CAD geometry by plain numbers in the tables of a mechanism file; measure pairs of sides."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,13 +14,24 @@ from engine.cad.step_reader import MeasuredShape, ShapePair, drawn_distances
 from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.base import is_number
-from engine.mechanism.faults import did_you_mean, faults_of
-from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
-from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
-from engine.mechanism.geometry.drawn_shapes import (
+from engine.mechanism.faults import as_table, did_you_mean, faults_of
+from engine.mechanism.geometry.cad_table import (
+    AS_DRAWN,
+    SELECTORS,
+    DrawnBody,
+    DrawnFace,
+    DrawnGap,
+    DrawnJoint,
+    FeatureKind,
+    selector_of,
+)
+from engine.mechanism.geometry.drawn_features import (
+    DrawnPin,
+    NotAsDrawn,
     NotASurface,
     drawn_faces,
     drawn_outline,
+    joint_of_pin,
     spline_faces,
     surface_table,
     viewing_direction,
@@ -34,10 +45,8 @@ from engine.mechanism.geometry.face_search import (
     length,
     line_side,
 )
-from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnGap, DrawnJoint
 from engine.mechanism.geometry.part_bodies import POSE, NoDensity, body_of_part, mass_properties
 from engine.mechanism.quantities import UnitSystem
-from engine.mechanism.tables import as_table
 
 TOUCHING = 1e-7
 """Distance [mm] below which OCCT considers shapes to touch."""

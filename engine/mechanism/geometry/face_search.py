@@ -1,4 +1,8 @@
-"""Numbers for a mechanism file, rounded so that differences in the arithmetic of machines do not show."""
+"""Find a face or edge of a part by its position, and what it gives a side of a joint or contact, as plain numbers.
+
+Exactly one must fit, otherwise the candidates are listed. Numbers are rounded so that differences in the arithmetic of
+machines do not show.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

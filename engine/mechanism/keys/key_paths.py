@@ -1,4 +1,4 @@
-"""Places in a mechanism: a table, a list or a number, the field that declares it, and the places below it."""
+"""The path of a key through a mechanism: tables, lists and numbers, the field that declares each, and formulas."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache

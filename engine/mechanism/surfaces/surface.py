@@ -9,22 +9,24 @@ from pydantic import Field, model_validator
 from engine.arrays import Array
 from engine.mechanism.base import PositiveLength, TableModel, refuse
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.surfaces.bezier import THIRDS, normals
-from engine.mechanism.surfaces.edges import (
+from engine.mechanism.surfaces.patches import (
+    THIRDS,
     MeetingEdges,
     default_depth,
     extent,
     joined_faces,
     largest_depth,
     meeting_edges,
+    normals,
     plate,
     sharp_gap,
 )
-from engine.mechanism.surfaces.fixed_array import ArrayOf, FixedArray
 from engine.mechanism.surfaces.splines import (
     MOST_PATCHES,
     MOST_WRITTEN,
+    ArrayOf,
     BSplineSurface,
+    FixedArray,
     Knots,
     Net,
     SplineFace,
