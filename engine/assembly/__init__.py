@@ -53,7 +53,7 @@ class _Prepared:
 
     assembly: Assembly
     held: list[BilateralRow]  # the rows of the ideal joints
-    faces: tuple[tuple[int, str, str], ...]  # see `clearances.add_play`
+    faces: tuple[tuple[int, str, str], ...]  # see `joints.add_play`
 
 
 def assemble(mechanism: Mechanism) -> Assembly:

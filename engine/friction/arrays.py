@@ -36,7 +36,7 @@ class ContactLanes(NamedTuple):
     mu: np.ndarray  # (m,)
     compliance: np.ndarray  # (m,)
     scale: np.ndarray  # (m,) mean diagonal of the contact's own Delassus block
-    unit: np.ndarray  # (m,) the contact's unit of velocity, see `units`
+    unit: np.ndarray  # (m,) the contact's unit of velocity, see `solver`
     q: np.ndarray  # (3, m)
     r: np.ndarray  # (3, m)
     u: np.ndarray  # (3, m)
@@ -98,7 +98,7 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
     node, pair = integers.view(np.int64)[: nc * runs], integers.view(np.int64)[nc * runs :]
     node[:] = -1
     lanes = ContactLanes(*ones, *threes[:9], *nines, *threes[9:])
-    lanes.unit[:] = 1.0  # as `units.restore` leaves it: the residual may be needed before anything is solved
+    lanes.unit[:] = 1.0  # as `solver.restore` leaves it: the residual may be needed before anything is solved
     q, r, u = per_contact
     mu, compliance = numbers
     return FrictionArrays(

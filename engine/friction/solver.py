@@ -72,7 +72,7 @@ def solve_friction(nc, p, tolerance):
     """Solve the first ``nc`` contacts of ``p`` from the impulses in ``p.r``; return status, total steps and residual.
 
     On return ``p.r``, ``p.u`` and ``p.w`` hold the solution. If no method reaches ``tolerance``, a relative residual
-    (`cone.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual.
+    (`complementarity.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual.
     """
     goal, c = Goal(tolerance, take_contacts(nc, p)), p.contacts
     even_out(nc, p, goal.scale)

@@ -184,7 +184,7 @@ def signed_distance(solid, x, y, z):
     """Return the signed distance of a point from a solid, and its gradient, in the solid's own axes.
 
     ``solid`` holds the kind of the pair, the geometry row of side b, the pieces of its profile, if any, and its surface
-    as in `patched_surfaces.surface_distance`.
+    as in `patches.surface_distance`.
     """
     kind, b, pieces, surface = solid
     if kind == ON_RECTANGLE:

@@ -106,7 +106,7 @@ def mean_direction(patches: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class MeetingEdges:
-    """The edges of patches, four per patch, see `bezier.directed_edges`."""
+    """The edges of patches, four per patch, see `directed_edges`."""
 
     edges: Array  # (n, 4, 4, 3) control points
     is_open: NDArray[np.bool_]  # (n, 4) no other patch shares it; an edge collapsed to a point is not open

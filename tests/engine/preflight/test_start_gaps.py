@@ -34,8 +34,7 @@ def in_this_process(tmp_path, monkeypatch):
             return json.dumps(measure_distances(path, question["distances"])).encode()
         return packed(read_assembly(path, **question["assembly"]))
 
-    for module in ("step_reader", "drawn_distances"):
-        monkeypatch.setattr(f"engine.cad.{module}.ask_occt", answer)
+    monkeypatch.setattr("engine.cad.step_reader.ask_occt", answer)
 
 
 @pytest.fixture
