@@ -5,7 +5,7 @@ sliding mass, and a pendulum with a stop.
 
 Siconos is searched in the Python given by the environment variable CLEARCAP_SICONOS_PYTHON; Debian's package
 `python3-siconos` installs it for /usr/bin/python3. Each solver stops by its own error measure, relative to velocities;
-whether a problem is solved is decided for all solvers by clearcap's residual (`engine.friction.cone`).
+whether a problem is solved is decided for all solvers by clearcap's residual (`engine.friction.complementarity`).
 """
 
 import os

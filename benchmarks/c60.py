@@ -10,8 +10,8 @@ from campaign.spec.load import load_campaign
 from campaign.worker.row import compute_row, sample_values
 from engine import Certificate, load_mechanism, simulate
 from engine.assembly import assemble
-from engine.derived import bounded_contacts
 from engine.equilibrium import PoseAtRest
+from engine.execution import bounded_contacts
 from engine.kernels.time_loop import PHASE, TIME
 from engine.loop import Cancel, control_of, drive
 from engine.mechanism import Mechanism, set_values

@@ -27,7 +27,7 @@ from campaign.web.answers.queries import AskedRows, advice_answer, histogram_ans
 from campaign.web.answers.query_service import QueryService, rows_version
 from campaign.web.jobs.mechanisms import MechanismSource, simulate_once
 from engine import warm_up
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 
 PAPERS, MILLION = 30_850, 1_000_000
 SETTINGS = ("J1.std=0.016", "J2.std=0.016")

@@ -5,13 +5,7 @@ from typing import Any
 from campaign.compiling import compile_engine
 from engine import check, set_values
 from engine.mechanism import Mechanism, get_value, unit_of
-from engine.mechanism.geometry.geometry_certificate import (
-    DrawnBody,
-    DrawnFace,
-    DrawnGap,
-    DrawnJoint,
-    GeometryCertificate,
-)
+from engine.mechanism.geometry.cad_table import DrawnBody, DrawnFace, DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from engine.preflight import cautions

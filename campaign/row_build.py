@@ -12,7 +12,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-from engine.build import LIBRARIES, engine_sources, hash_sources
+from engine.platform.build import LIBRARIES, engine_sources, hash_sources
 
 SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine

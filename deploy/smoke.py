@@ -61,7 +61,7 @@ def call_kernels() -> None:
     import numpy as np
 
     from engine.friction.whitening import factorise_mass
-    from engine.kernels.rotations import rotation_matrix
+    from engine.kernels.vectors import rotation_matrix
 
     turned = np.zeros((3, 3))
     rotation_matrix(np.array([0.5, 0.5, 0.5, 0.5]), turned)

@@ -1,13 +1,12 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
-from engine.build import build_id
-from engine.compilation import missing_kernels
 from engine.errors import CadError, EngineError, FolderError, MechanismError, TrajectoryError
 from engine.faults.fault import Fault
 from engine.faults.toml_positions import TextPosition, position_of
 from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
+from engine.platform.build import build_id
 from engine.run import Certificate, Run
-from engine.simulate import check, simulate, warm_up
+from engine.simulate import check, missing_kernels, simulate, warm_up
 from engine.trajectory import Recording, Trajectory, read_trajectory
 
 __all__ = [

@@ -19,8 +19,8 @@ from engine.kernels.model import CONTACT_FORCE, END
 from engine.kernels.motion import move
 from engine.kernels.responses import measure
 from engine.kernels.statics import HELD, MOVES, effect_on_bodies, hold_loads
-from engine.linear_algebra import one_thread
 from engine.mechanism import Mechanism
+from engine.platform.linear_algebra import one_thread
 
 
 class PoseAtRest:

@@ -1,20 +1,23 @@
-"""Execute one run of an assembled mechanism: the time loop, the forces at rest, the verdict."""
+"""Execute one run of an assembled mechanism: the time loop, the forces at rest, derived responses, the verdict."""
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 from engine.arrays import Array
 from engine.assembly import Assembly
-from engine.derived import bounded_contacts, read_contacts, with_derived
 from engine.equilibrium import PoseAtRest
 from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
+from engine.mechanism.responses import ConditionMet, ContactForce, ResponseDifference
+from engine.not_at_rest import describe_motion, flight, in_flight, unheld
 from engine.run import Certificate, Run
-from engine.unrest import flight, in_flight, unheld, unrest
 from engine.verdict import failure, judge, unfinished
+
+Range = tuple[float, float]
 
 
 def execute(
@@ -78,10 +81,44 @@ def execute(
             status, message = judge(mechanism, measured, certificate.settled, drift, until_rest)
         else:
             left = mechanism.simulation.wall_limit - certificate.wall_s
-            motion = "" if certificate.settled else unrest(mechanism, assembly, control, course, left, cancel)
+            motion = "" if certificate.settled else describe_motion(mechanism, assembly, control, course, left, cancel)
             status, message = unfinished(mechanism, int(counts[time_loop.PHASE]), certificate.settled, motion)
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
     open_ranges = {name: ranges[contact] for name, contact in read_at_end.items() if contact in ranges}
     return Run(status, message, responses, mechanism.response_units(), certificate, measured, open_ranges)
+
+
+def bounded_contacts(mechanism: Mechanism) -> list[str]:
+    """Return the contacts whose force range at rest is used by a response."""
+    responses = mechanism.responses.values()
+    return list(dict.fromkeys(r.contact for r in responses if isinstance(r, ContactForce) and r.bound))
+
+
+def read_contacts(mechanism: Mechanism) -> dict[str, str]:
+    """Return a mapping response -> contact for all normal forces that are read at the end of the run."""
+    return {
+        name: r.contact
+        for name, r in mechanism.responses.items()
+        if isinstance(r, ContactForce) and r.component == "normal" and r.at == "end" and r.bound is None
+    }
+
+
+def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
+    """Return the measured responses together with those derived from them; NaN: no value.
+
+    ``ranges`` gives the smallest and largest normal force at rest by contact; contacts that were not at rest are
+    missing.
+    """
+    responses = dict(measured)
+    for name, response in mechanism.responses.items():
+        if isinstance(response, ResponseDifference):
+            responses[name] = measured[response.of[0]] - measured[response.of[1]]
+        elif isinstance(response, ConditionMet):
+            defined = not math.isnan(measured[response.condition.response])
+            responses[name] = float(response.condition.holds(measured)) if defined else math.nan
+        elif isinstance(response, ContactForce) and response.bound:
+            least, largest = ranges.get(response.contact, (math.nan, math.nan))
+            responses[name] = least if response.bound == "least" else largest
+    return responses

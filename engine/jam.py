@@ -13,7 +13,7 @@ from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
 from engine.kernels.projection import REACH
-from engine.linear_algebra import one_thread
+from engine.platform.linear_algebra import one_thread
 
 SIDES = 32  # of the pyramid that approximates Coulomb's cone from inside
 LITTLE = 1e-6  # share of the largest impulse; anything smaller is a rounding error of zero

@@ -8,9 +8,8 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly import Assembly
-from engine.clock import set_after
 from engine.jit import Kernel
-from engine.kernels.context import Control
+from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
 from engine.kernels.time_loop import (
     COMPLETED,
@@ -28,6 +27,7 @@ from engine.kernels.time_loop import (
     run_to_end,
 )
 from engine.mechanism import Mechanism
+from engine.platform.clock import set_after
 
 TIMEOUT, CANCELLED = 1, 2  # values of the stop flag
 SLOW = 100  # a speed below this multiple of (drift allowed in the window of rest / window) is slow

@@ -1,17 +1,20 @@
 """Simulate one mechanism: from a description and a set of values to responses and a certificate.
 
+Also compile the engine beforehand, and tell which of its kernels are not compiled yet.
+
 The compiled kernels are imported inside the functions that need them, because loading Numba takes longer than loading
 a description.
 """
 
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from engine.mechanism import Mechanism, load_mechanism, set_values
 from engine.run import Run
-from engine.trajectory.recording import Recording
+from engine.trajectory.read import Recording
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
@@ -103,3 +106,35 @@ def warm_up() -> float:
     start = time.perf_counter()
     simulate(load_mechanism("c60"))
     return time.perf_counter() - start
+
+
+def missing_kernels() -> tuple[str, ...]:
+    """Return the index files of the kernels that are not in the cache yet; empty if the engine is compiled.
+
+    There is one index file for each kernel that Python calls; its name stands for it if Numba does not say where it is.
+    Most of the work is the time loop; responses and ranges of forces are compiled after it, and only in a run that
+    needs them.
+    """
+    from engine.friction.barrier import least
+    from engine.jit import Kernel
+    from engine.kernels.responses import measure
+    from engine.kernels.time_loop import run_to_end
+
+    needed = [kernel for kernel in (run_to_end, measure, least) if isinstance(kernel, Kernel)]
+    if all(kernel.compiled.signatures or not _missing_file(kernel) for kernel in needed):
+        return ()
+    engine_modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] == "engine"]
+    values = {id(value): value for module in engine_modules for value in vars(module).values()}.values()
+    files = [_missing_file(value) for value in values if isinstance(value, Kernel)]
+    return tuple(file for file in files if file)
+
+
+def _missing_file(kernel: Any) -> str:
+    """Return the index file of a kernel; empty if it lists machine code, compiled from the current source."""
+    from engine.jit.numba_internals import index_file
+
+    index = index_file(kernel.compiled)
+    if index is None:
+        return f"{kernel.__module__}.{kernel.__qualname__}"
+    path, is_filled = index
+    return "" if is_filled else path

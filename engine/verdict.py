@@ -9,7 +9,7 @@ from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
-from engine.mechanism.readout import Event
+from engine.mechanism.conditions import Event
 from engine.run import Status
 
 
@@ -19,8 +19,8 @@ def judge(
     """Judge a run that completed its phases: check that all values exist and that the validity conditions hold.
 
     ``measured`` is NaN where a response has no value. ``drift`` describes a motion that continues although nothing
-    measured moves, see `engine.unrest`; empty if there is none. Unless the run had to end ``at_rest``, it matters only
-    if it leaves a force without a value. Return status and message.
+    measured moves, see `engine.not_at_rest`; empty if there is none. Unless the run had to end ``at_rest``, it matters
+    only if it leaves a force without a value. Return status and message.
     """
     missing = [name for name, value in measured.items() if math.isnan(value)]
     events = [name for name in missing if isinstance(mechanism.responses[name].at, Event)]
@@ -53,7 +53,7 @@ def judge(
 def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> tuple[Status, str]:
     """Judge a run that reached its horizon in a phase that ends at rest or at an event; return status and message.
 
-    ``phase`` is the last one that began, ``motion`` describes what moves, see `engine.unrest`; empty if not known.
+    ``phase`` is the last one that began, ``motion`` describes what moves, see `engine.not_at_rest`; empty if not known.
     """
     sim, awaited, moving = mechanism.simulation, mechanism.phases[phase].until, f": {motion}" if motion else ""
     horizon = f"the horizon of {sim.horizon:g} {mechanism.unit('time')}"

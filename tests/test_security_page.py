@@ -11,9 +11,9 @@ from campaign.cluster import scratch, tls_certificates
 from campaign.spec import data_files, named_files
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
-from engine import toml_file
 from engine.cad import ReadingLimits
-from engine.mechanism.parameters import expression
+from engine.mechanism import expression
+from engine.platform import toml_file
 from tests.each import each
 
 ROOT = Path(__file__).parents[1]

@@ -46,10 +46,9 @@ def import_step(
     from campaign.errors import SpecError
     from campaign.spec.write import proposed_campaign
     from engine.cad import RECOGNITION
-    from engine.cad_import.open_questions import open_questions
     from engine.cad_import.proposed_joints import all_diameters
-    from engine.cad_import.proposed_mechanism import proposed_mechanism
-    from engine.cad_import.unloaded_directions import unloaded_directions
+    from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+    from engine.cad_import.proposed_text import open_questions
 
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
@@ -207,7 +206,7 @@ def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Pat
     from campaign.pictures.sketches.found_sketch import sketch_found
     from campaign.pictures.sketches.sketch_figure import plot_sketch
     from engine.cad_import.found_places import found_places
-    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.proposed_text import open_questions
 
     drawing, page = picture_files(mechanism)
     places, title = found_places(found), Path(step_file).name
@@ -229,13 +228,11 @@ def bring_to_revision(
     anew.
     """
     from campaign.cli.output_files import check_output, replacing
-    from engine.cad_import.earlier_revision import earlier_revision
     from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.names_in_file import named_as_written
-    from engine.cad_import.names_of_before import named_as_before, renamed_parts
-    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.names_of_before import named_as_before, named_as_written, renamed_parts
     from engine.cad_import.proposed_mechanism import proposed_mechanism
-    from engine.cad_import.updated_proposal import updated_proposal
+    from engine.cad_import.proposed_text import open_questions
+    from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
 
     check_output("--update", path, (".toml",))
     earlier = earlier_revision(path)
@@ -291,8 +288,8 @@ def _campaign_texts(
     from campaign.spec.write import proposed_campaign
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
-    from engine.regular_file import read_regular_file
-    from engine.toml_file import LARGEST
+    from engine.platform.regular_file import read_regular_file
+    from engine.platform.toml_file import LARGEST
 
     path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
     diameters = all_diameters(before), all_diameters(found)

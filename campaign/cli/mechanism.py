@@ -97,7 +97,7 @@ def show(
 def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from campaign.mechanism_summary import converted_surfaces, geometry_lines, mechanism_warnings
-    from engine.cad_import.open_questions import questions_of_file
+    from engine.cad_import.proposed_text import questions_of_file
     from engine.preflight.start_gaps import with_start_gaps
 
     questions = questions_of_file(mechanism)
@@ -133,7 +133,7 @@ def plain(
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
     from campaign.cli.output_files import check_output, replacing
     from campaign.spec.write import plain_tables, plain_text
-    from engine.cad_import.open_questions import questions_of_file
+    from engine.cad_import.proposed_text import questions_of_file
 
     loaded = named_mechanism(mechanism)
     for question in questions_of_file(mechanism):  # the written file has no questions
@@ -153,8 +153,7 @@ def plain(
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     """Print the settable numbers with value, unit, limits and meaning."""
     from campaign.errors import SpecError
-    from engine.mechanism.keys.listing import settable_numbers
-    from engine.mechanism.keys.unknown import meant_key
+    from engine.mechanism.keys.values import meant_key, settable_numbers
 
     entries = settable_numbers(mechanism, pattern)
     if not entries:

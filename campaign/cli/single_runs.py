@@ -86,7 +86,7 @@ def simulate(
 
 def _with_longest_step(run: "Run", mechanism: "Mechanism", step: float, horizon: float | None) -> "Run":
     """Return the run; if its step is to blame, its message also names the longest step that comes to rest."""
-    from engine.preflight.step_trial import step_caution
+    from engine.preflight.cautions import step_caution
 
     caution = step_caution(mechanism, step, horizon)
     if caution is None:

@@ -31,7 +31,7 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
     folder of the campaign file: otherwise a campaign file written by somebody else could make this program send any
     file of this machine.
     """
-    from engine.toml_file import LARGEST, UnfitToml, parse_toml
+    from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
     if isinstance(source, Mapping):
         from campaign.spec.write import campaign_text
@@ -77,7 +77,7 @@ def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
 
 def _plain(path: Path, content: bytes) -> bytes:
     """Return a mechanism file, with references to a CAD file, which a server does not open, replaced by numbers."""
-    from engine.toml_file import UnfitToml, parse_toml
+    from engine.platform.toml_file import UnfitToml, parse_toml
 
     try:
         names_geometry = "cad" in parse_toml(content)
@@ -106,7 +106,7 @@ def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _content(path: Path, at_most: int, what: str) -> bytes:
     """Return the content of a regular file."""
-    from engine.regular_file import read_regular_file
+    from engine.platform.regular_file import read_regular_file
 
     try:
         return read_regular_file(path, at_most)

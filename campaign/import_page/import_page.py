@@ -19,7 +19,7 @@ from engine.cad import CadPart
 from engine.cad.cad_model import TriangleMesh
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.found_places import FoundPlace, part_text
-from engine.cad_import.open_questions import OpenQuestion
+from engine.cad_import.proposed_text import OpenQuestion
 from reporting.render.page_templates import page_environment
 
 MOST_TRIANGLES = 250_000

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.mechanism.surfaces.bezier import basis
+from engine.mechanism.surfaces.patches import basis
 
 CORNERS = 49  # points of a full circle
 EDGE_POINTS = 9  # points of an edge of a patch

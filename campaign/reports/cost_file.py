@@ -10,7 +10,7 @@ from campaign.errors import SpecError
 from campaign.plan import Plan
 from campaign.spec.faults import structure_faults
 from engine.mechanism.base import PositiveNumber, TableModel
-from engine.toml_file import UnfitToml, read_toml
+from engine.platform.toml_file import UnfitToml, read_toml
 from reporting.capability.verdict import CAPABLE
 from reporting.tolerance.cost_laws import CostLaw, ExponentialLaw, PowerLaw, Process, ProcessTable
 

@@ -20,7 +20,7 @@ from campaign.plan import dump_spec
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import structure_faults
 from engine.mechanism.faults import did_you_mean
-from engine.toml_file import UnfitToml, parse_toml
+from engine.platform.toml_file import UnfitToml, parse_toml
 
 # Alternative sets of parameters; a distribution is given by one of them.
 _PARAMETERS = (

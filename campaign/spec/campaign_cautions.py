@@ -9,7 +9,7 @@ from campaign.spec.load import Campaign
 from engine import EngineError, check, set_values
 from engine.mechanism import Mechanism
 from engine.preflight import Caution, cautions
-from engine.preflight.step_trial import step_caution
+from engine.preflight.cautions import step_caution
 from reporting.capability.row_order import row_order
 
 

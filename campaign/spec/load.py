@@ -24,16 +24,15 @@ from campaign.spec.faults import SpecFault, fault, structure_faults
 from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import MechanismError, check, set_values
+from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
-from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism import Mechanism, full_key, get_value, library_names
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
-from engine.mechanism.keys.formulas import following
-from engine.mechanism.keys.places import SETTINGS
-from engine.mechanism.parameters.parameter_table import PREFIX
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
+from engine.mechanism.keys.key_paths import SETTINGS, following
+from engine.mechanism.parameters import PREFIX
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 

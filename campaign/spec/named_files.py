@@ -10,8 +10,8 @@ from campaign.errors import SpecError
 from engine import load_mechanism, load_mechanism_text
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.faults import did_you_mean
+from engine.platform.regular_file import UnfitFile, read_regular_file
 from engine.preflight.start_gaps import with_start_gaps
-from engine.regular_file import UnfitFile, read_regular_file
 
 MOST_FILES = 100  # given with a campaign's text
 LARGEST_TOTAL = 200_000_000  # bytes of all given files

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.cad_import.open_questions import questions_of_file
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST, UnfitToml, parse_toml
+from engine.cad_import.proposed_text import questions_of_file
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
 
 def campaign_questions(campaign: object) -> Iterator[str]:

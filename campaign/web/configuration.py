@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from campaign.errors import SpecError
 from campaign.web.access import Role
 from campaign.web.settings import Limits, Oidc
-from engine.toml_file import UnfitToml, read_toml
+from engine.platform.toml_file import UnfitToml, read_toml
 
 SECRET = "CLEARCAP_OIDC_SECRET"  # environment variable of the login service's client secret
 

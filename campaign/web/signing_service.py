@@ -36,7 +36,7 @@ from campaign.store import Store
 from campaign.store.layout import SUBMISSION
 from campaign.web.access import Principal
 from campaign.web.access.database import Database
-from engine.regular_file import read_regular_file
+from engine.platform.regular_file import read_regular_file
 
 KEY_FILE = "signing_key.pem"
 _LARGEST_KEY = 10_000  # bytes

@@ -147,7 +147,7 @@ def open_service(settings: Settings) -> Service:
     Raises FolderError if other users could have changed the server's folder. Raises SpecError if the store's URL or the
     database is invalid.
     """
-    from engine.private_folder import private_folder
+    from engine.platform.private_folder import private_folder
 
     folder = private_folder(settings.data.parent, settings.data.name)
     files = Files(settings.store, HASTY, CircuitBreaker())

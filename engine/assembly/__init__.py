@@ -5,23 +5,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array, copied
-from engine.assembly.bilateral import BilateralRow, bilateral_arrays
-from engine.assembly.clearances import add_play, faces_with_play, without_play
+from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
-from engine.assembly.ideal_joints import joint_rows
-from engine.assembly.joints import joint_pairs
-from engine.assembly.loads import load_arrays
-from engine.assembly.motions import motion_rows
-from engine.assembly.phases import phase_arrays
+from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
+from engine.assembly.loads import load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.remembered import remembered
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
-from engine.assembly.time_laws import time_law_arrays
-from engine.assembly.unknowns import Unknowns, layout
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.context import RunArrays
-from engine.kernels.model import BilateralState, Bodies, BroadPhase, ContactSites, Model, Scratch, State, StepStart
+from engine.kernels.model import (
+    BilateralState,
+    Bodies,
+    BroadPhase,
+    ContactSites,
+    Model,
+    RunArrays,
+    Scratch,
+    State,
+    StepStart,
+)
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Assembly", "assemble"]
@@ -50,7 +53,7 @@ class _Prepared:
 
     assembly: Assembly
     held: list[BilateralRow]  # the rows of the ideal joints
-    faces: tuple[tuple[int, str, str], ...]  # see `clearances.add_play`
+    faces: tuple[tuple[int, str, str], ...]  # see `joints.add_play`
 
 
 def assemble(mechanism: Mechanism) -> Assembly:

@@ -1,14 +1,18 @@
-"""Contact pairs as arrays: first those of joints with clearance, then those in the file's [contacts]."""
+"""Contact pairs as arrays: first those of joints with clearance, then those in the file's [contacts].
 
+Their primitives become geometry rows from the centre of mass (table in `kernels.contact_geometry.gaps`), their profiles
+rows of `kernels.contact_geometry.solids`, one per line or arc.
+"""
+
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from engine.arrays import Array, Integers
-from engine.assembly.frames import BodyFrame
-from engine.assembly.primitives import rows
-from engine.assembly.profile_rows import NO_PIECES, profile_pieces
+from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.remembered import remembered
 from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.kernels.model import (
@@ -22,14 +26,22 @@ from engine.kernels.model import (
     ON_ROUND,
     ON_SURFACE,
     ON_TURNED,
+    PIECE,
     POINT_PLANE,
     RING_BORE,
     Contacts,
     Laws,
     Surfaces,
 )
-from engine.mechanism.contacts import PAIRS
+from engine.mechanism.closed_profiles import Piece
+from engine.mechanism.contacts import PAIRS, Contact, Side
 from engine.mechanism.models import Mechanism
+from engine.mechanism.surfaces.patches import mean_direction
+
+NO_PIECES = np.zeros((0, PIECE))
+SMOOTH = 1e-9  # sine of the angle at a joint; a smaller one is no corner
+
+ENDLESS = math.inf
 
 _SOLIDS = {
     "cylinder": ON_ROUND,
@@ -52,6 +64,38 @@ KINDS = {
 """The number of every supported pair of primitives."""
 
 
+def profile_pieces(side: Side) -> Array:
+    """Return the pieces of a side's profile, shape (np, PIECE); empty if it has no profile."""
+    if side.kind not in ("turned", "extruded"):
+        return NO_PIECES
+    curve = side.primitive.curve
+    return np.array([_piece_row(piece, curve[i - 1], curve[(i + 1) % len(curve)]) for i, piece in enumerate(curve)])
+
+
+def _piece_row(piece: Piece, before: Piece, after: Piece) -> list[float]:
+    """Return the row of a piece; where it ends on the axis of a turned solid, its mirror image is its neighbour."""
+    middle, reach, place, way = 0.5 * (piece.start + piece.end), 0.5 * abs(piece.end - piece.start), 0j, 0j
+    radius = piece.radius if piece.left else -piece.radius
+    if piece.centre is None:
+        place = piece.direction(0.0)
+    else:
+        place, way = piece.centre, complex(piece.point(0.5) - piece.centre) / piece.radius
+        if piece.sweep > math.pi:
+            middle, reach = piece.centre, piece.radius
+    one, other = piece.direction(0.0), piece.direction(1.0)
+    start, bend = _corner(before.direction(1.0) if before.end == piece.start else one.conjugate(), one)
+    end, bow = _corner(other, after.direction(0.0) if after.start == piece.end else other.conjugate())
+    numbers = (piece.start, piece.end, middle, reach, radius, place, way, math.tan(piece.sweep / 4), start, end)
+    flat = [x for number in numbers for x in ((number.real, number.imag) if isinstance(number, complex) else (number,))]
+    return [*flat, bend, bow]
+
+
+def _corner(before: complex, after: complex) -> tuple[complex, float]:
+    """Return the direction bisecting the normals of two pieces, and 1 for a convex corner, -1, or 0 if smooth."""
+    halfway, bend = -1j * (before + after), (before.conjugate() * after).imag
+    return halfway / abs(halfway), 0.0 if abs(bend) <= SMOOTH else math.copysign(1.0, bend)
+
+
 @dataclass(frozen=True)
 class Pair:
     """A potential contact: two primitives on two bodies."""
@@ -65,7 +109,7 @@ class Pair:
     clearance: float  # added to the distance to give the gap; for a contact of a joint, without the joint's play
     law: tuple[float, float]  # friction and restitution
     pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
-    play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `clearances.add_play`
+    play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
 
 
@@ -139,3 +183,85 @@ def reach(geometry: Array) -> float:
     """Return the largest distance of side a's point, arc or axis from its body's centre of mass, without skins."""
     with np.errstate(over="ignore"):  # an infinite reach is a valid bound: that contact is always near
         return float(np.linalg.norm(geometry[:3]) + geometry[9])
+
+
+def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Array, Array, float]:
+    """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and the length added to their distance.
+
+    This length is minus the contact's offset and minus the skin of side a, i.e. the radius of a sphere or of a rounded
+    edge; for a ring around a cylinder it is the radial clearance between them.
+    """
+    a, b = contact.sides
+    row, skin = _row_a(a, frame_a)
+    if contact.kind == "ring-cylinder":
+        pin = b.primitive
+        n = frame_b.direction(pin.axis)
+        return row, _row(frame_b.point(pin.point), n, tangent(n), pin.radius), skin - pin.radius - contact.offset
+    return row, row_b(b, frame_b), -skin - contact.offset
+
+
+def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
+    """Return the row of side a, and its skin."""
+    shape = side.primitive
+    if side.kind == "point":
+        return _row(frame.point(shape)), 0.0
+    if side.kind in ("sphere", "ring"):
+        return _row(frame.point(shape.centre)), shape.radius
+    if side.kind == "arc":
+        n = frame.direction(shape.normal)
+        e = tangent(n) if shape.middle is None else _across(n, frame.direction(shape.middle))
+        return _row(frame.point(shape.centre), n, e, shape.radius, shape.half_angle), shape.edge_radius
+    n = frame.direction(shape.axis)  # a cylinder, represented by its circle at mid-height
+    return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
+
+
+def row_b(side: Side, frame: BodyFrame) -> Array:
+    """Return the row of side b: place, axis, tangent and bounds."""
+    shape = side.primitive
+    if side.kind == "surface":
+        middle, pole = mean_direction(shape.top)
+        n = frame.direction(pole)
+        return _row(frame.point(middle), n, tangent(n))
+    if side.kind in ("sphere", "socket"):
+        pole = np.array([0.0, 0.0, 1.0])
+        bounds = _walls(shape.radius, side.kind == "socket")
+        return _row(frame.point(shape.centre), pole, tangent(pole), *bounds, -ENDLESS, ENDLESS)
+    if side.kind in ("cylinder", "bore"):
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
+        return _row(frame.point(shape.point), n, tangent(n), *_walls(shape.radius, side.kind == "bore"), -half, half)
+    if side.kind == "turned":
+        n = frame.direction(shape.axis)
+        return _row(frame.point(shape.point), n, tangent(n))
+    if side.kind == "extruded":
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
+        return _row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
+    n = frame.direction(shape.normal)
+    if side.kind == "plane":
+        return _row(frame.point(shape.point), n, tangent(n))
+    if side.kind == "disc":
+        depth = shape.radius if shape.depth is None else shape.depth
+        return _row(frame.point(shape.centre), n, tangent(n), -ENDLESS, shape.radius, -depth, 0.0)
+    depth = min(shape.half_lengths) if shape.depth is None else shape.depth
+    e = _across(n, frame.direction(shape.along))
+    return _row(frame.point(shape.centre), n, e, *shape.half_lengths, -depth, 0.0)
+
+
+def _row(*numbers: Any) -> Array:
+    """Return numbers and vectors as a row, padded with zeros."""
+    row, at = np.zeros(GEOMETRY), 0
+    for part in numbers:
+        size = 1 if isinstance(part, float | int) else len(part)
+        row[at : at + size] = part
+        at += size
+    return row
+
+
+def _walls(radius: float, hollow: bool) -> tuple[float, float]:
+    """Return the smallest and largest distance of a round solid's material from its axis."""
+    return (radius, ENDLESS) if hollow else (-ENDLESS, radius)
+
+
+def _across(n: Array, direction: Array) -> Array:
+    """Return the unit vector perpendicular to n that is nearest to a direction."""
+    e = direction - (direction @ n) * n
+    return np.asarray(e / np.linalg.norm(e))

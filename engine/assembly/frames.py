@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.kernels.model import State
-from engine.kernels.rotations import rotation_matrix
+from engine.kernels.vectors import rotation_matrix
 from engine.mechanism.models import Mechanism
 
 

@@ -1,20 +1,35 @@
-"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1)."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1), and ideal joints as bilateral rows."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.contacts import KINDS, Pair
+from engine.assembly.bilateral import BilateralRow, turning_arm
+from engine.assembly.contacts import KINDS, Pair, row_b
 from engine.assembly.frames import BodyFrame, tangent
-from engine.assembly.primitives import row_b
-from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
+from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE, SLIDE, TURN
+from engine.mechanism.base import TableModel
 from engine.mechanism.contacts import Side
-from engine.mechanism.joints import Prismatic, Revolute, Spherical
+from engine.mechanism.joints import Joint, Prismatic, Revolute, Spherical
 from engine.mechanism.models import Mechanism
 from engine.mechanism.primitives import Socket
+
+# The directions along which the points are held, and those about which the bodies are held. n is the joint's axis or
+# normal in the first body; e and f are perpendicular to it.
+HELD = {
+    "revolute": ("nef", "ef"),
+    "cylindrical": ("ef", "ef"),
+    "prismatic": ("ef", "efn"),
+    "spherical": ("nef", ""),
+    "planar": ("n", "ef"),
+    "fixed": ("nef", "efn"),
+}
+
+MOST_SHAPES = 1000  # kept in memory
+_shapes: dict[Any, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -158,3 +173,96 @@ def _plane(p: Array, normal: Array) -> Array:
     row = np.zeros(GEOMETRY)
     row[:3], row[3:6], row[6:9] = p, normal, tangent(normal)
     return row
+
+
+# Ideal joints as bilateral rows, named JOINT.slide1, ..., JOINT.turn1, ... (paper, eqs. 14-16).
+
+
+def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[BilateralRow]:
+    """Yield the rows of all joints: for an ideal joint, 6 minus the number of its degrees of freedom.
+
+    A joint with play has no rows, except a shaft in a sleeve whose rotation is held. R, (nb + 1, 3, 3), holds the
+    rotations at the start.
+    """
+    for name, joint in mechanism.joints.items():
+        slides, turns = _held(joint)
+        if not slides and not turns:
+            continue
+        place = mate(joint, frames, R)
+        bodies = place.a.index, place.b.index
+        way, other = _directions(joint, place)
+        arm = turning_arm(mechanism, [side.body for side in joint.sides])
+        for i, k in enumerate(slides):
+            row = np.concatenate([place.point_a, way[k], place.point_b])
+            yield BilateralRow(f"{name}.slide{i + 1}", SLIDE, *bodies, row)
+        for i, k in enumerate(turns):
+            d = "e" if k == "n" else "n"  # a direction perpendicular to k, which shows the rotation about k
+            row = np.concatenate([way[d], way[k], other[d]])
+            yield BilateralRow(f"{name}.turn{i + 1}", TURN, *bodies, row, arm=arm)
+
+
+def _held(joint: Any) -> tuple[str, str]:
+    """Return the directions along which and about which a joint holds."""
+    if joint.ideal:
+        return HELD[joint.type]
+    held = isinstance(joint, Prismatic) and joint.shaft is not None and joint.shaft.turning == "held"
+    return "", "n" if held else ""
+
+
+def _directions(joint: Any, place: Mate) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return n, e, f in a's axes; and in b's axes, n as given in the file and e, f as they are at the start."""
+    n = place.a.direction(joint.axes[0]) if joint.axes else np.array([0.0, 0.0, 1.0])
+    e = tangent(n)
+    way = {"n": n, "e": e, "f": np.cross(n, e)}
+    other = {k: place.relative @ d for k, d in way.items()}
+    if joint.axes:
+        other["n"] = place.align(n, place.b.direction(joint.axes[1]))
+    return way, other
+
+
+# The play of the joints, kept apart from everything else of a mechanism.
+#
+# Play is what campaigns vary most, and it is only a number added to gaps: all other arrays are those of the mechanism
+# without play and do not change with it.
+
+
+def without_play(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism with clearance 0 in every joint; the joints are the same objects whatever their play."""
+    return mechanism.model_copy(update={"joints": {name: _shape(joint) for name, joint in mechanism.joints.items()}})
+
+
+def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], clearance: Array) -> None:
+    """Add the play of the joints to ``clearance``, (nc,), in place.
+
+    Each of ``faces`` is the number of a contact, its joint, and the key of its clearance.
+    """
+    for i, joint, key in faces:
+        clearance[i] += getattr(mechanism.joints[joint], key)
+
+
+def faces_with_play(pairs: Iterable[Pair]) -> tuple[tuple[int, str, str], ...]:
+    """Return the number, the joint and the key of the clearance for each contact of a joint."""
+    return tuple((i, *pair.play) for i, pair in enumerate(pairs) if pair.play is not None)
+
+
+def _shape(joint: Joint) -> Any:
+    """Return a joint with clearance 0: the same object for all joints that differ in nothing else."""
+    entries = joint.__dict__
+    closed = {key: 0.0 for key in joint.CLEARANCES if entries[key] is not None}
+    content = type(joint), *closed, *[_exact(value) for key, value in entries.items() if key not in joint.CLEARANCES]
+    shape = _shapes.get(content)
+    if shape is None:
+        if len(_shapes) >= MOST_SHAPES:
+            _shapes.clear()
+        # the shape keeps the tables of the joint alive, so that no other object can get their ids
+        shape = _shapes.setdefault(content, joint.model_copy(update=closed))
+    return shape
+
+
+def _exact(value: Any) -> Any:
+    """Return a key that only the same value has: unlike the float itself, it distinguishes -0.0 from 0.0."""
+    if isinstance(value, TableModel):
+        return id(value)
+    if isinstance(value, tuple):
+        return tuple(map(_exact, value))
+    return value.hex() if isinstance(value, float) else value

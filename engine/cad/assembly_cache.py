@@ -8,11 +8,11 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from engine.build import hash_sources
 from engine.cad.archive import unpacked
 from engine.cad.cad_model import CadAssembly
 from engine.errors import FolderError
-from engine.private_folder import private_folder
+from engine.platform.build import hash_sources
+from engine.platform.private_folder import private_folder
 
 MOST_BYTES = 2**30
 """Limit for all files together; the least recently used are deleted first."""

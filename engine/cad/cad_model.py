@@ -1,18 +1,21 @@
 """The content of a STEP file as plain numbers: parts, solids, faces, circular edges, limits of size, triangles.
 
 All positions and directions are in the frame of the assembly, as posed in the file; lengths in mm, angles in rad. The
-type of a field determines the power of the unit of length with which its numbers scale, see
-`engine.cad.unit_of_length`.
+type of a field determines the power of the unit of length with which its numbers scale, see `in_unit`. A product is
+read once, in its own frame, and placed as each of its parts, see `placed_product`.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from dataclasses import dataclass, field, is_dataclass, replace
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from engine.arrays import Array, Integers
 
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "surface"]
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -267,3 +270,109 @@ class CadAssembly:
     def faces_of(self, part: str) -> tuple[CadFace, ...]:
         """Return the faces of a part."""
         return tuple(face for face in self.faces if face.part == part)
+
+
+# -- placing a product ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProductGeometry:
+    """The components of a product in its own frame; faces are numbered from 0."""
+
+    solids: tuple[Solid, ...]
+    faces: tuple[CadFace, ...]
+    edges: tuple[CadEdge, ...]
+    mesh: TriangleMesh
+
+
+def placed_product(product: ProductGeometry, part: str, placement: Placement, first_face: int) -> ProductGeometry:
+    """Return a product as a part placed in the assembly; `first_face` is the number of its first face there."""
+    return ProductGeometry(
+        solids=tuple(_solid(solid, placement) for solid in product.solids),
+        faces=tuple(replace(_face(f, placement), part=part, number=f.number + first_face) for f in product.faces),
+        edges=tuple(_edge(edge, part, placement, first_face) for edge in product.edges),
+        mesh=_mesh(product.mesh, part, placement, first_face),
+    )
+
+
+def _solid(solid: Solid, placement: Placement) -> Solid:
+    turn = placement.matrix
+    return replace(solid, centre=placement.to_assembly(solid.centre), inertia=turn @ solid.inertia @ turn.T)
+
+
+def _face(face: CadFace, placement: Placement) -> CadFace:
+    turn = placement.matrix
+    return replace(
+        face,
+        point=placement.to_assembly(face.point),
+        axis=turn @ face.axis,
+        middle=turn @ face.middle,
+        on=placement.to_assembly(face.on),
+        normal=turn @ face.normal,
+        splines=tuple(_spline(spline, placement) for spline in face.splines),
+    )
+
+
+def _spline(spline: SplineSurface, placement: Placement) -> SplineSurface:
+    placed = replace(spline, points=placement.to_assembly(spline.points))
+    return placed.turned_over() if placement.mirrored else placed
+
+
+def _edge(edge: CadEdge, part: str, placement: Placement, first_face: int) -> CadEdge:
+    turn = placement.matrix
+    return replace(
+        edge,
+        part=part,
+        faces=tuple(number + first_face for number in edge.faces),
+        centre=placement.to_assembly(edge.centre),
+        axis=turn @ edge.axis,
+        middle=turn @ edge.middle,
+    )
+
+
+def _mesh(mesh: TriangleMesh, part: str, placement: Placement, first_face: int) -> TriangleMesh:
+    triangles = mesh.triangles[:, ::-1] if placement.mirrored else mesh.triangles  # outward is counter-clockwise
+    return replace(
+        mesh,
+        part=part,
+        vertices=placement.to_assembly(mesh.vertices),
+        triangles=np.ascontiguousarray(triangles),
+        faces=mesh.faces + first_face,
+    )
+
+
+# -- another unit of length -------------------------------------------------------------------------------------------
+
+
+def in_unit(geometry: _T, millimetres: float) -> _T:
+    """Return data in mm from a CAD file, or derived from it, in another unit of length, given in mm, > 0.
+
+    Areas, volumes, inertias and densities change too; masses stay in g.
+    """
+    scaled: _T = _scaled(geometry, 0, 1.0 / millimetres)
+    return scaled
+
+
+def _scaled(value: Any, power: int, factor: float) -> Any:
+    """Return a value times a power of the factor; in a dataclass, each field with its own power."""
+    if is_dataclass(value) and not isinstance(value, type):
+        each = _powers(type(value)).items()
+        return replace(value, **{name: _scaled(getattr(value, name), own, factor) for name, own in each})
+    if isinstance(value, tuple):
+        return tuple(_scaled(entry, power, factor) for entry in value)
+    if power and isinstance(value, float | np.ndarray):
+        return value * factor**power
+    return value
+
+
+@cache
+def _powers(kind: type) -> dict[str, int]:
+    """Return the power of the unit of length for each field of a dataclass, by name."""
+    return {name: _power(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+
+
+def _power(hint: Any) -> int:
+    """Return the power annotated on a type or on one of its components; 0 if there is none."""
+    if isinstance(hint, LengthPower):
+        return hint.power
+    return next((power for inner in get_args(hint) if (power := _power(inner))), 0)

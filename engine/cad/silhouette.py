@@ -8,8 +8,8 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from engine.arrays import Array
-from engine.cad.angles import perpendicular
 from engine.cad.cad_model import TriangleMesh
+from engine.cad.geometry import perpendicular
 
 _PIXELS = 500  # along the longer side
 _STRAIGHT = 1.0  # pixels between the outline and its simplification

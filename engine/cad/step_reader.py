@@ -1,20 +1,110 @@
-"""Read a STEP file once, in a separate process with limits; afterwards it comes from the user's cache."""
+"""Read a STEP file, and measure distances in it, in a separate process with limits, which OCCT can crash or block.
+
+Each question is asked once; afterwards its answer comes from the user's cache.
+"""
 
 import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from engine.cad.archive import unpacked
-from engine.cad.assembly_cache import cached, keep
+from engine.cad.assembly_cache import cached, cached_answer, keep, keep_answer
 from engine.cad.cad_model import CadAssembly
-from engine.cad.occt_process import USUAL_LIMITS, ReadingLimits, ask_occt
 from engine.errors import CadError
-from engine.file_kinds import content_kind
-from engine.regular_file import read_regular_file
+from engine.faults.file_kinds import content_kind
+from engine.platform.regular_file import read_regular_file
+
+_TOO_SLOW = "OCCT needs more than {} s to read it; export only the parts of the mechanism"
+
+_SHAPES = "its shapes", "repair the parts in the CAD system, and export them again, as AP242 or AP214"
+_LIMITS = "its dimensions", "export it again without PMI, and give the limits in the campaign file"
+_MATERIALS = "names and materials", "export it again without materials, and give each body its density"
+_STAGES = {
+    "size_limits": _LIMITS,
+    "names_and_materials": _MATERIALS,
+    "product_tree": ("its assembly", "export it again, as AP242 or AP214, with fewer levels"),
+}
+"""What the modules of `engine.cad.occt` read, and the remedy if they fail."""
 
 RECOGNITION = 1e-4
 """Default of the largest recognition gap [mm]."""
 
 _BEGINNING, _END = b"ISO-10303-21;", b"END-ISO-10303-21;"
+
+
+@dataclass(frozen=True)
+class ReadingLimits:
+    """The limits of time and memory for reading one CAD file."""
+
+    file_bytes: int = 100 * 2**20
+    memory_bytes: int = 4 * 2**30
+    seconds: int = 600
+
+
+USUAL_LIMITS = ReadingLimits()
+
+
+def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
+    """Return the answer of `engine.cad.occt` to a question, see its `__main__`, about the content of a STEP file.
+
+    The path is only named in messages. Raises CadError if OCCT is not installed, refuses the file, crashes, or takes
+    too much time or memory.
+    """
+    if find_spec("OCP") is None:
+        raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
+    with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as name:
+        folder = Path(name)
+        (folder / "input.step").write_bytes(content)
+        (folder / "question.json").write_text(json.dumps(question), "utf-8")
+        return _answer(path, folder, limits)
+
+
+def _answer(path: str | Path, folder: Path, limits: ReadingLimits) -> bytes:
+    """Return what the process wrote into its folder."""
+    # Modules are found where this process finds its own, and never in the current folder.
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(os.path.isabs, sys.path))}
+    words = [folder, limits.memory_bytes, limits.seconds]
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-P", "-m", "engine.cad.occt", *map(str, words)],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            timeout=limits.seconds,
+        )
+    except subprocess.TimeoutExpired:
+        raise CadError(f"{path}: {_TOO_SLOW.format(limits.seconds)}") from None
+    if (answer := folder / "answer").exists() and ended.returncode == 0:
+        return answer.read_bytes()
+    if (refusal := folder / "refusal.txt").exists():
+        raise CadError(f"{path}: {refusal.read_text('utf-8')}")
+    raise CadError(f"{path}: {_crash(ended, limits)}")
+
+
+def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -> str:
+    """Return why a process ended without an answer."""
+    if ended.returncode == -signal.SIGXCPU:
+        return _TOO_SLOW.format(limits.seconds)
+    if ended.returncode < 0:
+        name = signal.Signals(-ended.returncode).name
+        return f"OCCT crashed while it read it ({name}); export it again, with other settings or fewer parts"
+    trace = ended.stderr.decode(errors="replace").strip()
+    *_, last = ["it said nothing", *trace.splitlines()]
+    if last.startswith(("ImportError", "ModuleNotFoundError")):
+        return f"the OCCT that is installed is not the one that is needed ({last}); pip install 'clearcap[cad]'"
+    what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in trace), _SHAPES)
+    return f"what it says of {what} is broken, and OCCT failed to read it ({last}); {remedy}"
 
 
 def read_step(path: str | Path, recognition: float = RECOGNITION, limits: ReadingLimits = USUAL_LIMITS) -> CadAssembly:
@@ -54,3 +144,38 @@ def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
 def _smaller(reason: str) -> str:
     """Return advice about a file that is too large."""
     return " with only the parts of the mechanism" if "bytes" in reason else ""
+
+
+@dataclass(frozen=True)
+class MeasuredShape:
+    """One end of a distance: faces or edges of a part as placed in the assembly, or a point."""
+
+    part: int = -1  # index in the assembly; -1 for a point
+    faces: tuple[int, ...] = ()  # indices in the part's product, as those of `edges`
+    edges: tuple[int, ...] = ()
+    point: tuple[float, ...] = ()  # in the assembly's frame [mm]; empty if it is not a point
+
+
+ShapePair = tuple[MeasuredShape, MeasuredShape]
+
+
+def drawn_distances(
+    path: str | Path, sha256: str, pairs: Sequence[ShapePair], limits: ReadingLimits = USUAL_LIMITS
+) -> list[float]:
+    """Return the distance of each pair [mm] as drawn in the file; 0 if they touch or overlap.
+
+    Shapes are numbered as by `engine.cad.read_step`, which also gives the hash; raises CadError as that does.
+    """
+    question = [[asdict(shape) for shape in pair] for pair in pairs]
+    text = json.dumps(question)
+    with suppress(ValueError):  # the cached answer is damaged
+        if (known := cached_answer(sha256, text)) is not None:
+            return _distances(known)
+    answer = ask_occt(path, step_content(path, limits), {"distances": question}, limits)
+    keep_answer(sha256, text, answer)
+    return _distances(answer)
+
+
+def _distances(answer: bytes) -> list[float]:
+    """Return the numbers of an answer; raise ValueError if it contains none."""
+    return [float(distance) for distance in json.loads(answer)]

@@ -22,7 +22,7 @@ from engine.cad.findings import (
     pins_in_slots,
     thrust_faces,
 )
-from engine.cad.findings.common_area import triangles_by_face
+from engine.cad.findings.facing_planes import triangles_by_face
 
 _LONGEST = 40  # letters in a body's name
 _LETTERS = str.maketrans(

@@ -10,7 +10,7 @@ from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import NearMiss
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 from engine.cad_import.proposed_joints import least_clearance, side
-from engine.cad_import.toml_lines import value
+from engine.cad_import.proposed_text import value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

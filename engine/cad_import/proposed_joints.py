@@ -10,9 +10,9 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
 from engine.cad.findings import PinInHole
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
-from engine.cad_import.toml_lines import key_line, question, value
+from engine.cad_import.proposed_text import key_line, question, value
 from engine.mechanism.geometry.cad_table import AS_DRAWN
-from engine.mechanism.geometry.sides import axis_of
+from engine.mechanism.geometry.face_search import axis_of
 
 LAW = "contact"
 """The material pair of all proposed joints and contacts."""

@@ -7,10 +7,10 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad import CadFace
 from engine.cad.findings import ExtrudedProfile, FacingPlanes, FacingRound
-from engine.cad.findings.round_places import WHOLE
+from engine.cad.findings.facing_rounds import WHOLE
 from engine.cad_import.found_geometry import FoundGeometry, FoundStop
 from engine.cad_import.proposed_joints import LAW, side
-from engine.cad_import.toml_lines import key_line, marked, question
+from engine.cad_import.proposed_text import key_line, marked, question
 from engine.mechanism.geometry.cad_table import NearPlace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 

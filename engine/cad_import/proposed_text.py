@@ -1,9 +1,18 @@
-"""The lines of a proposed file: tables, keys, and the questions above them, each with its line index."""
+"""The text of a proposed file: lines of tables, keys and questions, written, and found again by their line index."""
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from engine.cad_import.toml_lines import QUESTION
+from engine.faults.fault import one_line
+from engine.mechanism import library_names
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST
+
+QUESTION = "#?"
+"""The start of a line that asks the owner of the file a question."""
 
 MARK = "# "
 """The start of a line that has no effect until this mark is removed."""
@@ -14,6 +23,46 @@ Key = tuple[str, str]
 _KEY = re.compile(r"(# )?([A-Za-z_][\w-]*) = (.*?)(?:\s+# .*)?")
 _TABLE = re.compile(r"(# )?(\[[\w.-]+\])(?:\s+# .*)?")
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+def value(entry: Any) -> str:
+    """Return a value as TOML on one line: texts, numbers, true and false, lists, nested tables."""
+    match entry:
+        case bool():
+            return str(entry).lower()
+        case str():
+            return f'"{"".join(_escaped(c) for c in entry)}"'
+        case float():
+            return repr(round(entry, 12) + 0.0)  # + 0.0 turns -0.0 into 0.0
+        case int():
+            return str(entry)
+        case Mapping():
+            return f"{{ {', '.join(f'{key} = {value(inner)}' for key, inner in entry.items())} }}"
+        case Iterable():
+            return f"[{', '.join(value(float(inner) if hasattr(inner, 'dtype') else inner) for inner in entry)}]"
+    raise TypeError(f"{type(entry).__name__} is no TOML")
+
+
+def key_line(key: str, entry: Any, comment: str = "") -> str:
+    """Return a line with a key and its value."""
+    line = f"{key} = {value(entry)}"
+    return f"{line:<36} # {one_line(comment)}" if comment else line
+
+
+def question(key: str, text: str) -> str:
+    """Return the line of a question about a key or table."""
+    return f"{QUESTION} {key}: {one_line(text)}"
+
+
+def marked(lines: Iterable[str]) -> list[str]:
+    """Return lines with marks, which are inactive until their marks are removed."""
+    return [f"# {line}" for line in lines]
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return f"\\{character}"
+    return character if character.isprintable() else f"\\U{ord(character):08x}"
 
 
 @dataclass(frozen=True)
@@ -66,3 +115,34 @@ def what_it_asks(question: str) -> str:
 def path_of(key: Key) -> str:
     """Return the dotted path of a key."""
     return ".".join(filter(None, (key[0].strip("[]"), key[1])))
+
+
+# The open questions in a proposed file: its lines that begin with ``#?``.
+
+
+@dataclass(frozen=True)
+class OpenQuestion:
+    """A question in the text of a file."""
+
+    line: int  # from 1
+    text: str  # the key or table in question, a colon, and the question
+
+
+def open_questions(text: str) -> list[OpenQuestion]:
+    """Return the unanswered questions in a file; a person who answers one removes its line."""
+    lines = enumerate(text.splitlines(), 1)
+    return [
+        OpenQuestion(number, line.strip().removeprefix(QUESTION).strip())
+        for number, line in lines
+        if line.lstrip().startswith(QUESTION)
+    ]
+
+
+def questions_of_file(name_or_path: str | Path) -> list[OpenQuestion]:
+    """Return the open questions in a mechanism or campaign file; none for a shipped file or one that cannot be read."""
+    if str(name_or_path) in library_names():
+        return []
+    try:
+        return open_questions(read_regular_file(name_or_path, LARGEST).decode("utf-8", "replace"))
+    except (OSError, ValueError):  # ValueError: a null character in the name
+        return []

@@ -1,10 +1,29 @@
-"""Update a proposed file for a new revision of its CAD file: edits by a person stay, other entries follow the file."""
+"""Update a proposed file for a new revision of its CAD file: edits by a person stay, other entries follow the file.
+
+The CAD file for which it was written may have been replaced already, see `earlier_revision`.
+"""
 
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
-from engine.cad_import.proposed_text import MARK, Key, ProposedLine, entries_of, path_of, table_lines, what_it_asks
-from engine.cad_import.toml_lines import QUESTION
+from engine.cad import RECOGNITION, CadAssembly, read_step
+from engine.cad.assembly_cache import cached
+from engine.cad_import.proposed_text import (
+    MARK,
+    QUESTION,
+    Key,
+    ProposedLine,
+    entries_of,
+    path_of,
+    table_lines,
+    what_it_asks,
+)
+from engine.errors import CadError, MechanismError
+from engine.mechanism.faults import sub_table
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
 _PARAMETERS = "[parameters]"
 
@@ -140,3 +159,42 @@ class _Merge:
 def _questions(text: str) -> dict[str, str]:
     """Return the questions in a file, by their text without numbers."""
     return {what_it_asks(line): line for line in text.splitlines() if line.startswith(QUESTION)}
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierRevision:
+    """A mechanism file, and the assembly named in its ``[cad]`` table."""
+
+    text: str  # content of the mechanism file
+    name: str  # of the mechanism
+    file: str  # path of the CAD file, as given in the mechanism file
+    assembly: CadAssembly  # in mm
+
+
+def earlier_revision(path: Path) -> EarlierRevision:
+    """Read a mechanism file and the earlier content of its CAD file, even if another file has replaced it since.
+
+    Raises MechanismError if the mechanism file cannot be read or names no CAD file; CadError if the CAD file has other
+    content now, and what was read of it before is no longer in the cache.
+    """
+    try:
+        content = read_regular_file(path, LARGEST)
+        tables: dict[str, Any] = parse_toml(content)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise MechanismError(f"{path}: cannot be read ({reason}); give the mechanism file") from None
+    except UnfitToml as error:
+        raise MechanismError(f"{path}: {error}") from None
+    cad, name = sub_table(tables, "cad"), tables.get("name")
+    file, sha256, recognition = cad.get("file"), cad.get("sha256"), cad.get("recognition", RECOGNITION)
+    if not (isinstance(file, str) and isinstance(sha256, str) and isinstance(name, str)):
+        raise MechanismError(f"{path}: names no CAD file with its sha256; give a file of mechanism import")
+    assembly = cached(sha256, float(recognition))
+    if assembly is None:
+        assembly = read_step(path.parent / file, float(recognition))
+        if assembly.sha256 != sha256:
+            raise CadError(
+                f"{path}: {file} has another content by now, and what it held is not kept here; put the earlier file"
+                " back, and give the new one another name"
+            )
+    return EarlierRevision(content.decode("utf-8-sig"), name, file, assembly)

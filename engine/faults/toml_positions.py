@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from engine.faults.fault import Fault
-from engine.toml_file import TOKEN
+from engine.platform.toml_file import TOKEN
 
 Keys = tuple[str, ...]
 """Keys from the outermost inwards; entries of lists by their index from 0."""
@@ -33,7 +33,7 @@ def position_of(text: str, keys: Sequence[str]) -> TextPosition:
     Parameters
     ----------
     text : str
-        TOML that `engine.toml_file.parse_toml` accepts; any other text is followed as far as possible.
+        TOML that `engine.platform.toml_file.parse_toml` accepts; any other text is followed as far as possible.
     keys : sequence of str
         The tables and the key, from the outside in; list entries by their index from 0.
 
@@ -53,7 +53,7 @@ def with_positions(faults: Iterable[Fault], content: bytes) -> tuple[Fault, ...]
     faults : iterable of Fault
         Faults whose keys refer to the text.
     content : bytes
-        The text, which `engine.toml_file.parse_toml` accepts.
+        The text, which `engine.platform.toml_file.parse_toml` accepts.
     """
     known = key_positions(content.decode("utf-8-sig"))
     places = ((fault, _nearest(known, fault.keys)) for fault in faults)

@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.arrays import Array, Integers, aligned_zeros
-from engine.compiler.numba_internals import by_address
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
-from engine.jit import inner
-from engine.lanes import LANES, fused, read, spread, total, write
+from engine.jit import by_address, inner
+from engine.jit.lanes import LANES, fused, read, spread, total, write
 
 CONVERGED = 0
 NOT_CONVERGED = 1
@@ -37,7 +36,7 @@ class ContactLanes(NamedTuple):
     mu: np.ndarray  # (m,)
     compliance: np.ndarray  # (m,)
     scale: np.ndarray  # (m,) mean diagonal of the contact's own Delassus block
-    unit: np.ndarray  # (m,) the contact's unit of velocity, see `units`
+    unit: np.ndarray  # (m,) the contact's unit of velocity, see `solver`
     q: np.ndarray  # (3, m)
     r: np.ndarray  # (3, m)
     u: np.ndarray  # (3, m)
@@ -99,7 +98,7 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
     node, pair = integers.view(np.int64)[: nc * runs], integers.view(np.int64)[nc * runs :]
     node[:] = -1
     lanes = ContactLanes(*ones, *threes[:9], *nines, *threes[9:])
-    lanes.unit[:] = 1.0  # as `units.restore` leaves it: the residual may be needed before anything is solved
+    lanes.unit[:] = 1.0  # as `solver.restore` leaves it: the residual may be needed before anything is solved
     q, r, u = per_contact
     mu, compliance = numbers
     return FrictionArrays(

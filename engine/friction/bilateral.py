@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.numba_internals import by_address
 from engine.friction.blocks import BODY, PIECE, ROW, clear, factorise, start_system, substitute
-from engine.jit import inner, kernel
+from engine.jit import by_address, inner, kernel
 
 EPS = 1e-12
 REFINEMENTS = 1  # leaves 1e-11 in a chain of 400 links

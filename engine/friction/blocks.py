@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.numba_internals import by_address
-from engine.jit import inner
-from engine.lanes import LANES, fused, read, spread, total, write
+from engine.jit import by_address, inner
+from engine.jit.lanes import LANES, fused, read, spread, total, write
 
 BODY = 6  # velocities per body
 ROW = LANES

@@ -10,7 +10,7 @@ minimises |H_N' p|^2 + (1 + q_N . p)^2 balances if no velocity fits; otherwise i
 import numpy as np
 
 from engine.arrays import Array
-from engine.linear_algebra import nonnegative_least_squares
+from engine.platform.linear_algebra import nonnegative_least_squares
 
 # With rounded numbers no balance is exact. A remainder e = H_N' p still proves that any fitting velocity is at least
 # p . (-q_N) / |e|. If this is less than ENDLESS times the velocity that a single contact requires, there may be one.

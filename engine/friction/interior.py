@@ -20,11 +20,12 @@ import numpy as np
 from engine.friction.arrays import add_impulse, all_relative, copy, finish
 from engine.friction.bilateral import add_bilateral
 from engine.friction.blocks import add_contact, clear, factorise, start_system, substitute
-from engine.friction.complementarity import read_matrix, write_matrix
-from engine.friction.cone import residual
-from engine.friction.inside_cone import FAR, TINY, scaling, to_boundary
+from engine.friction.complementarity import read_matrix, residual, write_matrix
 from engine.jit import inner
-from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
+from engine.jit.lanes import LANES, choose, larger, least, read, root, spread, total, write
+
+TINY = 1e-300
+FAR = 1e3  # upper limit of the step, as a multiple of the direction
 
 
 class Pace(NamedTuple):
@@ -258,3 +259,33 @@ def _gap_after(c, step):
             x, y = read(c.x[k], i) + step * read(c.dr[k], i), read(c.y[k], i) + step * read(c.du[k], i)
             gap += choose(there, x * y, 0.0)
     return total(gap)
+
+
+@inner
+def scaling(x0, x1, x2, y0, y1, y2):
+    """Return the upper half of the Nesterov-Todd scaling W, W y = W^-1 x."""
+    ax, ay = _root_determinant(x0, x1, x2), _root_determinant(y0, y1, y2)
+    g = root(0.5 * (1 + (x0 * y0 + x1 * y1 + x2 * y2) / (ax * ay)))
+    w0, w1, w2 = (x0 / ax + y0 / ay) / (2 * g), (x1 / ax - y1 / ay) / (2 * g), (x2 / ax - y2 / ay) / (2 * g)
+    eta, k = root(ax / ay), 1 / (1 + w0)
+    return eta * w0, eta * w1, eta * w2, eta * (1 + k * w1 * w1), eta * k * w1 * w2, eta * (1 + k * w2 * w2)
+
+
+@inner
+def _root_determinant(x0, x1, x2):
+    """Return the square root of x_0^2 - |x_T|^2, kept above zero."""
+    t = root(x1 * x1 + x2 * x2)
+    return root(larger((x0 - t) * (x0 + t), TINY))
+
+
+@inner
+def to_boundary(x0, x1, x2, d0, d1, d2):
+    """Return the largest steps along d that remain in the second-order cones."""
+    a, b, c = d0 * d0 - d1 * d1 - d2 * d2, x0 * d0 - x1 * d1 - x2 * d2, x0 * x0 - x1 * x1 - x2 * x2
+    square = b * b - a * c
+    way = root(larger(square, 0.0))
+    ahead = choose((square > 0.0) & (b < 0.0), c / (way - b), FAR)
+    step = choose(a < 0.0, (-b - way) / a, ahead)
+    edge = -x0 / d0
+    step = choose((d0 < 0.0) & (edge < step), edge, step)
+    return larger(step, 0.0)

@@ -16,11 +16,11 @@ from engine.friction.complementarity import (
     natural_map,
     natural_mismatch,
     read_matrix,
+    residual,
     smoothed_mismatch,
 )
-from engine.friction.cone import residual
 from engine.jit import inner
-from engine.lanes import LANES, choose, read, spread, total, write
+from engine.jit.lanes import LANES, choose, read, spread, total, write
 
 SHRINK = 0.04  # factor of tau^2 once the smoothed equation is solved accurately enough for its smoothing
 POOR = 0.5  # a step on the natural map is poor if it leaves more than this share of the merit

@@ -73,7 +73,7 @@ class FrictionSolution:
     v : (n,) array
         Velocities.
     residual : float
-        Relative natural-map residual, see `engine.friction.cone.residual`.
+        Relative natural-map residual, see `engine.friction.complementarity.residual`.
     iterations : int
         Number of solver steps.
     status : str

@@ -1,6 +1,12 @@
 """Solve a friction problem: a fast method from the last solution, then robust methods from zero impulses.
 
-All methods work in units in which the Delassus scales of the contacts are nearly equal (`units`).
+All methods work in units in which the Delassus scales of the contacts are nearly equal.
+
+Coulomb's law holds in any unit: with rows d_i G_i and velocities d_i q_i the impulses are r_i / d_i. Where a light
+body and a heavy one touch other bodies, the Delassus scales s_i = |G_i|^2 / 3 of their contacts differ as their
+masses do, and so does the significance of one unit of velocity. With d_i = (s / s_i)^(1/2), s the mean, speeds are
+weighted as in the kinetic energy, and smoothing and line search treat all contacts alike. The factors are powers of
+two, which change no digit.
 
 1. From given impulses: Newton's method on the natural map, which takes one or two steps if the impulses are those of
    the previous time step; then the interior-point method, which approaches the solution from inside the cones.
@@ -16,6 +22,8 @@ fewest steps. A smoothed attempt that makes slow progress is abandoned early, be
 waiting; all attempts share a budget.
 """
 
+import math
+
 import numpy as np
 
 from engine.friction.arrays import (
@@ -28,11 +36,11 @@ from engine.friction.arrays import (
     give_contacts,
     take_contacts,
 )
-from engine.friction.blocks import BODY
+from engine.friction.blocks import BODY, ROW
 from engine.friction.interior import BOLD, Pace, interior_point
 from engine.friction.newton import newton
-from engine.friction.units import even_out, restore
 from engine.jit import inner, kernel
+from engine.jit.lanes import read, write
 
 NATURAL_STEPS = 30
 PROXIMAL_GIVEN = 0.1  # share of the residual: near a solution the proximal term keeps the impulses in place
@@ -64,7 +72,7 @@ def solve_friction(nc, p, tolerance):
     """Solve the first ``nc`` contacts of ``p`` from the impulses in ``p.r``; return status, total steps and residual.
 
     On return ``p.r``, ``p.u`` and ``p.w`` hold the solution. If no method reaches ``tolerance``, a relative residual
-    (`cone.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual.
+    (`complementarity.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual.
     """
     goal, c = Goal(tolerance, take_contacts(nc, p)), p.contacts
     even_out(nc, p, goal.scale)
@@ -147,3 +155,52 @@ def _follow(nc, p, goal, tau2, load, proximal, before, effort):
             copy(c.r, c.base)
             end *= FALL
         natural = not natural
+
+
+@inner
+def even_out(nc, p, mean):
+    """Give each contact the unit in which its Delassus scale is nearly ``mean``; `restore` undoes it.
+
+    The rows of p and the lanes of its contacts are changed.
+    """
+    c = p.contacts
+    for i in range(c.unit.shape[0]):
+        c.unit[i] = 1.0
+    for i in range(nc):
+        share = mean / c.scale[i]
+        if 0.5 <= share <= 2.0 or not 1e-200 < share < 1e200:
+            continue
+        _, exponent = math.frexp(share)
+        unit = math.ldexp(1.0, exponent >> 1)
+        c.unit[i] = unit
+        c.scale[i] *= unit * unit
+        c.compliance[i] *= unit * unit
+        for k in range(3):
+            c.q[k, i] *= unit
+            c.r[k, i] /= unit
+        _multiply(p.rows, i, unit)
+
+
+@inner
+def restore(nc, p):
+    """Undo `even_out`."""
+    c = p.contacts
+    for i in range(nc):
+        unit = c.unit[i]
+        if unit != 1.0:
+            c.scale[i] /= unit * unit
+            c.compliance[i] /= unit * unit
+            for k in range(3):
+                c.q[k, i] /= unit
+                c.r[k, i] *= unit
+                c.u[k, i] /= unit
+            _multiply(p.rows, i, 1 / unit)
+            c.unit[i] = 1.0
+
+
+@inner
+def _multiply(rows, i, factor):
+    """Multiply the rows of contact i."""
+    for k in range(3):
+        for s in range(rows.node.shape[1]):
+            write(factor * read(rows.G[i, k], ROW * s), rows.G[i, k], ROW * s)

@@ -7,9 +7,8 @@ import numpy as np
 
 from engine.friction.blocks import ROW
 from engine.jit import inner, kernel
-from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import ON_BALL, RING_BORE
-from engine.kernels.vectors import CENTRED, world_direction
+from engine.kernels.vectors import CENTRED, cross, transport, world_direction
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.jit import inner, kernel
-from engine.kernels.rotations import rotation_matrix, turn
+from engine.kernels.vectors import rotation_matrix, turn
 
 EULER_STEPS = 4
 NOTHING = 1e-150  # in any unit: smaller numbers are rounding errors of 0; arithmetic below 1e-308 is slow

@@ -10,12 +10,12 @@ from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.blocks import ROW
 from engine.friction.solver import solve_friction
 from engine.jit import inner
+from engine.jit.lanes import fused, read, spread, total
 from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.energy import work_of_displacement
-from engine.kernels.rotations import rotation_matrix, turn
-from engine.lanes import fused, read, spread, total
+from engine.kernels.vectors import rotation_matrix, turn
 
 ROUNDS = 40  # long chains with play need as many
 REACH = 2.0  # contacts with gaps below this multiple of the violation take part

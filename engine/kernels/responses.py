@@ -38,7 +38,7 @@ from engine.kernels.model import (
     TIME,
     VELOCITY,
 )
-from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
+from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
 
 
 @kernel

@@ -10,11 +10,10 @@ from engine.friction.interior import BOLD, interior_point
 from engine.friction.newton import newton
 from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
-from engine.kernels.bilateral import row_targets
+from engine.kernels.bilateral import hold_joints, row_targets
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.energy import kinetic_energy
-from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED

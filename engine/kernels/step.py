@@ -7,12 +7,11 @@ A step is a sequence of stages, each a kernel in its own module. All stages read
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
 from engine.jit import inner
-from engine.kernels.bilateral import row_targets
+from engine.kernels.bilateral import hold_joints, row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
-from engine.kernels.context import StepResult
 from engine.kernels.energy import work_of_contacts
-from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
+from engine.kernels.model import StepResult
 from engine.kernels.motion import damp, fastest_body, free_twist, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (

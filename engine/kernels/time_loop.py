@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.compiler.numba_internals import by_address
 from engine.friction.arrays import CONVERGED
-from engine.jit import inner, kernel
+from engine.jit import by_address, inner, kernel
 from engine.kernels.bilateral import begin_rows
-from engine.kernels.context import Control, StepContext
 from engine.kernels.energy import kinetic_energy
+from engine.kernels.model import Control, StepContext
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported

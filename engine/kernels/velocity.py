@@ -4,9 +4,9 @@ import numpy as np
 
 from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
+from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, aim_centred, relative_velocity, whitened_rows
-from engine.lanes import LANES, read, write
 
 
 @inner
@@ -132,7 +132,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
 
 @inner
 def worst_contact(problem, chosen, n):
-    """Return the contact, of the ``n`` in ``chosen``, with the largest residual, see `friction.cone.residual`."""
+    """Return the contact, of the ``n`` in ``chosen``, with the largest residual, see `complementarity.residual`."""
     c, worst, where = problem.contacts, -1.0, -1
     for j in range(0, n, LANES):
         s, u1, u2 = read(c.scale, j), read(c.u[1], j), read(c.u[2], j)

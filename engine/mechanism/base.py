@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from engine.mechanism.components import Axes, holds_numbers, written
-from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
+from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.quantities import Quantity
 
 LARGEST_NUMBER = 1e100  # in a file, so that squares and products of such numbers are finite

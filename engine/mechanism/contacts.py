@@ -6,7 +6,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from engine.mechanism.base import Length, Name, PairLaw, Point, TableModel, refuse
-from engine.mechanism.closed_profiles.profile_solids import Extruded, Turned
+from engine.mechanism.closed_profiles import Extruded, Turned
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface

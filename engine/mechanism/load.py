@@ -8,13 +8,13 @@ from typing import Any
 
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
+from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
-from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, with_geometry
 from engine.mechanism.models import Mechanism, mechanism_from, refused
-from engine.regular_file import read_regular_file
-from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 
 def library_names() -> list[str]:

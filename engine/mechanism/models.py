@@ -1,4 +1,4 @@
-"""The description of a mechanism, and its checks."""
+"""The description of a mechanism, with the settings of its runs, its test benches and presets, and its checks."""
 
 import hashlib
 import json
@@ -11,6 +11,7 @@ from pydantic import (
     PrivateAttr,
     SerializerFunctionWrapHandler,
     ValidationError,
+    ValidationInfo,
     model_serializer,
     model_validator,
 )
@@ -18,26 +19,188 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
-from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, refuse
-from engine.mechanism.benches import Bench, Plot, Preset, with_bench
+from engine.mechanism.base import (
+    Friction,
+    Name,
+    Number,
+    PositiveNumber,
+    Restitution,
+    TableModel,
+    Vector,
+    is_number,
+    refuse,
+    with_numbers,
+)
 from engine.mechanism.bodies import Body
-from engine.mechanism.conditions import ValidityCondition
+from engine.mechanism.conditions import Event, ValidityCondition
 from engine.mechanism.contacts import Contact
-from engine.mechanism.derived import ResponseDifference
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
-from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
+from engine.mechanism.geometry.cad_table import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
-from engine.mechanism.keys.formulas import formulas_in, with_formulas
-from engine.mechanism.keys.places import Place, along
+from engine.mechanism.keys.key_paths import Place, along, formulas_in, with_formulas
 from engine.mechanism.loads import Damper, Force, Spring, Torque
-from engine.mechanism.motions import Motion
-from engine.mechanism.parameters.parameter_table import PREFIX, parameter_values
-from engine.mechanism.parameters.usage import Uses, conflicting_units, parameter_units, unused_parameters
+from engine.mechanism.parameters import (
+    PREFIX,
+    Uses,
+    conflicting_units,
+    parameter_units,
+    parameter_values,
+    unused_parameters,
+)
 from engine.mechanism.quantities import Quantity, UnitSystem
-from engine.mechanism.readout import Event
 from engine.mechanism.references import pair_between, reference_faults
-from engine.mechanism.responses import Response
-from engine.mechanism.simulation import Phase, Simulation
+from engine.mechanism.responses import Response, ResponseDifference
+from engine.mechanism.time_laws import Motion
+
+Table = dict[str, Any]
+Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
+
+
+class Plot(TableModel):
+    """Two responses plotted against each other over the run, such as a force against a travel."""
+
+    x: Name = Field(description="the response along the axis of abscissae")
+    y: Name = Field(description="the response along the axis of ordinates")
+
+
+class Preset(TableModel):
+    """A named set of values."""
+
+    title: str = Field(default="", description="what the values are")
+    source: str = Field(default="", description="where they come from")
+    values: dict[str, Number] = Field(description="key -> number, as they can be set")
+
+
+class Bench(TableModel):
+    """Tables added to a mechanism or removed from it for a test; `on_bench` checks the resulting mechanism."""
+
+    title: str = Field(default="", description="what the test is called")
+    without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
+    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    simulation: Table = Field(default={}, description="keys of [simulation] that differ")
+    phases: tuple[Table, ...] | None = Field(default=None, description="the parts of the run, in the place of those")
+    validity: tuple[str, ...] | None = Field(default=None, description="the conditions, in the place of those")
+    parameters: dict[Name, Any] = Field(default={}, description="parameters that are added, or replace those here")
+    materials: Tables
+    bodies: Tables
+    joints: Tables
+    contacts: Tables
+    springs: Tables
+    dampers: Tables
+    forces: Tables
+    torques: Tables
+    motions: Tables
+    responses: Tables
+
+
+NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "torques", "motions", "responses")
+
+
+def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
+    """Return a mechanism's plain data with a bench's tables added and removed.
+
+    Raise MechanismError if the bench removes a table that does not exist.
+    """
+    merged = {**data, "bench": name, "benches": {}, "presets": {}}
+    tables = {table: dict(data.get(table, {})) for table in NAMED}
+    for path in bench.without:
+        table, _, entry = path.partition(".")
+        if entry not in tables.get(table, {}):
+            available = [f"{t}.{e}" for t in tables for e in tables[t]]
+            raise MechanismError(
+                f"benches.{name}.without = {path!r}: no such table; allowed: TABLE.NAME of one that is there"
+                f"{did_you_mean(path, available)}"
+            )
+        del tables[table][entry]
+    for table in NAMED:
+        tables[table].update(getattr(bench, table))
+    merged |= {table: entries for table, entries in tables.items() if entries or table in data}
+    if parameters := {**data.get("parameters", {}), **bench.parameters}:
+        merged["parameters"] = parameters
+    merged["simulation"] = {**data["simulation"], **bench.simulation}
+    own = bench.model_dump(include={"title", "plot", "phases", "validity"}, exclude_unset=True)
+    return merged | own
+
+
+class Rest(TableModel):
+    """The criterion of rest: for some time no measured quantity moves, and no contact that carries load."""
+
+    window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
+    drift: Annotated[PositiveNumber, Quantity("length")] = Field(
+        description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
+    )
+
+
+class Adaptive(TableModel):
+    """Longer time steps while everything is slow."""
+
+    longest: Annotated[PositiveNumber, Quantity("time")] = Field(
+        description="the longest time step, a number > 0; the shortest is step"
+    )
+    travel: Annotated[PositiveNumber, Quantity("length")] = Field(
+        description="how far a body may move in a step longer than the shortest, a number > 0"
+    )
+
+
+class Simulation(TableModel):
+    """The default settings of a run."""
+
+    step: Annotated[PositiveNumber, Quantity("time")] = Field(description="the time step, a number > 0")
+    horizon: Annotated[PositiveNumber, Quantity("time")] = Field(description="the longest simulated time, a number > 0")
+    tolerance: Annotated[PositiveNumber, Field(le=1e-3), Quantity("number")] = Field(
+        default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
+    )
+    penetration: Annotated[PositiveNumber, Quantity("length")] = Field(
+        description="the largest gap violation after a step, a number > 0"
+    )
+    wall_limit: Annotated[PositiveNumber, Quantity("real time")] = Field(
+        default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
+    )
+    joint_violation: Annotated[PositiveNumber, Quantity("length")] = Field(
+        default=0.0,
+        validate_default=False,  # `_default_violation` replaces it; 0 itself is refused
+        description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
+    )
+    scheme: Literal["combined", "moreau_jean"] = Field(
+        default="combined",
+        description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",
+    )
+    theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
+        default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
+    )
+    adaptive: Adaptive | None = Field(
+        default=None,
+        description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
+    )
+    rest: Rest = Field(description="the stop criterion: { window, drift }")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_violation(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or "joint_violation" in data:
+            return data
+        penetration = data.get("penetration")
+        if isinstance(penetration, str) and info.context is not None:  # the base class replaces it only later
+            penetration = with_numbers(penetration, info.context, "penetration")
+        if penetration is None or not is_number(penetration):
+            return data
+        return {**data, "joint_violation": 0.01 * penetration}
+
+
+class Phase(TableModel):
+    """A part of the run; it ends at rest, after ``duration`` or at the event ``until``, whichever comes first."""
+
+    name: Name = Field(description="what forces and torques call it")
+    duration: Annotated[PositiveNumber | None, Quantity("time")] = Field(
+        default=None, description="how long it lasts, a number > 0; default: until its event, or rest"
+    )
+    until: Event | None = Field(
+        default=None, description="the event that ends it: { response, above } or { response, below }; default: none"
+    )
+    damping: Annotated[Number, Field(ge=0), Quantity("rate")] = Field(
+        default=0.0,
+        description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
+    )
 
 
 class Material(TableModel):

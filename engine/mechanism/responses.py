@@ -1,15 +1,43 @@
-"""The responses of a mechanism: the quantities measured, and the instant at which each is read."""
+"""The responses of a mechanism: quantities measured, each read at an instant, and those derived from others."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, TableModel, refuse
-from engine.mechanism.derived import ConditionMet, ResponseDifference
+from engine.mechanism.conditions import At, ValidityCondition
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.readout import At
 
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
+
+
+class Derived(TableModel):
+    """Base class of the responses computed from reported values, whenever those were read."""
+
+    at: ClassVar[str] = "end"
+    from_phase: ClassVar[str | None] = None
+    to_phase: ClassVar[str | None] = None
+
+    title: str = Field(default="", description="what the response is called in a report")
+
+
+class ResponseDifference(Derived):
+    """One reported response minus another, for instance the force forward minus the force back."""
+
+    type: Literal["difference"] = Field(description="the kind of response")
+    of: Annotated[tuple[Name, Name], Field(description="two responses of one quantity: the first minus the second")]
+
+
+class ConditionMet(Derived):
+    """1 if a condition on a reported response holds, otherwise 0; for instance latched or not."""
+
+    type: Literal["condition"] = Field(description="the kind of response")
+    condition: ValidityCondition = Field(description='the condition, such as "latch_overlap > 0"')
+
+    @property
+    def quantity(self) -> Quantity:
+        """The quantity of a pure number."""
+        return Quantity("number")
 
 
 class Measured(TableModel):

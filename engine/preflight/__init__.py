@@ -1,6 +1,6 @@
 """Checks before a run: numbers in a wrong unit, motions without any load, rest that is detected too early."""
 
-from engine.preflight.caution import Caution
 from engine.preflight.cautions import cautions
+from engine.preflight.plausibility import Caution
 
 __all__ = ["Caution", "cautions"]

@@ -18,7 +18,7 @@ from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, State
-from engine.linear_algebra import nonnegative_least_squares
+from engine.platform.linear_algebra import nonnegative_least_squares
 
 ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
 NOTHING = 1e-9  # relative size below which a number is a rounding error of zero

@@ -7,9 +7,9 @@ import numpy as np
 
 from engine.errors import EngineError
 from engine.mechanism import Mechanism
-from engine.mechanism.geometry.geometry_certificate import DrawnGap, DrawnJoint, GeometryCertificate
-from engine.mechanism.geometry.plain_numbers import length
-from engine.preflight.caution import Caution
+from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
+from engine.mechanism.geometry.face_search import length
+from engine.preflight.plausibility import Caution
 
 AGREE = 1e-5
 """Largest difference [mm] between the two gaps, beyond the errors of recognising and converting the faces."""

@@ -1,9 +1,13 @@
-"""Read a trajectory file into arrays; a file that is not a valid trajectory is refused with the reason."""
+"""The settings of a recording, and a trajectory file read into arrays; one that is not valid is refused.
+
+Reading names the reason why a file is not a valid trajectory.
+"""
 
 import json
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +17,38 @@ from engine.errors import TrajectoryError
 from engine.mechanism import Mechanism, mechanism_from
 
 FORMAT, VERSION = "clearcap trajectory", 1
+
+
+class Recording(NamedTuple):
+    """A trajectory file that need not contain every step.
+
+    Attributes
+    ----------
+    path : str or Path
+        The file; an existing one is replaced.
+    every : int
+        Write every ``every``-th step, and always the first and the last state.
+    """
+
+    path: str | Path
+    every: int = 1
+
+    @classmethod
+    def of(cls, trajectory: "str | Path | Recording") -> "Recording":
+        """Return a recording unchanged; a path alone means a recording of every step.
+
+        Raises
+        ------
+        TrajectoryError
+            If ``every`` is not allowed.
+        """
+        recording = trajectory if isinstance(trajectory, cls) else cls(trajectory)  # type: ignore[arg-type]
+        if not isinstance(recording.every, Integral) or isinstance(recording.every, bool) or recording.every < 1:
+            raise TrajectoryError(f"every = {recording.every!r}: allowed: a whole number >= 1; 1 writes each step")
+        return recording
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from campaign.version import clearcap_version
 from engine import warm_up
-from engine.build import build_id
+from engine.platform.build import build_id
 from studies.axial_play.plays import Play, plays, run
 from studies.c60_spread.runs import clearances, shipped
 from studies.c60_spread.tables import FEWEST, Responses, column, interval, mean, sigma

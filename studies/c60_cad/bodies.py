@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from engine.cad import CadAssembly, CadPart, read_step
-from engine.cad.cad_model import Placement, TriangleMesh
-from engine.cad.placed_product import ProductGeometry, placed_product
+from engine.cad.cad_model import Placement, ProductGeometry, TriangleMesh, placed_product
 from engine.mechanism import Mechanism
 
 

@@ -10,7 +10,7 @@ from functools import partial
 
 from campaign.version import clearcap_version
 from engine import warm_up
-from engine.build import build_id
+from engine.platform.build import build_id
 from studies.c60_spread.runs import clearances, run, shipped
 from studies.c60_spread.tables import HEAD, Responses, mean_table, row, sigma_table
 from studies.c60_spread.variants import SHIPPED, Variant, variants

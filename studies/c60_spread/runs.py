@@ -12,8 +12,7 @@ from campaign.spec.campaign_file import CampaignSpec
 from engine import load_mechanism, simulate
 from engine.arrays import Array
 from engine.mechanism import Mechanism, get_value
-from engine.mechanism.benches import Bench, with_bench
-from engine.mechanism.models import mechanism_from
+from engine.mechanism.models import Bench, mechanism_from, with_bench
 from studies.c60_spread.variants import Variant
 
 

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from engine import load_mechanism, simulate
 from engine.mechanism import Mechanism
-from engine.mechanism.benches import Bench, with_bench
-from engine.mechanism.models import mechanism_from
+from engine.mechanism.models import Bench, mechanism_from, with_bench
 
 FEWER = 5
 FREE_FALL = "free fall, as in the paper"

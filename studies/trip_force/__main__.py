@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from campaign.version import clearcap_version
 from engine import warm_up
-from engine.build import build_id
+from engine.platform.build import build_id
 from studies.trip_force.assumptions import MAPPED, Assumptions, grids
 from studies.trip_force.runs import run
 from studies.trip_force.tables import GRIDS, MAP, Tried, grid_row, map_rows, verdict

@@ -14,7 +14,7 @@ from campaign.web.answers.job_process import job_environment
 from campaign.web.coordinator_child import CoordinatorChild
 from campaign.worker.messages import CampaignAddress
 from campaign.worker.subprocess_runs import rows_in_subprocess
-from engine.cad import occt_process
+from engine.cad import step_reader
 from tests.campaign import fake_engine
 from tests.campaign.web.answers.strange_jobs import environment
 
@@ -51,7 +51,7 @@ def start_script(store, plan):
 
 
 def read_step_file(store, plan):
-    occt_process.ask_occt("part.step", b"", {}, occt_process.ReadingLimits())
+    step_reader.ask_occt("part.step", b"", {}, step_reader.ReadingLimits())
 
 
 def serve(store, plan):

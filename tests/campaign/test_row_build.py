@@ -18,7 +18,7 @@ from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.messages import CampaignAddress, WrongBuild
 from campaign.worker.row import open_campaign
-from engine.build import hash_sources
+from engine.platform.build import hash_sources
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.house import ROOT, imports, modules

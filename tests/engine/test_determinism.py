@@ -92,5 +92,5 @@ def test_one_decorator_compiles_everything():
         text = path.read_text("utf-8")
         assert "fastmath" not in text, path
         assert "parallel=True" not in text, path
-        if path.name != "jit.py":
+        if path.name != "decorators.py":
             assert not re.search(r"\bnjit\b|@\w*\.?jit\b|\bvectorize\b", text), path

@@ -20,7 +20,7 @@ AS_VICTIM = (
     *("--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"),
 )
 TURN = (
-    "import numpy as np; from engine.kernels.rotations import rotation_matrix;"
+    "import numpy as np; from engine.kernels.vectors import rotation_matrix;"
     " R = np.zeros((3, 3)); rotation_matrix(np.array([1.0, 0, 0, 0]), R); print(R.trace())"
 )
 

@@ -244,8 +244,7 @@ def drawn_mechanisms(folder, count):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        for module in ("step_reader", "drawn_distances"):
-            patch.setattr(f"engine.cad.{module}.ask_occt", answer)
+        patch.setattr("engine.cad.step_reader.ask_occt", answer)
         use(tomli_w.dumps(base).encode(), 0)  # sound before it is mutated: else all files are refused for one reason
         return attack("drawn mechanism", count, lambda random: as_toml(random, tomli_w.dumps(base)), use)
 

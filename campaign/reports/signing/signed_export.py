@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
 from campaign.store.files.files import LARGEST
-from engine.regular_file import UnfitFile, read_regular_file
+from engine.platform.regular_file import UnfitFile, read_regular_file
 
 SIGNOFFS = "signoffs"  # folder of the documents
 KEY = f"{SIGNOFFS}/key.pem"

@@ -12,7 +12,7 @@ from campaign.errors import SpecError, StoreError, unwritable
 from campaign.store.files.local import LocalFolder
 from campaign.store.files.private_url import PrivateUrl
 from campaign.store.files.retry_policy import HASTY, PATIENT, CircuitBreaker, Outage, RetryPolicy
-from engine.regular_file import UnfitFile
+from engine.platform.regular_file import UnfitFile
 
 if TYPE_CHECKING:
     from campaign.store.files.object_store import ObjectStore

@@ -19,7 +19,7 @@ import time
 from functools import cache
 from pathlib import Path
 
-from engine.regular_file import UnfitFile, read_regular_file
+from engine.platform.regular_file import UnfitFile, read_regular_file
 
 RECENT = 2.0  # s; no file system has coarser timestamps
 FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL}  # the same at every attempt

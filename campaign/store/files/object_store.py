@@ -13,7 +13,7 @@ import fsspec
 from fsspec.asyn import sync
 from fsspec.core import split_protocol
 
-from engine.regular_file import UnfitFile
+from engine.platform.regular_file import UnfitFile
 
 FINAL = (  # errors that repeating the request would not change
     FileNotFoundError,

@@ -23,7 +23,7 @@ from campaign.store import Store
 from campaign.store.parts import folder
 from campaign.store.rows import holders
 from engine import FolderError
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 
 Sources = Mapping[int, str]  # for each batch with files, a digest of their names and stamps
 _DIGEST = hashlib.sha256().digest_size

@@ -24,7 +24,7 @@ from campaign.store import open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.web.answers.column_cache import ColumnCache
 from engine.arrays import Array
-from engine.toml_file import UnfitToml, parse_toml
+from engine.platform.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability
 from reporting.shape.histogram import histogram
 from reporting.tolerance.reweighting import Weights, weights

@@ -24,8 +24,8 @@ from campaign.web.http.problems import faults_of
 from campaign.web.jobs.campaigns import CampaignSource, check_campaign_text
 from engine import EngineError
 from engine.mechanism import library_names
-from engine.mechanism.keys.listing import settable_numbers
-from engine.toml_file import UnfitToml, parse_toml, text_bytes
+from engine.mechanism.keys.values import settable_numbers
+from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 Tables = dict[str, Any]
 TOP_KEYS = ("name", "title", "mechanism", "bench", "preset", "samples", "seed", "sampler")

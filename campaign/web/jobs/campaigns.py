@@ -25,7 +25,7 @@ from campaign.store.labels import LabelChange, read_labels
 from campaign.store.mechanism_library import read_mechanism
 from engine import simulate
 from engine.mechanism import library_names
-from engine.toml_file import UnfitToml, parse_toml, text_bytes
+from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from engine import (
     simulate,
 )
 from engine.mechanism import Mechanism, library_names
-from engine.mechanism.keys.listing import settable_numbers
-from engine.toml_file import UnfitToml, parse_toml, text_bytes
+from engine.mechanism.keys.values import settable_numbers
+from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")
 ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds

@@ -1,12 +1,10 @@
 """Find features of a mechanism in a CAD assembly: pins in holes, balls in sockets, flanges, possible stops."""
 
 from engine.cad.findings.balls_in_sockets import BallInSocket, balls_in_sockets
-from engine.cad.findings.common_area import triangles_by_face
 from engine.cad.findings.extruded_profiles import ExtrudedProfile, extruded_profile
-from engine.cad.findings.facing_planes import FacingPlanes, facing_planes
+from engine.cad.findings.facing_planes import FacingPlanes, facing_planes, triangles_by_face
 from engine.cad.findings.facing_rounds import FacingRound, facing_rounds
-from engine.cad.findings.pins_in_holes import NearMiss, PinInHole, Seat, pin_in_hole, pins_in_holes
-from engine.cad.findings.pins_in_slots import pins_in_slots
+from engine.cad.findings.pins_in_holes import NearMiss, PinInHole, Seat, pin_in_hole, pins_in_holes, pins_in_slots
 from engine.cad.findings.thrust_faces import ThrustFaces, thrust_faces
 
 __all__ = [

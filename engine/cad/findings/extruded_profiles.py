@@ -7,8 +7,8 @@ from math import tau
 import numpy as np
 
 from engine.arrays import Array
-from engine.cad.angles import perpendicular
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
+from engine.cad.geometry import perpendicular
 
 MOST_PIECES = 24
 """Most lines and arcs of a profile; a contour with more is named by its face."""

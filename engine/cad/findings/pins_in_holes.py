@@ -1,13 +1,21 @@
-"""Pins in holes: coaxial cylinders of two parts, one inside the other; and near misses, each with the reason."""
+"""Pins in holes: coaxial cylinders of two parts, one inside the other; and near misses, each with the reason.
+
+A slot is two half holes with parallel axes that are open towards each other. A pin that slides in one is a near miss,
+although either end of the slot looks like a joint.
+"""
 
 from dataclasses import dataclass
-from math import degrees, radians
+from itertools import combinations
+from math import degrees, pi, radians
 
 import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
-from engine.cad.findings.slots import slots_of
+
+_HALF_TURN = 0.02  # rad by which the end of a slot may differ from half a turn
+_ENDS_PARALLEL = 1e-4  # rad
+_ENDS_ALIKE = 1e-6  # relative difference of equal radii, and distance of coinciding ends in mm
 
 LEAST_SPAN = radians(160.0)
 """Smallest span of a hole and of a pin [rad]: less than half a turn holds nothing."""
@@ -19,6 +27,55 @@ _NEAR = 1.0
 """Differences of radii and offsets [mm] up to which a refused pair is reported."""
 _PARALLEL = radians(2.0)
 _ALIKE = 1e-6  # mm between two radii that count as equal
+
+_ALONG_SLOT = 0.035  # rad between the axes of a slot and of its pin
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Slot:
+    """A slot, given by its two round ends, which are faces of one part."""
+
+    ends: tuple[CadFace, CadFace]
+
+    @property
+    def way(self) -> Array:
+        """Vector from the axis of one end to that of the other, perpendicular to both [mm], shape (3,)."""
+        return _across(*self.ends)
+
+    def distance(self, pin: CadFace) -> float:
+        """Return the distance of a pin's axis from the middle plane of the slot, or from its ends [mm]."""
+        first = self.ends[0]
+        away = _across(first, pin)
+        share = float(np.clip(away @ self.way / (self.way @ self.way), 0.0, 1.0))
+        return float(np.linalg.norm(away - share * self.way))
+
+
+def slots_of(holes: list[CadFace]) -> list[Slot]:
+    """Return the slots among the hollow cylinders of an assembly."""
+    halves: dict[str, list[CadFace]] = {}
+    for hole in holes:
+        if abs(hole.span - pi) < _HALF_TURN:
+            halves.setdefault(hole.part, []).append(hole)
+    return [Slot(ends=(a, b)) for alike in halves.values() for a, b in combinations(alike, 2) if _are_ends_of_one(a, b)]
+
+
+def _across(first: CadFace, other: CadFace) -> Array:
+    """Return the vector from one axis to another, perpendicular to the first, shape (3,)."""
+    away = other.point - first.point
+    return np.asarray(away - (away @ first.axis) * first.axis)
+
+
+def _are_ends_of_one(a: CadFace, b: CadFace) -> bool:
+    """Return whether two half holes are open towards each other, equal in radius, and side by side along their axes."""
+    way = _across(a, b)
+    length = float(np.linalg.norm(way))
+    alike = abs(a.radius - b.radius) <= _ENDS_ALIKE * a.radius and abs(a.axis @ b.axis) > np.cos(_ENDS_PARALLEL)
+    if not alike or length < _ENDS_ALIKE or a.solid != b.solid:
+        return False
+    opposite = a.middle @ way < -np.cos(_HALF_TURN) * length and b.middle @ way > np.cos(_HALF_TURN) * length
+    between = float((b.point - a.point) @ a.axis)
+    shared = min(a.extent[1], between + b.extent[1]) - max(a.extent[0], between + b.extent[0])
+    return bool(opposite and shared > 0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -237,3 +294,36 @@ def _joint(group: list[_Pair]) -> PinInHole:
         overlap=overlap if overlap > gaps else 0.0,
         tilt=float(np.arcsin(min(1.0, float(np.linalg.norm(np.cross(hole.axis, journal_axis)))))),
     )
+
+
+# -- pins in slots ----------------------------------------------------------------------------------------------------
+
+
+def pins_in_slots(assembly: CadAssembly) -> list[NearMiss]:
+    """Return the pins in slots of an assembly in mm, each with what to write instead of a joint."""
+    cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
+    pins = [face for face in cylinders if not face.hollow]
+    found = []
+    for slot in slots_of([face for face in cylinders if face.hollow]):
+        hole = slot.ends[0]
+        text = (
+            f"the hole is a slot, in which the pin slides {np.linalg.norm(slot.way):.4g} mm; write contacts of the pin"
+            " with its flat sides and, where it gets there, its ends"
+        )
+        sliding = [pin for pin in pins if _fits(hole, pin) and slot.distance(pin) <= _allowed(hole, pin)]
+        found += [NearMiss(hole=hole.number, pin=pin.number, reason=text) for pin in sliding]
+    return found
+
+
+def _fits(hole: CadFace, pin: CadFace) -> bool:
+    """Return whether a pin of another part is as thick as the slot is wide, parallel to it and next to it."""
+    if pin.part == hole.part or not -_ALIKE <= hole.radius - pin.radius <= MOST_CLEARANCE:
+        return False
+    stations = np.sort((pin.point + np.outer(pin.extent, pin.axis) - hole.point) @ hole.axis)
+    shared = min(hole.extent[1], stations[1]) - max(hole.extent[0], stations[0])
+    return bool(abs(hole.axis @ pin.axis) >= np.cos(_ALONG_SLOT) and shared > 0)
+
+
+def _allowed(hole: CadFace, pin: CadFace) -> float:
+    """Return the allowed distance of a pin from the middle plane of its slot [mm]."""
+    return max(hole.radius - pin.radius, 0.0) + MOST_EXCESS

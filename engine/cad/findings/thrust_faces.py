@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 
 from engine.arrays import Array
-from engine.cad.angles import perpendicular
 from engine.cad.cad_model import CadAssembly, CadFace, Millimetres
-from engine.cad.findings.common_area import contains
+from engine.cad.findings.facing_planes import contains
 from engine.cad.findings.pins_in_holes import PinInHole
+from engine.cad.geometry import perpendicular
 
 MOST_PLAY = 1.0
 """Largest axial play at one end [mm] at which a face counts as a flange."""

@@ -9,7 +9,7 @@ from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideArea, ShapeUpgrade_ShapeDiv
 from OCP.TopoDS import TopoDS
 
 from engine.cad.cad_model import CadMaterial, Solid
-from engine.cad.occt.occt_arrays import array3, matrix3
+from engine.cad.occt.occt_values import array3, matrix3
 
 _RELATIVE_ERROR = 1e-10  # of the volume below each face
 _AGREEMENT = 1e-10  # of the volumes from two integrations

@@ -1,21 +1,27 @@
-"""Convert a product's shape to numbers, once for all its instances."""
+"""Convert a product's shape to numbers, once for all its instances: faces, triangles, and circular edges."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.GeomAbs import GeomAbs_CurveType
+from OCP.gp import gp_Circ
+from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
+from OCP.TopoDS import TopoDS
 
 from engine.arrays import Integers
-from engine.cad.cad_model import CadMaterial, TriangleMesh
-from engine.cad.merged_arcs import merge_arcs
-from engine.cad.merged_faces import FacePiece, merge_pieces
-from engine.cad.occt.arc_pieces import arc_pieces
-from engine.cad.occt.face_pieces import face_piece
+from engine.cad.cad_model import CadMaterial, ProductGeometry, TriangleMesh
+from engine.cad.merged_pieces import ArcPiece, FacePiece, merge_arcs, merge_pieces
+from engine.cad.occt.face_pieces import face_piece, triangulate
 from engine.cad.occt.mass_properties import solid_properties
-from engine.cad.occt.shape_maps import FACE, SOLID, ShapeMap
-from engine.cad.occt.triangulation import triangulate
-from engine.cad.placed_product import ProductGeometry
+from engine.cad.occt.occt_values import EDGE, FACE, SOLID, ShapeMap, array3, one_way
+
+_POINTS = 17  # along an arc: less than half a turn between neighbours, even for a full circle
+_SPLINES = GeomAbs_CurveType.GeomAbs_BSplineCurve, GeomAbs_CurveType.GeomAbs_BezierCurve
 
 
 def product_geometry(
@@ -63,3 +69,42 @@ def _mesh(pieces: list[FacePiece], numbers: Integers, deflection: float) -> Tria
         faces=np.repeat(numbers, [len(piece.triangles) for piece in pieces]),
         deflection=deflection,
     )
+
+
+def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recognition: float) -> list[ArcPiece]:
+    """Return the circular edges of a product's shape; `numbers` has -1 for each of its faces that was left out.
+
+    A spline counts as a circle if it is no more than `recognition` [mm] away from one.
+    """
+    edges = ShapeMap(shape, EDGE)
+    bounded: dict[int, set[int]] = defaultdict(set)
+    for face, number in zip(faces, numbers, strict=True):
+        for edge in ShapeMap(face, EDGE).shapes():
+            bounded[edges.place(edge)] |= {number} - {-1}
+    found = []
+    for place, edge in enumerate(map(TopoDS.Edge, edges.shapes())):
+        if not BRep_Tool.Degenerated_s(edge) and (arc := _arc(edge, recognition)):
+            found.append(ArcPiece(place=place, faces=tuple(sorted(bounded[place])), **arc))
+    return found
+
+
+def _arc(edge: Any, recognition: float) -> dict[str, Any] | None:
+    """Return the circle of an edge and points along the edge; None for any other curve."""
+    curve, gap = BRepAdaptor_Curve(edge), 0.0
+    if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
+        circle = curve.Circle()
+    elif curve.GetType() in _SPLINES and recognition > 0:
+        circle, tried = gp_Circ(), ShapeAnalysis_CanonicalRecognition(edge)
+        if not tried.IsCircle(recognition, circle) or tried.GetGap() > recognition:
+            return None
+        gap = tried.GetGap()
+    else:
+        return None
+    parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), _POINTS)
+    return {
+        "centre": array3(circle.Location()),
+        "axis": one_way(array3(circle.Axis().Direction())),
+        "radius": circle.Radius(),
+        "recognition_gap": gap,
+        "points": np.array([array3(curve.Value(float(parameter))) for parameter in parameters]),
+    }

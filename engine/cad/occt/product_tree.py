@@ -11,8 +11,8 @@ from OCP.TDF import TDF_Label, TDF_Tool
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.cad_model import Placement
-from engine.cad.occt.document_labels import given_name, listed
-from engine.cad.occt.occt_arrays import array3, matrix3
+from engine.cad.occt.names_and_materials import given_name, listed
+from engine.cad.occt.occt_values import array3, matrix3
 from engine.cad.occt.step_document import UnreadableStep
 
 MOST_INSTANCES = 20_000

@@ -13,15 +13,15 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Compound
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
+from engine.cad.occt.occt_values import EDGE, FACE, ShapeMap
 from engine.cad.occt.product_tree import Instance, instances
-from engine.cad.occt.shape_maps import EDGE, FACE, ShapeMap
 from engine.cad.occt.step_document import UnreadableStep, open_step
 
 
 def measure_distances(path: Path, pairs: Sequence[Sequence[Mapping[str, Any]]]) -> list[float]:
     """Return the distance of each pair of shapes [mm]; 0 if they touch or overlap.
 
-    A shape has the keys of `engine.cad.drawn_distances.MeasuredShape`. Raises UnreadableStep if the file is not a STEP
+    A shape has the keys of `engine.cad.step_reader.MeasuredShape`. Raises UnreadableStep if the file is not a STEP
     file or contains no shapes, or if a distance cannot be measured.
     """
     document = open_step(path)

@@ -1,5 +1,6 @@
 """Convert a STEP file to an assembly of plain numbers."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -9,15 +10,15 @@ import numpy as np
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
-from engine.cad.cad_model import CadAssembly, CadFace, CadPart, SizeLimits
-from engine.cad.occt.document_labels import given_name, listed, material_of, name_of
+from engine.cad.cad_model import CadAssembly, CadFace, CadPart, ProductGeometry, SizeLimits, placed_product
+from engine.cad.occt.names_and_materials import given_name, listed, material_of, name_of
+from engine.cad.occt.occt_values import FACE, SOLID, ShapeMap
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances
-from engine.cad.occt.shape_maps import FACE, SOLID, ShapeMap
 from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
-from engine.cad.placed_product import ProductGeometry, placed_product
-from engine.cad.unique_names import unique_names
+
+_UNNAMED = "part"
 
 _RADII = {"diameter": 2, "spherical diameter": 2, "radius": 1, "spherical radius": 1}
 _FAR_OFF = 0.1  # share of the drawn size
@@ -164,3 +165,22 @@ def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> lis
             f"with a solid whose faces point inwards: {', '.join(negative)}; repair these parts in the CAD system"
         )
     return said
+
+
+def unique_names(products: list[str]) -> list[str]:
+    """Return a unique name for each part: the name of its product, with a number if several parts share it.
+
+    A part whose product has no name is called ``part``.
+    """
+    called = [product or _UNNAMED for product in products]
+    several = {name for name, count in Counter(called).items() if count > 1}
+    taken = set(called) - several
+    found, counts = [], Counter[str]()
+    for name in called:
+        unique = name
+        while name in several and (unique == name or unique in taken):
+            counts[name] += 1
+            unique = f"{name}-{counts[name]}"
+        taken.add(unique)
+        found.append(unique)
+    return found

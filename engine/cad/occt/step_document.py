@@ -13,8 +13,8 @@ from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
-from engine.cad.occt.density_unit import grams_of_densities
-from engine.cad.occt.deviation_signs import DeviationSigns
+from engine.cad.occt.names_and_materials import grams_of_densities
+from engine.cad.occt.size_limits import DeviationSigns
 
 _UNITS = {
     "millimetre": ("mm", 1.0),

@@ -32,10 +32,8 @@ import numpy as np
 
 from engine.jit import inner, kernel
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
-from engine.kernels.contact_geometry.arcs_on_profiles import on_profile
-from engine.kernels.contact_geometry.arcs_on_surfaces import on_surface
+from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface
 from engine.kernels.contact_geometry.solids import box, section
-from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
@@ -47,8 +45,19 @@ from engine.kernels.model import (
     ON_TURNED,
     RING_BORE,
 )
-from engine.kernels.rotations import to_world, turn_to_world
-from engine.kernels.vectors import CENTRED, NOWHERE, dot, split, vector_product, world_direction, world_point
+from engine.kernels.vectors import (
+    CENTRED,
+    NOWHERE,
+    cross,
+    dot,
+    split,
+    to_world,
+    transport,
+    turn_to_world,
+    vector_product,
+    world_direction,
+    world_point,
+)
 
 NEARLY = 1e-4  # if less than this share of a vector is perpendicular to an axis, rounding is removed once more
 

@@ -1,28 +1,55 @@
-"""Replace references to CAD geometry by plain numbers in the tables of a mechanism file."""
+"""Replace references to CAD geometry by plain numbers in the tables of a mechanism file; measure pairs of sides."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
-from engine.cad.drawn_distances import MeasuredShape, ShapePair
+from engine.cad.step_reader import MeasuredShape, ShapePair, drawn_distances
+from engine.errors import CadError
 from engine.faults.fault import Fault
-from engine.mechanism.faults import did_you_mean, faults_of
-from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
-from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
-from engine.mechanism.geometry.drawn_outline import drawn_outline, viewing_direction
-from engine.mechanism.geometry.drawn_surface import NotASurface, drawn_faces, spline_faces, surface_table
-from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
-from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
-from engine.mechanism.geometry.measured_pairs import measured_feature, measured_point, measured_surface
+from engine.mechanism.base import is_number
+from engine.mechanism.faults import as_table, did_you_mean, faults_of
+from engine.mechanism.geometry.cad_table import (
+    AS_DRAWN,
+    SELECTORS,
+    DrawnBody,
+    DrawnFace,
+    DrawnGap,
+    DrawnJoint,
+    FeatureKind,
+    selector_of,
+)
+from engine.mechanism.geometry.drawn_features import (
+    DrawnPin,
+    NotAsDrawn,
+    NotASurface,
+    drawn_faces,
+    drawn_outline,
+    joint_of_pin,
+    spline_faces,
+    surface_table,
+    viewing_direction,
+)
+from engine.mechanism.geometry.face_search import (
+    NotOneFace,
+    PartSearch,
+    axis_of,
+    contact_side,
+    feature_of,
+    length,
+    line_side,
+)
 from engine.mechanism.geometry.part_bodies import POSE, NoDensity, body_of_part, mass_properties
-from engine.mechanism.geometry.sides import axis_of, contact_side, feature_of, line_side
 from engine.mechanism.quantities import UnitSystem
-from engine.mechanism.tables import as_table
+
+TOUCHING = 1e-7
+"""Distance [mm] below which OCCT considers shapes to touch."""
 
 Keys = tuple[str, ...]
 WEIGHS = {"mass", "center_of_mass", "inertia"}
@@ -267,3 +294,46 @@ def _primitive(side: Any) -> str:
     if kind is not None:
         return {"hole": "bore", "pin": "cylinder"}.get(kind, kind)
     return next((key for key in as_table(side) if key not in ("body", "within")), "")
+
+
+def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:
+    """Return a face or an edge of a part as one end of a distance; a flat face includes all faces coplanar with it."""
+    if isinstance(feature, CadEdge):
+        return MeasuredShape(_place(search), edges=feature.places)
+    return measured_surface(search, search.pieces(feature))
+
+
+def measured_surface(search: PartSearch, faces: Sequence[CadFace]) -> MeasuredShape:
+    """Return faces of a part as one end of a distance, without other faces on their planes."""
+    return MeasuredShape(_place(search), faces=tuple(place for face in faces for place in face.places))
+
+
+def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape | None:
+    """Return a side as one end of a distance if it is a point given in plain numbers; otherwise None."""
+    point = side.get("point")
+    if not isinstance(point, list | tuple) or len(point) != 3 or not all(is_number(x) for x in point):
+        return None
+    return MeasuredShape(point=tuple(float(x) / search.millimetre for x in search.to_assembly(point)))
+
+
+def _place(search: PartSearch) -> int:
+    """Return the index of a part in the assembly."""
+    return [each.name for each in search.assembly.parts].index(search.part)
+
+
+def drawn_gaps(
+    path: Path, sha256: str, pairs: Mapping[str, ShapePair], millimetre: float
+) -> tuple[dict[str, DrawnGap], str]:
+    """Return the distance of each pair that has one, by joint or contact, and the reason if none was measured.
+
+    OCCT may fail to measure a file that it can read; this is no reason to refuse the mechanism. ``sha256`` is the hash
+    of the CAD file, and ``millimetre`` the length of one in the mechanism's unit.
+    """
+    if not pairs:
+        return {}, ""
+    try:
+        distances = drawn_distances(path, sha256, list(pairs.values()))
+    except CadError as error:
+        return {}, str(error)
+    found = zip(pairs, distances, strict=True)
+    return {key: DrawnGap(drawn=length(far * millimetre, millimetre)) for key, far in found if far > TOUCHING}, ""

@@ -1,16 +1,24 @@
-"""Find a face or edge of a part by its position: exactly one must fit, otherwise the candidates are listed."""
+"""Find a face or edge of a part by its position, and what it gives a side of a joint or contact, as plain numbers.
 
-from collections.abc import Iterable, Sequence
+Exactly one must fit, otherwise the candidates are listed. Numbers are rounded so that differences in the arithmetic of
+machines do not show.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from math import log10
+from typing import Any, TypeVar
 
 import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
-from engine.cad.triangle_distance import distance_to_triangles
-from engine.mechanism.geometry.cad_table import NearPlace, RoundFace
-from engine.mechanism.geometry.plain_numbers import direction, lengths
+from engine.cad.geometry import distance_to_triangles
+from engine.mechanism.base import TableModel
+from engine.mechanism.geometry.cad_table import FeatureKind, NearEdge, NearPlace, RoundFace
+
+DECIMALS = 12
+"""Decimals of a length in mm and of a component of a direction; significant digits of masses and inertias."""
 
 WITHIN = 0.5
 """Largest distance of a point from its face [mm], unless the file sets another."""
@@ -23,6 +31,34 @@ COPLANAR = 1e-6
 
 _LISTED = 6  # largest number of candidates in a message
 _T = TypeVar("_T", CadFace, CadEdge)
+
+ENDLESS_AGAINST = {"hole": ("ring",), "pin": ("ring", "plane", "disc", "rectangle")}
+"""For each kind of side, the primitives opposite to it for which the ends of a bore or a cylinder do not count."""
+
+
+def length(value: float, millimetre: float) -> float:
+    """Return a length rounded to 1e-12 mm; ``millimetre`` is the length of a millimetre in its unit."""
+    return round(float(value), DECIMALS - round(log10(millimetre))) + 0.0
+
+
+def lengths(values: Array, millimetre: float) -> list[float]:
+    """Return lengths, shape (n,), rounded to 1e-12 mm, without negative zeros."""
+    return [length(value, millimetre) for value in values]
+
+
+def direction(values: Array) -> list[float]:
+    """Return the rounded components of a unit vector."""
+    return [round(float(value), DECIMALS) + 0.0 for value in values]
+
+
+def significant(values: Array) -> Array:
+    """Return numbers of one quantity, of any shape, rounded to the decimals that the largest of them needs."""
+    largest = float(np.abs(values).max())
+    decimals = DECIMALS - 1 - int(np.floor(log10(largest))) if largest > 0 else 0
+    return np.round(values, decimals) + 0.0
+
+
+# Find a face or edge of a part by its position: exactly one must fit, otherwise the candidates are listed.
 
 
 class NotOneFace(Exception):
@@ -176,3 +212,54 @@ def _across(axis: Array) -> Array:
 
 def _short(values: Sequence[float]) -> str:
     return f"[{', '.join(f'{round(value, 6) + 0.0:g}' for value in values)}]"
+
+
+# Sides of joints and contacts that name faces of a CAD file: the point, axis, radius or primitive of the face.
+
+
+def feature_of(search: PartSearch, kind: FeatureKind, wanted: TableModel) -> CadFace | CadEdge:
+    """Return the face or edge that a selector names; raise NotOneFace if there is not exactly one."""
+    match wanted:
+        case RoundFace():
+            return search.round_face(wanted, hollow=kind == "hole")
+        case NearEdge():
+            return search.edge(wanted.edge)
+        case NearPlace():
+            return search.plane(wanted)
+    raise TypeError(f"{type(wanted).__name__} selects no face")
+
+
+def axis_of(face: CadFace) -> Array:
+    """Return the direction of a face's axis in the assembly, signed so that its largest component is positive."""
+    largest = face.axis[int(np.abs(face.axis).argmax())]
+    return face.axis if largest > 0 else -face.axis
+
+
+def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEdge, other: str) -> dict[str, Any]:
+    """Return the primitive, under its key, for the feature that a side of a contact selects; ``other`` is opposite."""
+    if isinstance(feature, CadEdge):
+        arc = {
+            "centre": search.to_body(feature.centre),
+            "normal": search.turned_to_body(feature.axis),
+            "radius": length(feature.radius, search.millimetre),
+        }
+        part = {"middle": search.turned_to_body(feature.middle), "half_angle": feature.span / 2}
+        return {"arc": arc | (part if feature.middle.any() else {})}
+    if kind == "plane":
+        return {"plane": {"point": search.to_body(feature.on), "normal": search.turned_to_body(feature.normal)}}
+    cylinder = {
+        "point": search.to_body(feature.point),
+        "axis": search.turned_to_body(axis_of(feature)),
+        "radius": length(feature.radius, search.millimetre),
+    }
+    if other not in ENDLESS_AGAINST[kind]:
+        cylinder["half_length"] = length(np.ptp(feature.extent) / 2, search.millimetre)
+    return {"bore" if kind == "hole" else "cylinder": cylinder}
+
+
+def line_side(search: PartSearch, side: Mapping[str, Any], at: Array, axis: Array) -> dict[str, Any]:
+    """Return the side of a joint about an axis, completed with point and axis; existing entries are kept.
+
+    ``at`` and ``axis`` are in the assembly's frame.
+    """
+    return {"point": search.to_body(at), "axis": search.turned_to_body(axis), **side}

@@ -9,7 +9,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad import CadPart
 from engine.mechanism.base import is_number
-from engine.mechanism.geometry.plain_numbers import direction, lengths, significant
+from engine.mechanism.geometry.face_search import direction, lengths, significant
 
 POSE = {"origin", "axis", "angle"}
 """The keys of a body's pose: the file gives either all of them or none, and then the pose is that of the part."""

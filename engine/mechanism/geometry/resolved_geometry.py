@@ -10,13 +10,10 @@ from pydantic import ValidationError
 from engine.cad import CadAssembly, in_unit, read_step
 from engine.errors import CadError
 from engine.faults.fault import Fault
-from engine.mechanism.faults import faults_of
-from engine.mechanism.geometry.cad_table import CadTable
-from engine.mechanism.geometry.drawn_tables import DrawnTables
-from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
-from engine.mechanism.geometry.measured_pairs import drawn_gaps
+from engine.mechanism.faults import as_table, faults_of, named_tables, sub_table
+from engine.mechanism.geometry.cad_table import CadTable, GeometryCertificate
+from engine.mechanism.geometry.drawn_tables import DrawnTables, drawn_gaps
 from engine.mechanism.quantities import UnitSystem
-from engine.mechanism.tables import as_table, named_tables, sub_table
 
 
 class UnresolvedGeometry(Exception):

@@ -3,9 +3,9 @@
 from typing import Any
 
 from engine.mechanism.base import TableModel
+from engine.mechanism.expression import LONGEST
 from engine.mechanism.geometry.cad_table import AS_DRAWN, DENSITY, GEOMETRY_OF, PART, SELECTORS, CadTable
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters.expression import LONGEST
 
 EXPRESSION = {
     "type": "string",

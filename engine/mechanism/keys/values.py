@@ -1,4 +1,4 @@
-"""Read or set one number of a mechanism by its key, or return its unit.
+"""Read or set one number of a mechanism by its key, return its unit, or list all keys.
 
 A key is the name of a joint, which refers to its clearance, or the dotted path of a number in the file, such as
 `springs.A3.preload`, `joints.J1.bearing.point.x` or `parameters.arm`. In an ideal joint only points and axes have keys,
@@ -7,8 +7,9 @@ that use a parameter get new values. Since this happens for each sample of a cam
 number are checked again, not the whole mechanism.
 """
 
+import fnmatch
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
@@ -19,13 +20,26 @@ from pydantic import ValidationError
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.mechanism.base import LARGEST_NUMBER, is_number
+from engine.mechanism.closest import closest
+from engine.mechanism.components import limits
+from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.faults import faults_of
-from engine.mechanism.keys.formulas import following
-from engine.mechanism.keys.places import Place, along, by_tokens, settable_places, without_effect
-from engine.mechanism.keys.unknown import unknown_key
+from engine.mechanism.joints import JournalJoint
+from engine.mechanism.keys.key_paths import (
+    SETTINGS,
+    Place,
+    along,
+    by_tokens,
+    following,
+    settable_places,
+    without_effect,
+)
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
-from engine.mechanism.parameters.parameter_table import PREFIX
+from engine.mechanism.parameters import PREFIX, users
+
+MOST_NAMED = 20
+
+_RELATIONS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:
@@ -220,3 +234,128 @@ def _places(mechanism: Mechanism, key: str) -> list[Place]:
         inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
         raise _refused(key, f"not a single number; allowed: single numbers{inner_keys}")
     return places
+
+
+def unknown_key(mechanism: Mechanism, key: str) -> str:
+    """Return the message that no number has this key, with what exists where it goes wrong and the likely key."""
+    meant = meant_key(mechanism, key)
+    question = f"; did you mean '{meant}'?" if meant else ""
+    places = along(mechanism, key.split("."))
+    if len(places) > 1:
+        known = ".".join(key.split(".")[: len(places) - 1])
+        below = list(places[-1].below())
+        names = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
+        return f"unknown key; {f'{known} has {names}' if below else f'{known} has nothing inside'}{question}"
+    joints = ", ".join(mechanism.joints) or "there is none"
+    return (
+        f"unknown key; allowed: a joint ({joints}), whose clearance it sets, "
+        f"or the dotted path of a number in the file, as clearcap mechanism show --keys lists them{question}"
+    )
+
+
+def meant_key(mechanism: Mechanism, key: str) -> str:
+    """Return the key of the existing number that an unknown key most likely means; empty if none is likely.
+
+    Tokens are matched table by table: a wrong token matches a name there that differs by a slip, and an index matches
+    the component at its place. If the table is missing from the key, all tables are searched for the name; a single
+    token matches the first number whose key ends with it.
+    """
+    tokens = key.split(".")
+    root = Place(mechanism)
+    for start in (root, *(place for place in root.below().values() if isinstance(place.value, Mapping))):
+        table = [token for token, place in root.below().items() if place.value is start.value][:1]
+        if found := next(_followed(start, tokens, exact=start is not root), None):
+            return ".".join([*(table if start is not root else []), *found])
+    return _of_this_name(mechanism, tokens[-1]) if len(tokens) == 1 else ""
+
+
+def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[list[str]]:
+    """Yield the path to a number below a place that resembles the tokens; with ``exact`` the first token must match."""
+    if not tokens:
+        if isinstance(place.value, float):
+            yield []
+        return
+    below, token = place.below(), tokens[0]
+    by_index = dict(zip(map(str, range(len(below))), below, strict=True)) if isinstance(place.value, tuple) else {}
+    twins = {f"{axis}{axis}": axis for axis in "xyz"} | {name: name[::-1] for name in ("xy", "xz", "yz")}
+    likely = [name for name in below if name == token or twins.get(name) == token]
+    if not exact:
+        likely += [name for name in (by_index.get(token), closest(token, below)) if name]
+    for name in likely:
+        for rest in _followed(below[name], tokens[1:], exact=False):
+            yield [name, *rest]
+
+
+def _of_this_name(mechanism: Mechanism, token: str) -> str:
+    """Return the first key whose last token is the given one."""
+    return next((key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == token), "")
+
+
+# List the keys of a mechanism that can be set, with the value, unit, limits and meaning of each number.
+
+
+@dataclass(frozen=True)
+class SettableNumber:
+    """A number of a mechanism that ``--set`` and the variables of a campaign can change."""
+
+    key: str  # dotted path
+    value: float  # in the file
+    unit: str  # "1" for a pure number
+    lower: float | None  # limit of this number by itself, as is upper; None: there is none
+    upper: float | None
+    limits: str  # the same in words, such as "> 0" or "> 0, <= 0.3"; empty: there are none
+    expression: str  # that gives the value; empty if the file contains a number
+    description: str
+    short: str  # name of the joint, if it can be used instead of the key; otherwise empty
+    varies: bool  # whether a variable of a campaign may set it; settings are the same for all its runs
+
+
+def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
+    """Return every number that can be set, in the order of the file format.
+
+    The pattern is a part of the wanted keys, or with ``*``, ``?`` or ``[...]`` it is one for the whole key; case is
+    ignored.
+    """
+    short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
+    wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
+    used = users(mechanism.formulas)
+    return [_number(mechanism, key, place, short.get(key, ""), used) for key, place in wanted]
+
+
+def _clearance(mechanism: Mechanism, joint: str) -> str:
+    return f"joints.{joint}.{mechanism.joints[joint].CLEARANCE}"
+
+
+def _fits(key: str, short: str, pattern: str) -> bool:
+    wanted = pattern.lower()
+    if any(mark in wanted for mark in "*?["):
+        return any(fnmatch.fnmatchcase(name.lower(), wanted) for name in (key, short) if name)
+    return wanted in key.lower() or wanted == short.lower()
+
+
+def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict[str, list[str]]) -> SettableNumber:
+    """Return the entry for one number; ``used`` maps each parameter to the keys that use it."""
+    name = key.removeprefix(PREFIX) if key.startswith(PREFIX) else ""
+    found = limits(place.field)
+    if isinstance(place.owner, JournalJoint) and key.endswith(".radial_clearance"):
+        found = {"gt": 0.0, "le": place.owner.clearance_limit}
+    return SettableNumber(
+        key=key,
+        value=place.value,
+        unit=mechanism.parameter_units[name] if name else mechanism.unit_at(place),
+        lower=found.get("gt", found.get("ge")),
+        upper=found.get("lt", found.get("le")),
+        limits=", ".join(f"{_RELATIONS[relation]} {bound:.6g}" for relation, bound in found.items()),
+        expression=mechanism.formulas.get(key, ""),
+        description=_use(used.get(name, [])) if name else (place.field.description or "") if place.field else "",
+        short=short,
+        varies=not key.startswith(SETTINGS),
+    )
+
+
+def _use(keys: list[str]) -> str:
+    """Return a description of where a parameter is used."""
+    if not keys:
+        return "used on test benches only"
+    others = f" and {len(keys) - 3} others" if len(keys) > 4 else ""
+    return f"used in {', '.join(keys[:3] if others else keys)}{others}"

@@ -9,13 +9,32 @@ from pydantic import Field, model_validator
 from engine.arrays import Array
 from engine.mechanism.base import PositiveLength, TableModel, refuse
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.surfaces.bezier import THIRDS, normals
-from engine.mechanism.surfaces.edges import MeetingEdges, extent, meeting_edges
-from engine.mechanism.surfaces.fixed_array import ArrayOf, FixedArray
-from engine.mechanism.surfaces.joined_faces import joined_faces, sharp_gap
-from engine.mechanism.surfaces.plates import default_depth, largest_depth, plate
-from engine.mechanism.surfaces.spline_face import MOST_WRITTEN, Knots, Net, SplineFace, Weights, check_spline, spline_of
-from engine.mechanism.surfaces.splines import MOST_PATCHES, BSplineSurface, bicubic_patches
+from engine.mechanism.surfaces.patches import (
+    THIRDS,
+    MeetingEdges,
+    default_depth,
+    extent,
+    joined_faces,
+    largest_depth,
+    meeting_edges,
+    normals,
+    plate,
+    sharp_gap,
+)
+from engine.mechanism.surfaces.splines import (
+    MOST_PATCHES,
+    MOST_WRITTEN,
+    ArrayOf,
+    BSplineSurface,
+    FixedArray,
+    Knots,
+    Net,
+    SplineFace,
+    Weights,
+    bicubic_patches,
+    check_spline,
+    spline_of,
+)
 
 CONVERSION = 1e-5  # default conversion error as a share of the surface's size
 ROUNDING = 1e-13  # smallest conversion error that can be requested, as a share of the size

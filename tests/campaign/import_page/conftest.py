@@ -7,8 +7,8 @@ import pytest
 from engine.cad import read_step
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.found_places import found_places
-from engine.cad_import.open_questions import open_questions
 from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.proposed_text import open_questions
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 HOSTILE = "</script><script>document.title = 'run'</script>]]><img src=x onerror='document.title=1'><!-- {{ 7*7 }}"

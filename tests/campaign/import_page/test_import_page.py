@@ -13,8 +13,8 @@ import pytest
 
 from campaign.import_page.import_page import MOST_TRIANGLES
 from engine.cad_import.found_places import found_places
-from engine.cad_import.open_questions import open_questions
 from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.proposed_text import open_questions
 from tests.campaign.import_page.conftest import HOSTILE, written
 from tests.engine.cad.occt.test_triangulation import volume_of
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from campaign.pictures.polylines import circle, patch, primitive_polylines, square
-from engine.mechanism.closed_profiles.profile_solids import Extruded, Turned
+from engine.mechanism.closed_profiles import Extruded, Turned
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from tests.engine.kernels.surface_shapes import graded_rectangle, wavy
 

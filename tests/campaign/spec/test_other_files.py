@@ -9,7 +9,7 @@ from campaign.errors import SpecError
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import load_campaign
 from engine import Mechanism, MechanismError, load_mechanism
-from engine.file_kinds import CAMPAIGN_KEYS, MECHANISM_KEYS
+from engine.faults.file_kinds import CAMPAIGN_KEYS, MECHANISM_KEYS
 from tests.each import each
 
 MECHANISM = 'format = 1\nname = "lift"\nunits = "mm-g-ms"\n[bodies.ground]\nfixed = true\n'

@@ -21,7 +21,7 @@ PROSE = {
     # A command on a server, which has its address.
     "campaign.client.remote_server",
     # What takes a folder or file: the store is that folder, or the one above it.
-    "engine.file_kinds",
+    "engine.faults.file_kinds",
     # What a sampler is for: it names the verb.
     "campaign.inputs.sampling.importance",
     # A row is the same in every store, so it names none.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from campaign.cluster.tls_certificates import make_certificates
 from engine import simulate
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 from tests.campaign import fake_engine
 from tests.campaign.cluster_processes import free_port
 from tests.campaign.storms.cluster import start_cluster

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from engine import load_mechanism, simulate
 from engine.assembly import Assembly, assemble
-from engine.assembly.clearances import without_play
+from engine.assembly.joints import without_play
 from engine.assembly.remembered import remembered
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, get_value, library_names, set_values

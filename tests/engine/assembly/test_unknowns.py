@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from engine.assembly.bilateral import BilateralRow
-from engine.assembly.unknowns import layout
+from engine.assembly.bilateral import BilateralRow, layout
 from engine.kernels.model import SLIDE
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from engine.cad.angles import perpendicular
 from engine.cad.cad_model import TriangleMesh
+from engine.cad.geometry import perpendicular
 from engine.cad.silhouette import silhouette
 
 UP = np.array([0.0, 0.0, 1.0])

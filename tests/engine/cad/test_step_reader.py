@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import engine.cad.occt_process
+import engine.cad.step_reader
 from engine import CadError
 from engine.cad import ReadingLimits, read_step
 from engine.cad.archive import packed
@@ -47,7 +47,7 @@ def test_a_file_is_read_once(own_cache, monkeypatch):
     """The second time comes from the cache, with the same bits, and from no other file or recognition."""
     first = read_step(LATCH)
     [kept] = own_cache.iterdir()
-    monkeypatch.setattr(engine.cad.occt_process.subprocess, "run", no_process)
+    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
     assert differences(read_step(LATCH), first) == []
     with pytest.raises(AssertionError, match="was started"):
         read_step(LATCH, recognition=1e-3)
@@ -80,7 +80,7 @@ def test_a_full_cache(own_cache, monkeypatch):
 )
 def test_what_is_no_whole_step_is_refused_unread(tmp_path, monkeypatch, content, said):
     """No process is started for it."""
-    monkeypatch.setattr(engine.cad.occt_process.subprocess, "run", no_process)
+    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
     path = tmp_path / "file.step"
     path.write_bytes(content)
     assert said in refusal(path)
@@ -169,22 +169,22 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
             "size_limits",
             "its dimensions is broken, and OCCT failed to read it (AttributeError); export it again",
         ),
-        ("density_unit", "export it again without materials, and give each body its density"),
-        ("triangulation", "repair the parts in the CAD system, and export them again, as AP242 or AP214"),
+        ("names_and_materials", "export it again without materials, and give each body its density"),
+        ("face_pieces", "repair the parts in the CAD system, and export them again, as AP242 or AP214"),
     ],
 )
 def test_what_nobody_foresaw_in_a_file(module, said):
     """The message says what the reader was at, and what to do about it: the name of an error alone teaches nothing."""
     trace = f'Traceback:\n  File "/x/engine/cad/occt/{module}.py", line 1, in f\n    a.b\nAttributeError\n'
     ended = subprocess.CompletedProcess([], 1, b"", trace.encode())
-    assert said in engine.cad.occt_process._crash(ended, ReadingLimits())
+    assert said in engine.cad.step_reader._crash(ended, ReadingLimits())
 
 
 def test_without_occt(monkeypatch):
     """The message says what to install; what was read before is still known."""
     content = packed(full_assembly(np.random.default_rng(1)))
     keep(hashlib.sha256(LATCH.read_bytes()).hexdigest(), 1e-4, content)
-    monkeypatch.setattr("engine.cad.occt_process.find_spec", lambda name: None)
+    monkeypatch.setattr("engine.cad.step_reader.find_spec", lambda name: None)
     assert read_step(LATCH).parts
     with pytest.raises(CadError, match=r"clearcap\[cad\]"):
         read_step(LATCH, recognition=0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.cad.unit_of_length import in_unit
+from engine.cad.cad_model import in_unit
 from tests.engine.cad.assemblies import full_assembly
 
 

@@ -11,9 +11,8 @@ from engine import load_mechanism
 from engine.cad import read_step
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.found_places import found_places
-from engine.cad_import.open_questions import questions_of_file
-from engine.cad_import.proposed_mechanism import proposed_mechanism
-from engine.cad_import.unloaded_directions import unloaded_directions
+from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+from engine.cad_import.proposed_text import questions_of_file
 from tests.engine.cad.ball_joints import BALL, SOCKET, ball_joint, cup, stem
 from tests.engine.cad.hinges import BORE, PIN, hinge, plate, stud
 from tests.engine.cad.step_files import box, cut, cylinder, fused

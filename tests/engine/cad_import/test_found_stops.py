@@ -10,8 +10,7 @@ from engine.assembly import assemble
 from engine.cad import read_step
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.found_places import found_places
-from engine.cad_import.names_in_file import named_as_written
-from engine.cad_import.names_of_before import named_as_before
+from engine.cad_import.names_of_before import named_as_before, named_as_written
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 from tests.engine.cad import stops
 from tests.engine.cad.step_files import box

@@ -8,9 +8,8 @@ import pytest
 
 from engine import MechanismError, check, load_mechanism
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.open_questions import open_questions, questions_of_file
-from engine.cad_import.proposed_mechanism import proposed_mechanism
-from engine.cad_import.unloaded_directions import unloaded_directions
+from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+from engine.cad_import.proposed_text import open_questions, questions_of_file
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 pytestmark = pytest.mark.processes

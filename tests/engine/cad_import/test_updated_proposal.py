@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from engine import CadError, MechanismError
-from engine.cad_import.earlier_revision import earlier_revision
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_mechanism import proposed_mechanism
-from engine.cad_import.updated_proposal import updated_proposal
+from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 pytestmark = pytest.mark.processes

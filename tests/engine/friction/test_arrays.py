@@ -5,7 +5,7 @@ import pytest
 
 from engine.arrays import LINE, aligned_zeros
 from engine.friction.arrays import finish, take_contacts
-from engine.friction.cone import residual
+from engine.friction.complementarity import residual
 from engine.friction.problem import solver_arrays
 from engine.jit import kernel
 from tests.engine.friction.problems import natural_map_residual, random_problem

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from engine.friction import FrictionError, FrictionProblem, solve
 from engine.friction.problem import solver_arrays
 from engine.friction.solver import solve_friction
-from engine.lanes import LANES
+from engine.jit.lanes import LANES
 from tests.counts import many
 from tests.each import each
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from engine.mechanism.closed_profiles.profile_solids import Extruded, Turned
+from engine.mechanism.closed_profiles import Extruded, Turned
 
 Array = np.ndarray
 Pieces = list[tuple[Array, Array, Array | None, int]]

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from engine.assembly.contacts import KINDS, Pair, contact_arrays
+from engine.assembly.contacts import KINDS, Pair, contact_arrays, profile_pieces, rows
 from engine.assembly.frames import BodyFrame
-from engine.assembly.primitives import rows
-from engine.assembly.profile_rows import profile_pieces
 from engine.assembly.surface_trees import surface_tree
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import Contacts

@@ -7,10 +7,9 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from engine.assembly import Assembly, assemble
-from engine.assembly.time_laws import time_law_arrays
-from engine.kernels.loads import apply_loads
+from engine.assembly.loads import time_law_arrays
+from engine.kernels.loads import apply_loads, time_law, time_law_rate
 from engine.kernels.motion import free_twist, move
-from engine.kernels.time_laws import time_law, time_law_rate
 from tests.engine.small import made, small
 
 SEEDS = range(6)

@@ -10,7 +10,7 @@ import pytest
 
 from engine.mechanism import get_value, load_mechanism, mechanism_from, mechanism_schema, set_values
 from engine.mechanism.contacts import Contact
-from engine.mechanism.surfaces.bezier import mean_direction, points
+from engine.mechanism.surfaces.patches import mean_direction, points
 from tests.each import each
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.assembly.profile_rows import profile_pieces
+from engine.assembly.contacts import profile_pieces
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, get_value, mechanism_from, set_values, unit_of
-from engine.mechanism.keys.listing import settable_numbers
+from engine.mechanism.keys.values import settable_numbers
 from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 

@@ -34,8 +34,7 @@ def in_this_process(tmp_path, monkeypatch):
             return json.dumps(measure_distances(path, question["distances"])).encode()
         return packed(read_assembly(path, **question["assembly"]))
 
-    for module in ("step_reader", "drawn_distances"):
-        monkeypatch.setattr(f"engine.cad.{module}.ask_occt", answer)
+    monkeypatch.setattr("engine.cad.step_reader.ask_occt", answer)
 
 
 @pytest.fixture
@@ -203,7 +202,7 @@ def test_a_reader_that_fails(loaded, monkeypatch):
     def fails(*_):
         raise CadError("hinge.step: OCCT crashed while it read it (SIGSEGV); export it again")
 
-    monkeypatch.setattr("engine.mechanism.geometry.measured_pairs.drawn_distances", fails)
+    monkeypatch.setattr("engine.mechanism.geometry.drawn_tables.drawn_distances", fails)
     mechanism = loaded(hinge())
     assert mechanism.geometry.gaps == {}
     [caution] = start_gap_cautions(mechanism)

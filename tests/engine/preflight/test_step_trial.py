@@ -4,7 +4,7 @@ import pytest
 
 from engine import load_mechanism, simulate
 from engine.mechanism import set_values
-from engine.preflight.step_trial import step_caution
+from engine.preflight.cautions import step_caution
 from tests.engine.preflight.examples import SPRING, guided
 from tests.engine.small import made
 

@@ -8,7 +8,7 @@ from campaign.plan import make_plan
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 from tests.campaign import fake_engine
 from tests.campaign.web.conftest import copy_store
 

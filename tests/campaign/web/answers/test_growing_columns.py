@@ -17,7 +17,7 @@ from campaign.web.answers.column_cache import ColumnCache
 from campaign.web.answers.query_service import rows_version
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
-from engine.private_folder import private_folder
+from engine.platform.private_folder import private_folder
 from tests.campaign.web.answers.conftest import fails_where_wide
 from tests.campaign.web.conftest import only_in_a_folder
 

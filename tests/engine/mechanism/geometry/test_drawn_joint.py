@@ -5,7 +5,7 @@ import pytest
 
 from engine.cad import CadFace
 from engine.mechanism.geometry.cad_table import AS_DRAWN
-from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
+from engine.mechanism.geometry.drawn_features import DrawnPin, NotAsDrawn, joint_of_pin
 
 pytestmark = pytest.mark.processes
 

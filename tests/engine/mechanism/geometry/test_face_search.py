@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.cad import CadEdge
-from engine.cad.triangle_distance import distance_to_triangles
+from engine.cad.geometry import distance_to_triangles
 from engine.mechanism.geometry.face_search import _to_arc
 
 pytestmark = pytest.mark.processes

@@ -7,7 +7,7 @@ import pytest
 
 from engine.errors import MechanismError
 from engine.mechanism import get_value, load_mechanism, mechanism_from, set_values, settable_keys, unit_of
-from engine.mechanism.keys.formulas import following
+from engine.mechanism.keys.key_paths import following
 from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 

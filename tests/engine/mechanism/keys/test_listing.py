@@ -1,7 +1,7 @@
 """The list of keys says of every number what it is, and how it may be set."""
 
 from engine.mechanism import load_mechanism, mechanism_from, set_values, settable_keys, unit_of
-from engine.mechanism.keys.listing import settable_numbers
+from engine.mechanism.keys.values import settable_numbers
 from tests.engine.mechanism.plain import pendulum
 
 

@@ -1,7 +1,7 @@
 """A key that does not exist is answered with what stands where it goes wrong, and the key that is meant."""
 
 from engine.mechanism import load_mechanism, mechanism_from
-from engine.mechanism.keys.unknown import meant_key, unknown_key
+from engine.mechanism.keys.values import meant_key, unknown_key
 from tests.each import each
 from tests.engine.mechanism.plain import pendulum
 

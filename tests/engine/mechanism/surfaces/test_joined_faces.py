@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from engine.mechanism.surfaces.edges import meeting_edges
-from engine.mechanism.surfaces.joined_faces import joined_faces, sharp_gap
+from engine.mechanism.surfaces.patches import joined_faces, meeting_edges, sharp_gap
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from tests.each import each
 from tests.engine.kernels.surface_shapes import graded_rectangle

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from engine.mechanism.surfaces.bezier import basis, convex_curvature, normals, points
-from engine.mechanism.surfaces.edges import meeting_edges
-from engine.mechanism.surfaces.plates import default_depth, largest_depth, plate
+from engine.mechanism.surfaces.patches import (
+    basis,
+    convex_curvature,
+    default_depth,
+    largest_depth,
+    meeting_edges,
+    normals,
+    plate,
+    points,
+)
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from tests.engine.kernels.surface_shapes import graded_rectangle, half_sphere_bowl, sphere_octant, wavy
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from engine.mechanism.surfaces.bezier import normals, points
+from engine.mechanism.surfaces.patches import normals, points
 from engine.mechanism.surfaces.splines import BSplineSurface, bicubic_patches
 from tests.engine.kernels.surface_shapes import knots
 

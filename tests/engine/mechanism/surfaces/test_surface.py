@@ -9,7 +9,7 @@ import pytest
 
 from engine.errors import MechanismError
 from engine.mechanism import load_mechanism_text, mechanism_from, mechanism_schema, set_values, unit_of
-from engine.mechanism.keys.listing import settable_numbers
+from engine.mechanism.keys.values import settable_numbers
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from tests.each import each
 from tests.engine.kernels.surface_shapes import graded_rectangle, knots, sphere_octant

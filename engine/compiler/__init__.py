@@ -1,1 +1,0 @@
-"""What makes Numba compile faster, and all that is used of Numba beyond its manual."""

@@ -1,0 +1,394 @@
+"""Joints between two bodies, ideal or with play; `type = "revolute"` and `type = "clearance_revolute"` share one model.
+
+The type alone decides: an ideal joint accepts the keys of its counterpart with play and ignores them. All have two
+sides, and those with play the law of their contacts. A fixed and a planar joint have no form with play; for play, a
+user writes their faces as contacts.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from engine.mechanism.base import (
+    BodyPoint,
+    Direction,
+    Length,
+    Number,
+    PairLaw,
+    PositiveLength,
+    TableModel,
+    check_perpendicular,
+    is_number,
+    refuse,
+)
+from engine.mechanism.components import Each
+from engine.mechanism.quantities import Quantity
+
+
+class Line(BodyPoint):
+    """A straight line that moves with a body."""
+
+    axis: Direction = Field(description="the direction of the axis, in the frame of the body")
+
+
+class Joint(PairLaw):
+    """Base class of all joints. A type with the prefix ``clearance_`` has play; without the prefix it is ideal."""
+
+    SIDES: ClassVar[tuple[str, str]]
+    CLEARANCE: ClassVar[str] = ""
+    """The key for which the joint's name alone stands; empty if the joint exists only as an ideal one."""
+
+    CLEARANCES: ClassVar[tuple[str, ...]] = ()
+    """The keys of all numbers that are only added to the gaps of the joint's contacts, see `face_clearance`."""
+
+    DIRECTION: ClassVar[str] = "axis"
+    """The key that gives the direction of a side."""
+
+    type: str = Field(description="the kind of joint")
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the joint has no play."""
+        return not self.type.startswith("clearance_")
+
+    @property
+    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+        """The two sides, in the order of ``SIDES``."""
+        return getattr(self, self.SIDES[0]), getattr(self, self.SIDES[1])
+
+    @property
+    def axes(self) -> tuple[Any, Any] | None:
+        """The joint's axis in the frames of its two sides; None when it has none."""
+        first, second = self.sides
+        return (first.axis, second.axis) if isinstance(first, Line) and isinstance(second, Line) else None
+
+    def acts(self, keys: Sequence[str]) -> bool:
+        """Return whether what stands under these keys has an effect: of an ideal joint only its points and axes."""
+        if not self.ideal or not keys:
+            return True
+        return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION))
+
+    def face_clearance(self, face: str) -> str:
+        """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""
+        return self.CLEARANCE
+
+    def _check_play(self) -> None:
+        """Refuse a joint with play that cannot be made of what is given."""
+
+    @model_validator(mode="after")
+    def _loose(self) -> Self:
+        if not self.ideal:
+            self._check_play()
+        return self
+
+    def _need(self, *keys: str) -> None:
+        """Refuse the joint if one of the dotted ``keys`` is not given."""
+        for key in keys:
+            node: Any = self
+            *tables, last = key.split(".")
+            for table in tables:
+                node = getattr(node, table)
+            if getattr(node, last) is None:
+                what = type(node).model_fields[last].description
+                raise refuse(f"missing; it is {what}; add it, or make the joint an ideal one", key=key)
+
+
+def stations(value: Any) -> tuple[float, ...] | None:
+    """Read stations along an axis [length]: at least one, no two alike."""
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or not value or not all(map(is_number, value)):
+        raise refuse("not a list of ring stations; allowed: one or more finite numbers; two rings carry tilt")
+    if len(set(value)) != len(value):
+        raise refuse("two rings at one station; allowed: different stations; remove one")
+    return tuple(float(s) for s in value)
+
+
+# Joints without a form with play; for play, a user writes their faces as contacts.
+
+
+class Fixed(Joint):
+    """Two bodies as one: the points coincide, and the bodies stay turned to each other as they are at the start."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("a", "b")
+
+    type: Literal["fixed"] = Field(description="the kind of joint")
+    a: BodyPoint = Field(description="one side: { body, point }")
+    b: BodyPoint = Field(description="the other side: { body, point }")
+
+
+class Face(BodyPoint):
+    """A point of a plane of a body."""
+
+    normal: Direction = Field(description="the normal of the plane, in the frame of the body")
+
+
+class Planar(Joint):
+    """Two planes that stay on each other: free are two displacements and the rotation about the normal."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("a", "b")
+    DIRECTION: ClassVar[str] = "normal"
+
+    type: Literal["planar"] = Field(description="the kind of joint")
+    a: Face = Field(description="the plane of one body: { body, point, normal }")
+    b: Face = Field(description="the plane of the other body: { body, point, normal }")
+
+    @property
+    def axes(self) -> tuple[Any, Any]:
+        """The common normal in the frames of the two sides."""
+        return self.a.normal, self.b.normal
+
+
+# A ball in a socket.
+
+
+class Ball(BodyPoint):
+    """The ball; ``point`` is its centre."""
+
+    radius: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="the radius of the ball, a number > 0"
+    )
+
+
+class Spherical(Joint):
+    """A ball in a socket: the centres coincide, or are at most the radial clearance apart."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("socket", "ball")
+    CLEARANCE: ClassVar[str] = "radial_clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
+
+    type: Literal["spherical", "clearance_spherical"] = Field(description="the kind of joint")
+    socket: BodyPoint = Field(description="the socket and its centre: { body, point }")
+    ball: Ball = Field(description="the ball and its centre: { body, point, radius }")
+    radial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="socket radius minus ball radius, a number > 0"
+    )
+
+    def _check_play(self) -> None:
+        self._need("ball.radius", "radial_clearance")
+
+
+# A slider in a guide: a block in a slot, or a shaft in a sleeve.
+
+
+class Slideway(Line):
+    """The guide's or the slider's axis, and the direction of its height."""
+
+    normal: Direction | None = Field(default=None, description="the direction of the height, across the axis")
+
+    @model_validator(mode="after")
+    def _across(self) -> Self:
+        if self.normal is not None:
+            check_perpendicular(self.axis, self.normal, ("axis", "normal"))
+        return self
+
+
+class Block(TableModel):
+    """A rectangular block around the slider's ``point``; its eight corners can touch the faces of the slot."""
+
+    half_length: PositiveLength = Field(description="half the length along the axis, a number > 0")
+    half_height: PositiveLength = Field(description="half the height along the normal, a number > 0")
+    half_width: PositiveLength = Field(description="half the width across both, a number > 0")
+
+
+class Shaft(TableModel):
+    """A cylinder on the slider's axis, in a sleeve on the axis of the guide."""
+
+    radius: PositiveLength = Field(description="the radius of the shaft, a number > 0")
+    rings: Annotated[tuple[float, ...], BeforeValidator(stations), Quantity("length")] = Field(
+        description="the stations of the sleeve's rings along the guide's axis, one or more numbers"
+    )
+    turning: Literal["held", "free"] = Field(
+        default="held", description="whether rotation about the axis is held (without play) or free"
+    )
+
+
+class Prismatic(Joint):
+    """A slider that moves along the axis of its guide. An ideal one keeps its orientation relative to the guide."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("guide", "slider")
+    CLEARANCE: ClassVar[str] = "clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
+
+    type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
+    guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")
+    slider: Slideway = Field(description="the block or shaft: { body, point, axis, normal }")
+    block: Block | None = Field(default=None, description="a block: { half_length, half_height, half_width }")
+    shaft: Shaft | None = Field(default=None, description="a shaft: { radius, rings, turning }")
+    clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="the play on each side of the height, or around the shaft, a number > 0"
+    )
+    width_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="the play of a block on each side of its width, a number > 0"
+    )
+
+    def face_clearance(self, face: str) -> str:
+        """Return the key of the clearance at a face of the slot or at a ring."""
+        return "width_clearance" if face.startswith(("left", "right")) else self.CLEARANCE
+
+    def _check_play(self) -> None:
+        if (self.block is None) == (self.shaft is None):
+            has = "no form" if self.block is None else "block and shaft"
+            raise refuse(f"has {has}; allowed: exactly one of block, shaft; keep one, or make the joint an ideal one")
+        if self.block is None:
+            self._need("clearance")
+            if self.width_clearance is not None:
+                text = "a shaft has no width; allowed: with a block; remove it"
+                raise refuse(text, key="width_clearance", value=self.width_clearance)
+            return
+        self._need("guide.normal", "slider.normal")
+        if self.width_clearance is None:
+            self._need("clearance")
+
+
+# A journal in a bearing: it turns, and slides unless it is held axially (the paper's section 3.1).
+
+
+def _radii(value: Any) -> float | tuple[float, ...] | None:
+    """Read one positive radius, or one for each ring."""
+    if value is None:
+        return None
+    if is_number(value) and value > 0:
+        return float(value)
+    if isinstance(value, list | tuple) and value and all(is_number(r) and r > 0 for r in value):
+        return tuple(float(r) for r in value)
+    raise refuse("not a radius; allowed: a number > 0, or a list with one number > 0 for each ring")
+
+
+def _ends(value: Any) -> tuple[float, float] | None:
+    """Read the stations of the two end faces of a bearing."""
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_number, value)) or value[0] > value[1]:
+        raise refuse("not the two ends of a bearing; allowed: two numbers, the smaller first")
+    return (float(value[0]), float(value[1]))
+
+
+class Journal(Line):
+    """The pin; if it is centred in the bearing, its ``point`` coincides with the bearing's."""
+
+    radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length"), Each(gt=0.0)] = (
+        Field(default=None, description="the radius of the pin, a number > 0, or a list with one for each ring")
+    )
+
+
+class Flanges(TableModel):
+    """Planes of the journal beyond the bearing's end faces; three points of each face can touch its flange."""
+
+    radius: PositiveLength = Field(description="the radius on which the three points of an end face lie, a number > 0")
+    sides: Literal["both", "start", "end"] = Field(
+        default="both", description="the ends of the bearing that have a flange: both, start or end"
+    )
+    ends: Annotated[tuple[float, float] | None, BeforeValidator(_ends), Quantity("length")] = Field(
+        default=None, description="the stations of the bearing's end faces; default: the first and the last ring"
+    )
+    phase: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the angle of the first of the three points about the bearing's axis"
+    )
+
+
+class JournalJoint(Joint):
+    """Base class of the joints made of a journal in a bearing: radial clearance at the rings of the bore."""
+
+    SIDES: ClassVar[tuple[str, str]] = ("bearing", "journal")
+    CLEARANCE: ClassVar[str] = "radial_clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
+
+    bearing: Line = Field(description="the bore: { body, point, axis }")
+    journal: Journal = Field(description="the pin: { body, point, axis, radius }")
+    rings: Annotated[tuple[float, ...] | None, BeforeValidator(stations), Quantity("length")] = Field(
+        default=None, description="the stations of the bearing's rings along its axis, one or more numbers"
+    )
+    radial_clearance: Annotated[Length | None, Quantity("length")] = Field(
+        default=None,
+        description="bore radius minus journal radius, the same at every ring, a number > 0",
+        json_schema_extra={"exclusiveMinimum": 0},
+    )
+    radial_clearance_limit: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None,
+        description="the largest clearance the bore as drawn allows",
+    )
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Journal radius at each ring [length], one value per ring."""
+        radius, rings = self.journal.radius, self.rings or ()
+        return radius if isinstance(radius, tuple) else (radius or 0.0,) * len(rings)
+
+    @property
+    def clearance_limit(self) -> float:
+        """The largest radial clearance that may be set [length]."""
+        limit = self.radial_clearance_limit
+        return min(self.radii) if limit is None else limit
+
+    def _check_play(self) -> None:
+        self._need("rings")
+        self._check_rings()
+
+    def _check_rings(self) -> None:
+        """Refuse rings that do not fit the pin, or a clearance that does not fit the bore."""
+        self._need("journal.radius", "radial_clearance")
+        rings, clearance = self.rings or (), self.radial_clearance or 0.0
+        if len(self.radii) != len(rings):
+            raise refuse(
+                f"{len(self.radii)} radii for {len(rings)} rings; "
+                "allowed: one number, or one for each ring; give as many",
+                key="journal.radius",
+                value=list(self.radii),
+            )
+        if not 0 < clearance <= self.clearance_limit:
+            what = "no play" if clearance <= 0 else "more than the bore as drawn allows"
+            raise refuse(
+                f"{what}; allowed: 0 < radial_clearance <= {self.clearance_limit:g}; "
+                "choose a clearance in between, or give another radial_clearance_limit",
+                key="radial_clearance",
+                value=clearance,
+            )
+
+
+class Cylindrical(JournalJoint):
+    """A journal that turns and slides in its bearing."""
+
+    type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
+
+
+class Revolute(JournalJoint):
+    """A journal that turns in its bearing; flanges limit how far it slides."""
+
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "axial_clearance")
+
+    type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
+    flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")
+    axial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None, description="the play at each flange when the journal is centred, a number > 0"
+    )
+
+    def face_clearance(self, face: str) -> str:
+        """Return the key of the clearance at a ring or flange."""
+        return "axial_clearance" if face.startswith("flange") else self.CLEARANCE
+
+    @property
+    def flange_stations(self) -> dict[str, float]:
+        """Station of the end face at each flange [length], by the side of the flange: ``start``, ``end``."""
+        if self.flanges is None:
+            return {}
+        start, end = self.flanges.ends or (min(self.rings or (0.0,)), max(self.rings or (0.0,)))
+        return {side: s for side, s in (("start", start), ("end", end)) if self.flanges.sides in ("both", side)}
+
+    def _check_play(self) -> None:
+        if self.rings is not None or self.flanges is None:
+            super()._check_play()
+        elif self.flanges.ends is None:
+            self._need("flanges.ends")
+        if self.flanges is not None:
+            self._need("axial_clearance")
+        elif self.axial_clearance is not None:
+            text = "nothing it would act on; allowed: together with flanges; add flanges = { radius }, or remove it"
+            raise refuse(text, key="axial_clearance", value=self.axial_clearance)
+
+
+AnyJoint = Annotated[
+    Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar,
+    Field(discriminator="type"),
+]

@@ -1,0 +1,285 @@
+"""What looks wrong in the small motions about the start pose: no load, no damping, or rest that is detected too early.
+
+Along a motion without any load no force, spring or gravity determines where a body ends up. If the mechanism has
+responses, only motions measured by one of them matter; otherwise all of them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.assembly.frames import order_bodies
+from engine.kernels.model import State
+from engine.kernels.responses import measure
+from engine.mechanism import Mechanism, get_value, unit_of
+from engine.not_at_rest.diagnosis import motion_words
+from engine.preflight.plausibility import Caution
+from engine.preflight.small_motions import (
+    NOTHING,
+    SmallMotions,
+    accelerations,
+    displaced,
+    null_space,
+    small_motions,
+)
+
+SEEN = 0.05  # share of a response's gradient that is worth mentioning
+BEGUN = 100.0  # number of small steps after which a motion has begun
+ACTS = 1e-6  # share of a load along a motion above which it acts on it
+SAME = 1e-6  # relative difference up to which two sizes are equal
+PURE = 0.05  # share of a motion's energy that is worth mentioning
+
+SLOW = 1e6  # windows: a play that takes longer to close has no load
+SHORT = 4.0  # windows: a run does not wait for a play of a joint that takes longer than this to close
+
+
+def unloaded_cautions(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield cautions about bodies that a response at the end of the run measures along a motion without any load.
+
+    Without responses, all bodies along all such motions are reported, provided that a body is fixed: otherwise all
+    could move together. Prescribed motions push bodies in ways that the start pose does not show, so with one there is
+    no caution.
+    """
+    if mechanism.motions:
+        return
+    if not mechanism.responses:
+        for body_name, motion in unloaded_motions(mechanism, small):
+            yield _caution(body_name, motion, "")
+        return
+    unloaded = _unloaded(mechanism, small)
+    names = list(mechanism.responses)
+    found: dict[tuple[str, str], list[str]] = {}
+    gradients = small.derivative(lambda pose: values_at(small, pose))
+    for i in np.flatnonzero(small.assembly.model.responses.measures_motion):
+        seen = unloaded @ (unloaded.T @ gradients[i])
+        if np.linalg.norm(seen) > SEEN * np.linalg.norm(gradients[i]):
+            body = int((seen.reshape(-1, 6) ** 2).sum(axis=1).argmax())
+            if _is_thrown(mechanism, small, body, seen):
+                continue
+            found.setdefault(_words(mechanism, small, body, seen), []).append(names[i])
+    for (body_name, motion), responses in found.items():
+        measure = "measures" if len(responses) == 1 else "measure"
+        yield _caution(body_name, motion, f", and {', '.join(responses)} {measure} that")
+
+
+def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[str, str]]:
+    """Return the motions without any load, each as the body that takes the largest part in it and a description.
+
+    There is none if no body is fixed, because all could move together.
+    """
+    if not any(body.fixed for body in mechanism.bodies.values()):
+        return []
+    motions = _pure_motions(_unloaded(mechanism, small))
+    return [_words(mechanism, small, *each) for each in motions if not _is_brought_back(mechanism, small, each[1])]
+
+
+def _pure_motions(basis: Array) -> Iterator[tuple[int, Array]]:
+    """Yield as many motions as a basis, shape (n, k), has columns, with the body of each.
+
+    Each is the one with the largest share of its energy in the translation, or in the rotation, of one body; among
+    equivalent bodies the first, among equivalent directions the one nearest to a world axis.
+    """
+    while basis.shape[1]:
+        blocks = basis.reshape(-1, 3, basis.shape[1])
+        ways, sizes, parts = np.linalg.svd(blocks)
+        block = int(np.flatnonzero(sizes[:, 0] > (1.0 - SAME) * sizes[:, 0].max())[0])
+        alike = int(np.count_nonzero(sizes[block] > (1.0 - SAME) * sizes[block, 0]))
+        across = ways[block, :, :alike]
+        axis = int((across**2).sum(axis=1).argmax())
+        chosen = parts[block, :alike].T @ across[axis]
+        chosen /= np.linalg.norm(chosen)
+        yield block // 2, basis @ chosen
+        basis = basis @ null_space(chosen[None], len(chosen))
+
+
+def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> bool:
+    """Return whether loads act on a motion once it has begun, as gravity does on a pendulum hanging straight down."""
+    moving = y != 0.0
+    begun = BEGUN * float((small.steps()[moving] / np.abs(y[moving])).min()) * (small.root @ y)
+    there = small_motions(replace(small.assembly, state=displaced(small.assembly.state, begun)))
+    free = null_space(np.vstack([there.joints, there.rounds]), len(y))
+    along = free @ (free.T @ np.linalg.solve(there.root, small.root @ y))
+    loads = [there.loads(phase, 0.0) for phase in range(len(mechanism.phases))]
+    return any(abs(float(along @ load)) > ACTS * float(np.linalg.norm(load)) for load in loads)
+
+
+def _caution(body: str, motion: str, measured: str) -> Caution:
+    """Return the caution about a body along a motion without any load."""
+    return Caution(
+        f"bodies.{body}",
+        None,
+        "1",
+        f"no force, spring or gravity acts on it {motion}{measured}",
+        "",
+        "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever",
+    )
+
+
+def values_at(small: SmallMotions, pose: State) -> Array:
+    """Return all responses at a pose, as measured at one instant."""
+    model, work = small.assembly.model, small.assembly.work
+    values = model.responses.offset.copy()
+    measure(model.responses, model.contacts, model.loads, pose, work.sites, values, work.vectors, (0.0, 1.0))
+    return np.asarray(np.nan_to_num(values))
+
+
+def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
+    """Return a basis, shape (n, k), of the motions that are not loaded in any phase.
+
+    Neither the loads, nor their change with the pose, nor the contacts that they close act on these motions.
+    """
+    n = len(small.root)
+    free = null_space(np.vstack([small.joints, small.rounds]), n)
+    horizon, varies = mechanism.simulation.horizon, len(small.assembly.model.time_laws.since) > 0
+    times = (0.0, 0.5 * horizon, horizon) if varies else (0.0,)
+    flat, rows = small.normals[~small.is_round], [np.zeros((0, n))]
+    for phase in range(len(mechanism.phases)):
+        for t in times:
+            loads = small.loads(phase, t)
+            moves, forces = accelerations(free, flat, loads)
+            rows.append(flat[forces > NOTHING * np.linalg.norm(loads)])
+            rows.append(_by_body(moves, NOTHING * float(np.linalg.norm(loads))))
+            rows.append(small.derivative(partial(small.loads, phase, t)))
+    return np.asarray(free @ null_space(np.vstack(rows) @ free, free.shape[1]))
+
+
+def _by_body(moves: Array, least: float) -> Array:
+    """Return the part of a motion for each body that moves by more than ``least``, one row each."""
+    nb = len(moves) // 6
+    rows = np.zeros((nb, nb, 6))
+    rows[np.arange(nb), np.arange(nb)] = moves.reshape(nb, 6)
+    return np.asarray(rows.reshape(nb, -1)[np.abs(moves.reshape(nb, 6)).max(axis=1) > least])
+
+
+def _is_thrown(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> bool:
+    """Return whether a body starts with a speed in a motion that friction will end, which decides where it stops."""
+    name, twist, R = order_bodies(mechanism)[body], small.assembly.state.v[body], small.assembly.state.R[body]
+    own = (small.root @ y)[6 * body : 6 * body + 6]
+    along = abs(float(own[:3] @ twist[:3] + own[3:] @ (R @ twist[3:])))
+    pairs = [*mechanism.contacts.values(), *(joint for joint in mechanism.joints.values() if not joint.ideal)]
+    rubs = any(mechanism.contact_law(pair)[0] > 0.0 for pair in pairs if name in {side.body for side in pair.sides})
+    return rubs and along > NOTHING * float(np.linalg.norm(own) * np.linalg.norm(twist))
+
+
+def _words(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> tuple[str, str]:
+    """Return a body's name, and a description of its part in a motion."""
+    parts = y.reshape(-1, 2, 3)[body]
+    energies = (parts**2).sum(axis=1)
+    y = np.where((energies > PURE * energies.sum())[:, None], parts, 0.0)
+    own = small.root[6 * body : 6 * body + 6, 6 * body : 6 * body + 6]
+    name, w = order_bodies(mechanism)[body], (own @ y.ravel()).reshape(2, 3)
+    return name, motion_words(mechanism, name, small.assembly.state.R[body], w[0], w[1])
+
+
+# A window of rest so short that the mechanism counts as being at rest before its plays have closed.
+
+
+def early_rest(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield the slowest play that is still open when the mechanism may count as being at rest.
+
+    At the start everything is at rest. If the loads move no measured length by more than the allowed drift within the
+    window, the run ends there although its bodies have only begun to slide or turn. If they do, a body that is not
+    measured may still move later, when the measured ones stand still. A run waits only for bodies in flight.
+    """
+    rest, assembly = mechanism.simulation.rest, small.assembly
+    window = max(rest.window, mechanism.simulation.step)
+    touching = small.normals[assembly.state.gap <= max(mechanism.simulation.penetration, rest.drift)]
+    moves, _ = accelerations(null_space(small.joints, len(small.root)), touching, small.loads(0, 0.0))
+    gradients = small.derivative(lambda pose: values_at(small, pose))
+    measured = gradients[assembly.model.responses.measures_motion] @ moves
+    seen = assembly.state.v.any() or 0.5 * np.abs(measured).max(initial=0.0) * window**2 > rest.drift
+    slowest, which = 0.0, ""
+    for i, name in enumerate(assembly.contact_names):
+        play, towards = float(assembly.state.gap[i]), _approach(small, i, moves)
+        takes = float(np.sqrt(2.0 * play / towards)) if towards > 0.0 and play > 0.0 else 0.0
+        long = SHORT * rest.window if seen and "." in name else SLOW * rest.window if seen else rest.window
+        if max(long, slowest) < takes < SLOW * rest.window:
+            slowest, which = takes, name
+    if which:
+        unit = mechanism.unit("time")
+        yield Caution(
+            "simulation.rest.window",
+            rest.window,
+            unit,
+            f"the loads take {slowest:.3g} {unit} to close {_play(mechanism, which)}, and "
+            + (
+                "a body that nothing measures counts as moving only in flight"
+                if seen
+                else "nothing that is measured moves at first: the run could end before"
+            ),
+            f"more than {slowest:.2g} {unit}",
+            "make the window longer",
+        )
+
+
+def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
+    """Return the acceleration at which the gap of a contact closes."""
+    if small.is_round[contact]:
+        rows = small.rounds[small.round_of == contact]
+        return float(np.linalg.norm(rows @ moves))
+    return float(-small.normals[contact] @ moves)
+
+
+def _play(mechanism: Mechanism, contact: str) -> str:
+    """Return the name of the play at a contact, with its value if it is a number in the file."""
+    joint, _, face = contact.partition(".")
+    if not face:
+        return f"the gap of contacts.{contact}"
+    key = f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
+    return f"the play {key} = {get_value(mechanism, key):g} {unit_of(mechanism, key)}"
+
+
+# Motions that lose no energy and so never come to rest: undamped oscillations on springs and in gravity.
+
+
+def undamped_modes(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield cautions about bodies that move from the start, are measured at the end, and lose no energy meanwhile."""
+    if mechanism.motions or any(phase.damping for phase in mechanism.phases):
+        return
+    assembly, names = small.assembly, order_bodies(mechanism)
+    loads = small.loads(0, 0.0)
+    moves, _ = accelerations(null_space(small.joints, len(small.root)), small.normals, loads)
+    start = assembly.state.v[:-1].copy()
+    start[:, 3:] = np.einsum("bij,bj->bi", assembly.state.R[:-1], start[:, 3:])
+    starts = np.linalg.solve(small.root, start.ravel()) if start.any() else start.ravel()
+    gradients = small.derivative(lambda pose: values_at(small, pose))[assembly.model.responses.measures_motion]
+    for group in _linked(mechanism):
+        if any(_dissipates(mechanism, body) for body in group):
+            continue
+        own = np.isin(np.repeat(np.array(names), 6), sorted(group))
+        goes = np.abs(gradients @ np.where(own, moves, 0.0)).max(initial=0.0)
+        flies = np.abs(gradients @ np.where(own, starts, 0.0)).max(initial=0.0)
+        size = np.linalg.norm(gradients) if gradients.size else 0.0
+        if goes > NOTHING * size * np.linalg.norm(loads) or flies > NOTHING * size * np.linalg.norm(starts):
+            yield Caution(
+                f"bodies.{min(group, key=names.index)}",
+                None,
+                "1",
+                "no contact, damper or damping of the phase takes energy from its motion: it never comes to rest",
+                "",
+                "add what damps it, or give the phase a duration if the motion is the result",
+            )
+
+
+def _linked(mechanism: Mechanism) -> list[set[str]]:
+    """Return the groups of moving bodies that are linked by joints, contacts, springs or dampers."""
+    groups = [{name} for name, body in mechanism.bodies.items() if not body.fixed]
+    pairs = [{side.body for side in pair.sides} for pair in (*mechanism.joints.values(), *mechanism.contacts.values())]
+    for link in (*mechanism.springs.values(), *mechanism.dampers.values()):
+        pairs.append({end if isinstance(end, str) else end.body for end in (link.a, link.b)})
+    for pair in pairs:
+        met = [group for group in groups if group & pair]
+        groups = [group for group in groups if not group & pair] + ([set().union(*met)] if met else [])
+    return groups
+
+
+def _dissipates(mechanism: Mechanism, body: str) -> bool:
+    """Return whether a contact, a joint with play or a damper acts on a body."""
+    touches = [joint for joint in mechanism.joints.values() if not joint.ideal] + [*mechanism.contacts.values()]
+    if any(side.body == body for pair in touches for side in pair.sides):
+        return True
+    damped = [link for link in (*mechanism.springs.values(), *mechanism.dampers.values()) if link.damping]
+    return any(body == (end if isinstance(end, str) else end.body) for link in damped for end in (link.a, link.b))

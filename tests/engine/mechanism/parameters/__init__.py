@@ -1,1 +1,0 @@
-"""Tests of the parameters of a mechanism."""

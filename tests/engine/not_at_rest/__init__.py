@@ -1,0 +1,1 @@
+"""Tests of `engine.not_at_rest`."""
