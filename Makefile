@@ -67,7 +67,7 @@ everything: $(VENV)/.dev
 	$(TOGETHER) -m "" $(PARALLEL) $(CROWD)
 
 on-s3: $(VENV)/.dev
-	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/campaign/web -k s3 $(PARALLEL)
+	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/clearcap/web -k s3 $(PARALLEL)
 
 # A processor without AVX-512 cannot run the kernels of SkylakeX.
 kernels: $(VENV)/.dev

@@ -96,7 +96,7 @@ def _command(samples: int) -> float:
         words = ["run", "c60", "--samples", str(samples), "--store", store, "--no-report", "--json"]
         start = perf_counter()
         subprocess.run(
-            [sys.executable, "-m", "campaign", *words],
+            [sys.executable, "-m", "clearcap", *words],
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             check=True,
             capture_output=True,

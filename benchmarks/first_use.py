@@ -18,8 +18,8 @@ from benchmarks.machine import processor_s
 
 ROOT = Path(__file__).parents[1]
 REPEATS = 3
-SIMULATE = ("-m", "campaign", "simulate")
-RUN = ("-m", "campaign", "run", "c60", "--samples", "20", "--no-report")
+SIMULATE = ("-m", "clearcap", "simulate")
+RUN = ("-m", "clearcap", "run", "c60", "--samples", "20", "--no-report")
 LOOK_EVERY = 0.02  # s
 
 
@@ -37,7 +37,7 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
         rows = {
             "python alone": alone,
             "import engine": _quickest("-c", "import engine", cache=cache),
-            "clearcap --help": _quickest("-m", "campaign", "--help", cache=cache),
+            "clearcap --help": _quickest("-m", "clearcap", "--help", cache=cache),
             "simulate incline, first": _time(*SIMULATE, "incline", cache=cache),
             "simulate incline": _quickest(*SIMULATE, "incline", cache=cache),
             "simulate c60, first": _time(*SIMULATE, "c60", cache=cache),

@@ -57,7 +57,7 @@ def _status(store: str) -> float:
     """Return the time of `clearcap status`, including the start of its process [s]."""
     start = perf_counter()
     subprocess.run(
-        [sys.executable, "-m", "campaign", "status", "--store", store, "--json"],
+        [sys.executable, "-m", "clearcap", "status", "--store", store, "--json"],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         check=True,
         capture_output=True,

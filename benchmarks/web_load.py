@@ -25,11 +25,11 @@ import psutil
 from benchmarks.made_up_campaigns import made_up_campaign
 from campaign.coordinator.state import write_state
 from campaign.plan import Plan
-from campaign.reports.report import report
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
 from campaign.store.layout import SUBMISSION
-from campaign.web.watch.entry import REPORT_DOCUMENT
+from clearcap.questions.report import report
+from clearcap.web.watch.entry import REPORT_DOCUMENT
 
 PATIENCE = 300.0  # s, limit of every wait
 ROOT = Path(__file__).parents[1]
@@ -201,7 +201,7 @@ def _complete(store: Store, plan: Plan, document: bytes) -> None:
 @asynccontextmanager
 async def _serving(folder: Path, *options: str) -> AsyncIterator[ServerLoad]:
     """Serve the store in the block, once all campaigns are listed."""
-    from tests.campaign.web.running import Served
+    from tests.clearcap.web.running import Served
 
     (folder / "limits.toml").write_text(f"[limits]\nstreams = {FOLLOWERS}\n", encoding="utf-8")
     with Served(folder, "--config", str(folder / "limits.toml"), *options) as served:

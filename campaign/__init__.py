@@ -1,6 +1,6 @@
-"""Campaigns of simulations: specs, sampling, the store, dask, the command line."""
+"""Campaigns of simulations: specs, sampling, the store, dask."""
 
-TYPE_CHECKING = False  # not from typing: ``python -m campaign`` would look for it in the current folder
+TYPE_CHECKING = False  # not from typing: clearcap's entry imports this before the current folder is off the path
 
 if TYPE_CHECKING:
     from campaign.spec.load import load_campaign, load_campaign_text

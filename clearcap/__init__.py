@@ -9,15 +9,16 @@ Each name is imported when it is first used, so that ``import clearcap`` takes n
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
+
+TYPE_CHECKING = False  # not from typing: ``python -m clearcap`` would look for it in the current folder
 
 if TYPE_CHECKING:
-    from campaign.client.remote_server import RemoteServer, connect
     from campaign.cluster.cluster import Cluster, Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
+    from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
     from engine import (
@@ -84,7 +85,7 @@ __all__ = [
 
 # Where each name is imported from.
 _HOMES = {
-    "campaign.client.remote_server": ("RemoteServer", "connect"),
+    "clearcap.client.remote_server": ("RemoteServer", "connect"),
     "campaign.cluster.cluster": ("Cluster", "Tls"),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
     "campaign.spec.write": ("campaign_text",),

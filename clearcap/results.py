@@ -85,7 +85,7 @@ class Results:
         CampaignError
             If the store holds no row of the campaign.
         """
-        from campaign.reports.report import analysis
+        from clearcap.questions.report import analysis
         from reporting.render.parquet import capability_table
 
         return _frame(capability_table(analysis(self.store, self.plan)), "response")
@@ -114,7 +114,7 @@ class Results:
         """
         import pandas as pd
 
-        from campaign.reports.whatif import what_if
+        from clearcap.questions.whatif import what_if
 
         answers = what_if(self.store, self.plan, list(settings))
         rows = {name: _answer(answer) for name, answer in answers.items()}
@@ -174,7 +174,7 @@ def report(results: Results, kinds: Collection[str] = USUAL) -> dict[str, str]:
     StoreError, SpecError
         If the report cannot be written.
     """
-    from campaign.reports.report import report as write
+    from clearcap.questions.report import report as write
 
     return write(results.store, results.plan, kinds=kinds)
 

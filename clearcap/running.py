@@ -89,7 +89,7 @@ def run_campaign(
 
 def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None) -> tuple[int, str]:
     """Compute a planned campaign in a separate process; return its exit status and its last message."""
-    command = [sys.executable, "-P", "-m", "campaign", "resume", plan.campaign_id, "--no-report", "--json"]
+    command = [sys.executable, "-P", "-m", "clearcap", "resume", plan.campaign_id, "--no-report", "--json"]
     environment = {**python_environment(), STORE: store.files.full_url}  # unlike arguments, hidden from other users
     process = subprocess.Popen(
         [*command, *cluster.options()],

@@ -32,7 +32,7 @@ LONGEST = (
     "campaign/storms/test_storms.py",
     "system/test_c60.py",  # compiles the engine once for all, while another process tests the reports
     "reporting",
-    "campaign/web/journeys",
+    "clearcap/web/journeys",
     "campaign/storms/test_failures.py",
     "test_sessions.py",
     "studies/coverage/test_documented.py",
@@ -44,7 +44,7 @@ LONGEST = (
     "campaign/storms/test_service.py",
     "deploy/test_slurm.py",
     "deploy/test_hosts.py",
-    "campaign/cli/test_verbs.py",
+    "clearcap/cli/test_verbs.py",
     "campaign/coordinator/test_coordinate.py",
     "campaign/worker/test_subprocess_runs.py",
 )

@@ -84,7 +84,7 @@ def test_functions_take_few_parameters():
     too_many = {}
     for module in modules():
         for function in functions(module):
-            a_verb = module.startswith("campaign.cli.") and not function.name.startswith("_")
+            a_verb = module.startswith("clearcap.cli.") and not function.name.startswith("_")
             if len(parameters(function)) <= MOST_PARAMETERS or a_verb:
                 continue
             if len(parameters(function)) > MOST_OF_A_KERNEL or not is_leaf_kernel(module, function):

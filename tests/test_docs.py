@@ -13,8 +13,8 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from campaign.cli import app
 from campaign.spec.load import load_campaign
+from clearcap.cli import app
 from engine.mechanism import mechanism_from
 from tests.each import each
 
@@ -134,7 +134,7 @@ SIMULATIONS = [
 def test_simulation_shown_succeeds(line, tmp_path, monkeypatch):
     """Each `simulate` of the page about the command ends with exit status 0 and writes what it names."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("campaign.pictures.animation.FRAMES", 3)
+    monkeypatch.setattr("clearcap.pictures.animation.FRAMES", 3)
     words = line.split()
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output

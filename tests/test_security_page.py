@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from campaign.cli import app
 from campaign.cluster import scratch, tls_certificates
 from campaign.spec import data_files, named_files
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
+from clearcap.cli import app
 from engine.cad import ReadingLimits
 from engine.mechanism import expression
 from engine.platform import toml_file

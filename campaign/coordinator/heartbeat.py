@@ -15,7 +15,7 @@ from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, judge_lif
 from campaign.coordinator.state import state_of
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
-from campaign.reports.resolution import resolution
+from campaign.resolution import resolution
 from campaign.store import Store, Survey
 from campaign.store.layout import HEARTBEAT, LEASE, PLAN
 from campaign.worker.messages import BatchResult

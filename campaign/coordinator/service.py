@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Callable
 
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
@@ -17,11 +18,14 @@ from campaign.store.layout import SERVICE
 logger = logging.getLogger(__name__)
 
 
-def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bool = True) -> list[str]:
+Report = Callable[[Store, Plan], object]  # writes the report of a completed campaign
+
+
+def serve(store: Store, cluster: Cluster, *, report: Report | None, once: bool = False) -> list[str]:
     """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones.
 
-    ``once`` returns when no campaign is queued, instead of waiting for more without end. Raises LeaseHeld if another
-    process serves the store.
+    ``report`` is called for each completed campaign. ``once`` returns when no campaign is queued, instead of waiting
+    for more without end. Raises LeaseHeld if another process serves the store.
     """
     completed: list[str] = []
     unreadable: dict[str, str] = {}
@@ -32,7 +36,7 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
                 if not _is_open(store, campaign_id, unreadable):
                     continue  # it was cancelled or deleted while another one was computed
                 logger.info("computing campaign %s", campaign_id)
-                if _coordinate(store, campaign_id, cluster, with_report):
+                if _coordinate(store, campaign_id, cluster, report):
                     completed.append(campaign_id)
             if once and not queued:
                 return completed
@@ -56,18 +60,18 @@ def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool
     return is_open
 
 
-def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
+def _coordinate(store: Store, campaign_id: str, cluster: Cluster, report: Report | None) -> bool:
     """Coordinate one campaign and write its report; a failure is logged and does not end the service."""
     try:
         plan = store.plan(campaign_id)
         # first, so that the report has the new rows
         if again := rerun_requested(store, plan, cluster):
             logger.info("campaign %s: %d rows computed again: %s", campaign_id, again.samples, again.after)
-        outcome = coordinate(store, plan, cluster, is_served=True, report_due=with_report)
+        outcome = coordinate(store, plan, cluster, is_served=True, report_due=report is not None)
         if lack := lack_of_ok(outcome.plan, outcome.survey.statuses):
             logger.warning("campaign %s: %s", campaign_id, lack)
-        if with_report:
-            _report(store, outcome.plan)
+        if report:
+            _report(store, outcome.plan, report)
     except LeaseHeld as error:
         logger.info("%s", error)
         time.sleep(HEARTBEAT_INTERVAL)
@@ -79,13 +83,11 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: b
     return True
 
 
-def _report(store: Store, plan: Plan) -> None:
+def _report(store: Store, plan: Plan, report: Report) -> None:
     """Write the report of a completed campaign, then close it; if the service is killed before, it starts over.
 
     If the report cannot be written, the campaign is closed with the reason, so that the next campaign gets its turn.
     """
-    from campaign.reports.report import report
-
     try:
         report(store, plan)
     except StoreError:

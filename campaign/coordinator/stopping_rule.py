@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from campaign.coordinator.dispatch import WorkQueue
 from campaign.plan import Plan
-from campaign.reports.resolution import resolution
+from campaign.resolution import resolution
 from campaign.spec.campaign_file import Response, Stop
 from campaign.store import Store
 from campaign.store.layout import STOPPED
@@ -89,7 +89,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     """Evaluate a campaign's stopping rule on its first ``samples`` samples, whose rows must be in the store."""
     rule = plan.spec.stop
     assert rule is not None
-    from campaign.reports.samples import lots_of  # see `_interval`
+    from campaign.samples import lots_of  # see `_interval`
     from reporting.rounding import leveled
     from reporting.statuses import too_few_ok
 

@@ -187,7 +187,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
     """Start ``clearcap coordinate`` in a process that outlives this one; return its id and the path of its log."""
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
-    words = [sys.executable, "-P", "-m", "campaign", "coordinate", plan.campaign_id, *options]
+    words = [sys.executable, "-P", "-m", "clearcap", "coordinate", plan.campaign_id, *options]
     try:
         file = log.open("ab")
     except OSError as error:

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from campaign.cli import main
+from clearcap.cli import main
 
 ROOT = Path(__file__).parents[2]
 
 
 def clearcap(*words, cwd):
     """Run the command in a process of its own."""
-    command = [sys.executable, "-m", "campaign", *map(str, words)]
+    command = [sys.executable, "-m", "clearcap", *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
 

@@ -9,11 +9,12 @@ import threading
 
 import pytest
 
-from campaign import compiling, mechanism_summary
+from campaign import compiling
 from campaign.compiling import announced_compilation, compile_engine
-from campaign.mechanism_summary import mechanism_warnings
 from campaign.spec import load
 from campaign.spec.load import load_campaign
+from clearcap.questions import mechanism_summary
+from clearcap.questions.mechanism_summary import mechanism_warnings
 from engine import load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
 from tests.campaign.commands import ROOT

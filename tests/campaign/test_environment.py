@@ -10,13 +10,13 @@ from campaign.cluster.local import local_client
 from campaign.cluster.process_workers import process_workers
 from campaign.coordinator.submit import start_coordinator
 from campaign.environment import numerical
-from campaign.web.answers.job_process import job_environment
-from campaign.web.coordinator_child import CoordinatorChild
 from campaign.worker.messages import CampaignAddress
 from campaign.worker.subprocess_runs import rows_in_subprocess
+from clearcap.web.answers.job_process import job_environment
+from clearcap.web.coordinator_child import CoordinatorChild
 from engine.cad import step_reader
 from tests.campaign import fake_engine
-from tests.campaign.web.answers.strange_jobs import environment
+from tests.clearcap.web.answers.strange_jobs import environment
 
 pytestmark = pytest.mark.bits
 

@@ -11,13 +11,13 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign import row_build
-from campaign.cli import app
 from campaign.coordinator.submit import reuse_rows, submit
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.messages import CampaignAddress, WrongBuild
 from campaign.worker.row import open_campaign
+from clearcap.cli import app
 from engine.platform.build import hash_sources
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed

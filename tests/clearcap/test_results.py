@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from campaign.errors import SpecError
-from campaign.reports.report import analysis
 from campaign.spec.load import load_campaign
+from clearcap.questions.report import analysis
 from clearcap.results import Results, open_campaign, report
 from reporting.render.json import render_json
 from tests.campaign import fake_engine

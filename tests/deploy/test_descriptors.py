@@ -12,7 +12,7 @@ from distributed import Scheduler, Security
 from tornado.httpclient import AsyncHTTPClient
 from typer.main import get_command
 
-from campaign.cli import app
+from clearcap.cli import app
 from tests.deploy.descriptors import DEPLOY, ROLES, documents, pods
 
 

@@ -8,7 +8,7 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from campaign.web.settings import LOOPBACK, PORT
+from clearcap.web.settings import LOOPBACK, PORT
 from tests.deploy.descriptors import DEPLOY, ROLES, check_dask, documents, output, pods, pods_in
 
 DIGEST = f"sha256:{'0123456789abcdef' * 4}"

@@ -98,7 +98,7 @@ def run_as_victim(*words, **environment):
 
 def simulate(**environment):
     """Run a simulation as the victim."""
-    return run_as_victim("-m", "campaign", "simulate", "incline", **environment)
+    return run_as_victim("-m", "clearcap", "simulate", "incline", **environment)
 
 
 def home(place, mode=0o700) -> Path:

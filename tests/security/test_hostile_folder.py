@@ -109,7 +109,7 @@ def environment():
 @pytest.mark.processes
 @pytest.mark.slow
 def test_a_run_is_the_same_there(hostile, tmp_path):
-    """One run and its picture; also as ``python -m campaign``, which has found its package before we can act."""
+    """One run and its picture; also as ``python -m clearcap``, which has found its package before we can act."""
     folder, traces = hostile
     clean = tmp_path / "clean"
     clean.mkdir()
@@ -120,7 +120,7 @@ def test_a_run_is_the_same_there(hostile, tmp_path):
     assert there == here
     assert (folder / "motion.svg").read_bytes() == (clean / "motion.svg").read_bytes()
     (folder / "campaign.py").unlink()
-    again = json.loads(command(folder, *words, program=(sys.executable, "-m", "campaign")))
+    again = json.loads(command(folder, *words, program=(sys.executable, "-m", "clearcap")))
     assert again["responses"] == here["responses"]
     assert list(traces.iterdir()) == []
 

@@ -15,11 +15,11 @@ from uuid import uuid4
 import pytest
 from typer.main import get_command
 
-from campaign.cli import app
-from campaign.cli.drive import verdicts_without_report
-from campaign.cli.output import INVISIBLE, visible
 from campaign.coordinator import rerun as rerunning
 from campaign.spec.load import load_campaign
+from clearcap.cli import app
+from clearcap.cli.drive import verdicts_without_report
+from clearcap.cli.output import INVISIBLE, visible
 from engine.profile.step_times import StepTimes
 from tests.campaign import fake_engine
 from tests.campaign.commands import clearcap_here
@@ -79,10 +79,10 @@ def hostile(faked, folder_of_hostile, tmp_path, monkeypatch):
     """Return what puts a copy of the campaign into a folder with a hostile name, stands there, and returns its id."""
     monkeypatch.setenv("COLUMNS", "20000")
     monkeypatch.setattr(rerunning, "rerun", partial(rerunning.rerun, simulate=fake_engine.simulate))
-    monkeypatch.setattr("campaign.reports.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
-    monkeypatch.setattr("campaign.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
+    monkeypatch.setattr("clearcap.questions.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
+    monkeypatch.setattr("clearcap.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
     monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
-    monkeypatch.setattr("campaign.reports.journal_positions.campaign_journal_positions", lambda *_: [])
+    monkeypatch.setattr("clearcap.questions.journal_positions.campaign_journal_positions", lambda *_: [])
     made, campaign_id = folder_of_hostile
 
     def fresh():
@@ -183,7 +183,7 @@ def test_hostile_words(verb, hostile, capsys, monkeypatch):
 
 
 # The one way to print: who calls these, or reads markup, is `output` or the view of the progress.
-PRINTERS = {"campaign.cli.output", "campaign.cli.progress", "campaign.interrupts"}
+PRINTERS = {"clearcap.cli.output", "clearcap.cli.progress", "campaign.interrupts"}
 
 
 def test_one_way_to_print():
@@ -197,8 +197,8 @@ def test_one_way_to_print():
             if name in ("print", "echo", "secho", "rprint") and module not in PRINTERS:
                 found.append(f"{module} calls {name}")
             if name in ("from_markup", "render"):
-                found.append(f"{module} calls {name}") if module.startswith("campaign.cli") else None
+                found.append(f"{module} calls {name}") if module.startswith("clearcap.cli") else None
             if isinstance(node, ast.keyword) and node.arg in ("markup", "emoji") and ast.unparse(node.value) != "False":
                 found.append(f"{module} turns {node.arg} on")
     assert found == []
-    assert "markup=False" in modules()["campaign.cli.output"].read_text()
+    assert "markup=False" in modules()["clearcap.cli.output"].read_text()

@@ -20,7 +20,6 @@ import pytest
 import tomli_w
 from pyarrow import parquet
 
-from campaign.cli.overview import _entry
 from campaign.coordinator.heartbeat import Heartbeat, _before_first
 from campaign.coordinator.lease import is_coordinated, lease_holder
 from campaign.coordinator.state import state_of
@@ -28,14 +27,15 @@ from campaign.errors import CampaignError
 from campaign.inputs.sampling import draw
 from campaign.plan import Plan, dump_spec, make_plan
 from campaign.plan_header import parse_plan
-from campaign.reports.cost_file import read_costs
-from campaign.reports.variable_settings import changed_variables
 from campaign.spec.data_files import read_columns
 from campaign.spec.load import load_campaign
 from campaign.spec.named_files import FolderFiles
 from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
+from clearcap.cli.overview import _entry
+from clearcap.questions.cost_file import read_costs
+from clearcap.questions.variable_settings import changed_variables
 from engine import EngineError, load_mechanism, simulate, warm_up
 from engine.cad.archive import packed
 from engine.cad.occt.shape_distances import measure_distances

@@ -127,7 +127,7 @@ def test_the_attack_succeeds_where_nothing_is_closed(ground):
 def started(*words, cwd, environment):
     """Run the command in the background; yield its process."""
     with (cwd / "log").open("wb") as log:
-        process = subprocess.Popen([sys.executable, "-m", "campaign", *words], cwd=cwd, env=environment, stderr=log)
+        process = subprocess.Popen([sys.executable, "-m", "clearcap", *words], cwd=cwd, env=environment, stderr=log)
     try:
         yield psutil.Process(process.pid)
         process.wait(WITHIN)
@@ -144,7 +144,7 @@ def by_run(campaign_file, cwd, environment):
 
 @contextmanager
 def by_submit(campaign_file, cwd, environment):
-    command = [sys.executable, "-m", "campaign", "submit", str(campaign_file), *ALIKE, "--json"]
+    command = [sys.executable, "-m", "clearcap", "submit", str(campaign_file), *ALIKE, "--json"]
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=WITHIN)
     assert done.returncode == 0, done.stderr
     process = psutil.Process(json.loads(done.stdout)["pid"])

@@ -7,13 +7,13 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from campaign.cli import app
-from campaign.cli.output import INVISIBLE, print_json, print_table, say, visible
-from campaign.cli.progress import line, view
 from campaign.coordinator.heartbeat import Heartbeat
 from campaign.coordinator.lease import this_process
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
+from clearcap.cli import app
+from clearcap.cli.output import INVISIBLE, print_json, print_table, say, visible
+from clearcap.cli.progress import line, view
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 from tests.counts import some

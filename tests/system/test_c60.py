@@ -19,7 +19,7 @@ SAMPLES = 6
 def clearcap(*words, cwd):
     """Run the command in a process of its own and return its JSON document and its messages."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "campaign", *map(str, words), "--json"]
+    command = [sys.executable, "-m", "clearcap", *map(str, words), "--json"]
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), done.stderr

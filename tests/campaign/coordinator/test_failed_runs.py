@@ -7,10 +7,10 @@ import pytest
 from campaign.coordinator.failed_runs import TooManyFailed, lack_of_ok, what_to_do
 from campaign.coordinator.state import state_of
 from campaign.plan import Plan, make_plan
-from campaign.reports.report import report_spec
 from campaign.spec.campaign_file import FIRST_RUNS, Failures
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from clearcap.questions.report import report_spec
 from reporting import ReportSpec
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, start

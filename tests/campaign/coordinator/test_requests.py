@@ -99,7 +99,7 @@ def test_a_half_deleted_campaign_is_none(whole, plan, capsys, monkeypatch):
     """No verb finds it but delete, which finishes it without asking; list says so, and a service passes it over."""
     half_deleted(whole, plan)
     assert unfinished_deletions(whole) == [plan.campaign_id]
-    assert serve(whole, Cluster(workers=1), once=True) == []
+    assert serve(whole, Cluster(workers=1), report=None, once=True) == []
     place = ("--store", whole.url)
     code, printed, said = clearcap_here(capsys, monkeypatch, "list", *place)
     assert (code, printed) == (0, "")

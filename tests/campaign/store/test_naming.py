@@ -19,7 +19,7 @@ PRINTED = re.compile(
 )
 PROSE = {
     # A command on a server, which has its address.
-    "campaign.client.remote_server",
+    "clearcap.client.remote_server",
     # What takes a folder or file: the store is that folder, or the one above it.
     "engine.faults.file_kinds",
     # What a sampler is for: it names the verb.

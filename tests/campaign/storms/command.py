@@ -34,14 +34,14 @@ def main():
     """Put the stand-in in the engine's place and the wrong clock in the right one's, and run the command."""
     time.time = wrong_clock(Path(os.environ[CLOCK]))  # first of all: dask keeps the function that it finds
     handler = signal.signal(signal.SIGINT, signal.SIG_DFL)  # while this imports, not yet under the command's care
-    from campaign import cli
     from campaign.coordinator import coordinate, submit
+    from clearcap import cli
     from tests.campaign import fake_engine
 
     start_alike = SimpleNamespace(**{**vars(subprocess), "Popen": _start})
     submit.subprocess = start_alike
     if "serve" in sys.argv:
-        from campaign.web import coordinator_child
+        from clearcap.web import coordinator_child
 
         coordinator_child.subprocess = start_alike
     simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))

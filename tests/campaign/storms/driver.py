@@ -9,12 +9,12 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from campaign.cli.output import show_logs
 from campaign.cluster.cluster import Cluster, Tls
 from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
 from campaign.store.files.retry_policy import PATIENT, RetryPolicy
+from clearcap.cli.output import show_logs
 from tests.campaign import fake_engine
 
 

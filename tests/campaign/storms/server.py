@@ -2,10 +2,10 @@
 
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
-from campaign.web.access import Role
-from campaign.web.access.credentials import LONGEST_TOKEN, Tokens
-from campaign.web.access.database import Database
-from campaign.web.access.users import Users
+from clearcap.web.access import Role
+from clearcap.web.access.credentials import LONGEST_TOKEN, Tokens
+from clearcap.web.access.database import Database
+from clearcap.web.access.users import Users
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 

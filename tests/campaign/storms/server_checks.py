@@ -2,8 +2,8 @@
 
 from itertools import pairwise
 
-from campaign.web.access.audit import AuditTrail
-from campaign.web.access.database import Database
+from clearcap.web.access.audit import AuditTrail
+from clearcap.web.access.database import Database
 from tests.campaign.storms.disturbances import LOSSES
 from tests.campaign.storms.server import DATABASE
 

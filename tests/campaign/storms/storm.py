@@ -20,7 +20,7 @@ from tests.campaign.storms.visitors import Visitors
 
 COORDINATES = {"run", "resume", "coordinate"}
 COMMANDS = {"campaign", "tests.campaign.storms.command"}
-JOBS = "campaign.web.answers.job_child"  # in the command line of the processes in which a server computes
+JOBS = "clearcap.web.answers.job_child"  # in the command line of the processes in which a server computes
 
 
 @dataclass

@@ -218,7 +218,7 @@ def test_cancel_then_resume(tmp_path, asked, reference, supervisor):
     """``cancel`` ends the coordinator; when the marker is removed, another one completes the campaign."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.02)
     until(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
-    command = [sys.executable, "-m", "campaign", "cancel", plan.campaign_id, "--store", store.url]
+    command = [sys.executable, "-m", "clearcap", "cancel", plan.campaign_id, "--store", store.url]
     with workers_paused(supervisor):  # however long the command takes to start
         subprocess.run(command, check=True, env=supervisor.environment, capture_output=True)
         until(lambda: 3 in supervisor.codes.get("coordinator", []), lambda: supervisor.said("coordinator"))

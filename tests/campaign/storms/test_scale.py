@@ -123,7 +123,7 @@ def _status_and_report(store, plan, folder):
     figures = {}
     for verb in ("status", "report"):
         began = time.monotonic()
-        command = [sys.executable, "-m", "campaign", verb, plan.campaign_id, "--store", store.url, "--json"]
+        command = [sys.executable, "-m", "clearcap", verb, plan.campaign_id, "--store", store.url, "--json"]
         with (folder / f"{verb}.json").open("wb") as out, subprocess.Popen(command, stdout=out) as process:
             peak = 0
             while process.poll() is None:

@@ -24,7 +24,7 @@ from tests.campaign.storms.server_checks import check_accounts, check_visits
 from tests.campaign.storms.storm import Storm
 from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.campaign.switch import Switch
-from tests.campaign.web.running import until
+from tests.clearcap.web.running import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
 

@@ -12,11 +12,11 @@ import pytest
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from engine import simulate, warm_up
-from tests.campaign.cli.test_verbs import SLOPE
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
 from tests.campaign.storms.cluster import DASK, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
+from tests.clearcap.cli.test_verbs import SLOPE
 from tests.until import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes, pytest.mark.bits]
@@ -35,7 +35,7 @@ def test_service_in_a_storm(tmp_path):
     with Supervisor(tmp_path, str(uuid.uuid4()), **DASK) as supervisor:
 
         def clearcap(*words):
-            command = [sys.executable, "-m", "campaign", *words, "--store", store.url, "--json"]
+            command = [sys.executable, "-m", "clearcap", *words, "--store", store.url, "--json"]
             done = subprocess.run(command, env=supervisor.environment, check=True, capture_output=True)
             return json.loads(done.stdout)
 

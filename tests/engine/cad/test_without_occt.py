@@ -48,5 +48,5 @@ def test_every_module_but_those_of_the_process_that_reads():
 @pytest.mark.parametrize("words", [["mechanism", "show", "lever"], ["mechanism", "list"]])
 def test_commands(words):
     """They do what they do with the extra."""
-    program = f"from campaign.cli import main; sys.argv = ['clearcap', *{words!r}]; main()"
+    program = f"from clearcap.cli import main; sys.argv = ['clearcap', *{words!r}]; main()"
     assert "lever" in run(program)

@@ -72,7 +72,7 @@ def test_a_temporary_folder(fault, open_folder):
 def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
     """It is an error that names the variable, the reason and the remedy."""
     (tmp_path / "file").touch()
-    command = "import campaign.cli, sys; sys.argv = ['clearcap', 'simulate', 'incline']; campaign.cli.main()"
+    command = "import clearcap.cli, sys; sys.argv = ['clearcap', 'simulate', 'incline']; clearcap.cli.main()"
     done = run(command, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "file"))
     assert done.returncode == 2
     assert done.stderr.startswith(f"clearcap: error: NUMBA_CACHE_DIR={tmp_path}/file: clearcap does not run")

@@ -7,7 +7,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from typer.testing import CliRunner
 
-from campaign.cli import app
+from clearcap.cli import app
 from engine import load_mechanism
 from engine.jit import Kernel
 from engine.kernels import step, time_loop

@@ -14,9 +14,9 @@ from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
 from campaign.inputs.sampling.streams import uniforms
 from campaign.plan import Plan
 from campaign.plan_header import seal_plan
-from campaign.reports.report import report, report_spec
 from campaign.spec.campaign_file import CampaignSpec, campaign_schema
 from campaign.spec.load import load_campaign
+from clearcap.questions.report import report, report_spec
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed

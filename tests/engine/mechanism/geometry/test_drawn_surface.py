@@ -16,8 +16,8 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.TopAbs import TopAbs_State
 from scipy.spatial.transform import Rotation
 
-from campaign.cli import main
-from campaign.mechanism_summary import geometry_lines, geometry_provenance
+from clearcap.cli import main
+from clearcap.questions.mechanism_summary import geometry_lines, geometry_provenance
 from engine import MechanismError, load_mechanism
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from

@@ -1,0 +1,280 @@
+"""Verbs that compute campaigns: ``run``, ``resume``, ``rerun``, ``repeat``, ``submit`` and ``cancel``."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from campaign.run_status import FailedStatus
+from clearcap.cli.drive import drive, fail_without_enough_ok
+from clearcap.cli.options import (
+    AT_SERVER,
+    BatchSize,
+    Campaign,
+    CampaignId,
+    Id,
+    NoReport,
+    Samples,
+    Seed,
+    ServerUrl,
+    StoreUrl,
+    asked_server,
+    command_at,
+    on_cluster,
+)
+from clearcap.cli.output import Json, print_json, print_text, say
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+    from campaign.coordinator.rerun import RerunResult
+
+
+@on_cluster
+def run(
+    where: "Cluster",
+    campaign: Campaign,
+    samples: Samples = None,
+    seed: Seed = None,
+    store: StoreUrl = "runs",
+    batch_size: BatchSize = None,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Simulate a campaign to its end and write its capability report.
+
+    The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
+    complete.
+    """
+    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.coordinator.submit import plan_campaign
+    from campaign.store.layout import CANCEL
+
+    with PrestartedWorkers(where) as early:
+        opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
+        opened.remove(plan.campaign_id, CANCEL)
+        say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
+        drive(opened, plan, where, with_report=not no_report, as_json=json, early=early)
+
+
+@on_cluster
+def resume(
+    context: typer.Context,
+    where: "Cluster",
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Hand the campaign to a coordinator and return, as submit does.")
+    ] = False,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Continue a campaign that was interrupted or cancelled, or that failed; at a server it is queued."""
+    if remote := asked_server(context, server):
+        with remote:
+            campaign_id = remote.find(campaign)
+            note = remote.resume(campaign_id)["note"]
+        say(f"campaign {campaign_id}: {note}")
+        if json:
+            print_json({"campaign": campaign_id, "store": remote.address, **AT_SERVER})
+        return
+    from campaign.coordinator.submit import assign_coordinator
+    from campaign.store import open_store
+    from campaign.store.layout import CANCEL
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    opened.remove(plan.campaign_id, CANCEL)
+    if not detach:
+        drive(opened, plan, where, with_report=not no_report, as_json=json)
+        return
+    assignment = assign_coordinator(opened, plan, where.options())
+    say(assignment.text(opened))
+    if json:
+        print_json({"campaign": plan.campaign_id, "store": opened.url, **assignment.to_json()})
+
+
+@on_cluster
+def rerun(
+    where: "Cluster",
+    campaign: CampaignId,
+    sample: Annotated[
+        list[int] | None, typer.Option(min=0, help="Also the sample of this number; may be repeated.")
+    ] = None,
+    status: Annotated[
+        list[FailedStatus] | None, typer.Option(help="All runs with this status; may be repeated.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Compute failed rows again, after you have removed the cause of the failures.
+
+    Without --sample and --status, all failed rows. Exit status 1 if no run has a status that --status names, or if too
+    few runs of the campaign are ok for a verdict.
+    """
+    from campaign.coordinator.rerun import failed_samples
+    from campaign.coordinator.rerun import rerun as compute
+    from campaign.store import open_store
+    from campaign.store.repeat_sets import repeat_plans
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    by_status = failed_samples(opened, plan, status or ()) if status or not sample else []
+    selected = sorted({*(sample or ()), *by_status})
+    repeated = {*(sample or ())}
+    for table in repeat_plans(opened, plan) if status or not sample else ():
+        repeated.update(failed_samples(opened, table, status or ()))
+    document = {"campaign": plan.campaign_id, "store": opened.url}
+    if not selected and not repeated:
+        wanted = f"has the status {' or '.join(status)}" if status else "failed"
+        nothing = {**document, "samples": 0, "before": {}, "after": {}, "repeats": {}}
+        print_json(nothing) if json else print_text(f"{plan.campaign_id}: no run {wanted}, nothing to compute")
+        raise typer.Exit(1 if status else 0)
+    say(f"computing {_rows(len(selected))} again")
+    result = compute(opened, plan, selected, where, repeated=repeated)
+    if json:
+        print_json({**document, **result.to_json()})
+    else:
+        _print_rerun(result)
+        print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")
+    fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+
+
+def _print_rerun(result: "RerunResult") -> None:
+    """Print the number of rows computed again, and their statuses."""
+    counts = ", ".join(f"{count} {status}" for status, count in result.after.items()) or "none"
+    if result.repeats:
+        counts += f"; {sum(result.repeats.values())} repeats with half the step: "
+        counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
+    print_text(f"{_rows(result.samples)} computed again: {counts}")
+
+
+def _rows(count: int) -> str:
+    """Return a number of rows in words."""
+    return f"{count} row{'' if count == 1 else 's'}"
+
+
+@on_cluster
+def repeat(
+    where: "Cluster",
+    campaign: CampaignId,
+    share: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of the samples to repeat; counting those that already are.")
+    ] = 0.1,
+    store: StoreUrl = "runs",
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Repeat samples with half the step, so that the report tells how far results depend on it."""
+    from campaign.coordinator.lease import hold_lease
+    from campaign.store import open_store
+    from campaign.store.layout import CANCEL
+    from campaign.store.repeat_sets import add_share, repeated_shares
+    from campaign.worker.messages import check_build
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    check_build(plan.campaign_id, plan.row_build)
+    with hold_lease(opened, plan.campaign_id):
+        before = repeated_shares(opened, plan)[-1]
+        add_share(opened, plan, share)
+    if share <= before:
+        say(f"{plan.campaign_id} repeats {before:g} of its samples already; for more give a larger --share")
+    opened.remove(plan.campaign_id, CANCEL)
+    drive(opened, plan, where, with_report=not no_report, as_json=json)
+
+
+@on_cluster
+def submit(
+    context: typer.Context,
+    where: "Cluster",
+    campaign: Campaign,
+    samples: Samples = None,
+    seed: Seed = None,
+    store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    batch_size: BatchSize = None,
+    queue_only: Annotated[
+        bool, typer.Option("--queue-only", help="Only queue the campaign, for a coordinator that serves the store.")
+    ] = False,
+    owner: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Who answers for a new campaign; by default you.")
+    ] = None,
+    tag: Annotated[list[str], typer.Option(metavar="TAG", help="Give it a tag; may be repeated.")] = [],  # noqa: B006
+    json: Json = False,
+) -> None:
+    """Hand a campaign to a coordinator in the background, print its id, and return.
+
+    If a coordinator serves the store, it computes the campaign; otherwise one is started, which goes on after this
+    terminal is closed. A server gets the campaign file with the files that it names, which must lie beside it, and
+    decides itself where and in which batches it computes.
+    """
+    if remote := asked_server(context, server):
+        if batch_size is not None or where.options():
+            from campaign.errors import SpecError
+
+            raise SpecError("--server: decides where and in which batches it computes; leave those options out")
+        from campaign.spec.open_campaign_questions import campaign_questions
+
+        for question in campaign_questions(campaign):
+            say(question)
+        with remote:
+            made = remote.submit(campaign, samples=samples, seed=seed, owner=owner, tags=tag)
+        words = "; ".join(filter(None, (made["cost"]["text"], made["note"])))
+        say(f"campaign {made['campaign']}: {made['samples']} samples, server {remote.address}; {words}")
+        document = {"campaign": made["campaign"], "store": remote.address, "samples": made["samples"]}
+        _print_submitted(document | AT_SERVER, json)
+        return
+    from campaign.coordinator.submit import assign_coordinator, plan_campaign
+    from campaign.store.labels import LabelChange
+
+    labels = LabelChange(owner, tuple(tag))
+    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, labels)
+    assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
+    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text(opened)}")
+    document = {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples}
+    _print_submitted(document | assignment.to_json(), json)
+
+
+def _print_submitted(document: dict[str, Any], as_json: bool) -> None:
+    """Print the id, or the whole document as JSON."""
+    if as_json:
+        print_json(document)
+    else:
+        print_text(document["campaign"])
+
+
+def cancel(
+    context: typer.Context,
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    json: Json = False,
+) -> None:
+    """Stop a campaign; unfinished runs are given up, finished rows stay, and "clearcap resume" continues it."""
+    if remote := asked_server(context, server):
+        with remote:
+            campaign_id = remote.find(campaign)
+            before = remote.cancel(campaign_id)["before"]
+        place, command = remote.address, command_at(remote, "resume", campaign_id)
+    else:
+        from campaign.coordinator.requests import cancel_campaign
+        from campaign.store import open_store
+
+        opened = open_store(store)
+        campaign_id = opened.find(campaign)
+        before = cancel_campaign(opened, campaign_id)
+        place, command = opened.url, opened.command("resume", campaign_id)
+    if json:
+        print_json({"campaign": campaign_id, "store": place, "before": before})
+    else:
+        print_text(f"{campaign_id} {_what_happens(before, command)}")
+
+
+def _what_happens(before: str, command: str) -> str:
+    """Describe what happens to a campaign that was in a state, and how to continue it."""
+    if before == "completed":
+        return "is completed; there is nothing to cancel"
+    if before == "running":
+        return f"is running and stops within seconds; its finished rows stay. Continue it with: {command}"
+    words = "was cancelled before" if before == "cancelled" else f"is cancelled; it was {before}"
+    return f"{words}. Continue it with: {command}"

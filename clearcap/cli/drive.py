@@ -1,0 +1,186 @@
+"""Functions shared by the verbs that compute a campaign: show progress, write the report, print results."""
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from clearcap.cli.output import console, number, print_json, print_table, print_text, say
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from campaign.cluster.cluster import Cluster
+    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.coordinator.coordinate import Outcome
+    from campaign.plan import Plan
+    from campaign.store import Store
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """The conclusions of a report."""
+
+    headline: str = ""  # a sentence or two; empty if no report was written and enough runs are ok
+    # By response, such as "capable, not certain"; empty if not known.
+    words: dict[str, str] = field(default_factory=dict)
+
+
+def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
+    """Return the verdicts of the report just written."""
+    from campaign.store.files.files import LARGEST
+    from campaign.store.layout import REPORT
+    from reporting.write import NAMES
+
+    content = store.read_json(plan.campaign_id, f"{REPORT}/{NAMES['json']}", LARGEST) or {}
+    words = {
+        response["spec"]["name"]: response["verdict"] + (", not certain" if response["certain"] is False else "")
+        for response in content["responses"]
+    }
+    return Verdicts(content["headline"], words)
+
+
+def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
+    """Return the verdicts known without a report: no verdict on any response if too few runs are ok."""
+    from campaign.coordinator.failed_runs import lack_of_ok
+
+    lack = lack_of_ok(plan, statuses)
+    if not lack:
+        return Verdicts()
+    limits = {name: response.limits()[:2] for name, response in plan.spec.responses.items()}
+    return Verdicts(lack, {name: "no verdict" for name, ends in limits.items() if ends != (None, None)})
+
+
+def drive(
+    store: "Store",
+    plan: "Plan",
+    cluster: "Cluster",
+    *,
+    with_report: bool,
+    as_json: bool,
+    quiet: bool = False,
+    early: "PrestartedWorkers | None" = None,
+) -> None:
+    """Compute a campaign to its end, write its report, and print the results.
+
+    ``early`` are workers of the cluster that have already been started. Raises TooManyFailed, after the report of the
+    finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or fewer
+    than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+    """
+    from campaign.coordinator.coordinate import coordinate
+    from campaign.coordinator.failed_runs import TooManyFailed
+    from clearcap.cli.progress import display
+
+    try:
+        with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
+            outcome = coordinate(store, plan, cluster, show, connect=early.connect if early else None)
+    except (KeyboardInterrupt, SystemExit) as ending:
+        command = store.command("resume", plan.campaign_id, *cluster.options())
+        say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
+        raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
+    except TooManyFailed:
+        if with_report:
+            say(f"report of the runs so far: {_report(store, plan)['html']}")
+        raise
+    finish(store, outcome, with_report=with_report, as_json=as_json)
+
+
+def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:
+    """Write the report, print the results, and fail if too few runs succeeded."""
+    plan, statuses = outcome.plan, outcome.survey.statuses
+    files = _report(store, plan) if with_report else {}
+    verdicts = reported_verdicts(store, plan) if with_report else verdicts_without_report(plan, statuses)
+    if as_json:
+        print_json(_summary(store, outcome, files, verdicts))
+    else:
+        _print_results(store, outcome, verdicts)
+        if files:
+            print_text(f"report: {files['html']}")
+    fail_without_enough_ok(store, plan, statuses)
+
+
+def _report(store: "Store", plan: "Plan") -> dict[str, str]:
+    """Write the report; return the path of each file by kind."""
+    from clearcap.questions.report import report
+
+    return report(store, plan)
+
+
+def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
+    """If too few runs of a campaign are ok, print the reason and the remedy, and end with exit status 1."""
+    from campaign.coordinator.failed_runs import lack_of_ok, what_to_do
+
+    lack = lack_of_ok(plan, statuses)
+    if lack:
+        say(f"error: {lack}\n{what_to_do(store, plan)}")
+        raise typer.Exit(1)
+
+
+def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts: Verdicts) -> dict[str, Any]:
+    statuses = outcome.survey.statuses
+    ok = statuses.get("ok", 0)
+    return {
+        "campaign": outcome.plan.campaign_id,
+        "store": store.url,
+        "samples": outcome.samples,
+        "ok": ok,
+        "failed": outcome.samples - ok,
+        "computed": outcome.computed,
+        "wall_s": outcome.wall_s,
+        "statuses": statuses,
+        "headline": verdicts.headline,
+        "verdicts": verdicts.words,
+        "stop": outcome.verdict.to_json() if outcome.verdict else None,
+        "report": files,
+    }
+
+
+def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> None:
+    """Print the outcome in a sentence, the runs by status, and the capability of each response."""
+    import pyarrow as pa
+
+    from campaign.inputs.sampling import sampler_named
+    from campaign.resolution import resolution
+    from campaign.worker.moments import plain_rows
+    from reporting import capability
+    from reporting.format_numbers import index
+    from reporting.rounding import leveled
+
+    plan = outcome.plan
+    names = list(plan.mechanism.responses)
+    columns = [*names, *sampler_named(plan.spec.sampler).columns]
+    rows = pa.concat_tables([plan.schema.empty_table().select(columns), *store.stream(plan, columns)])
+    plain = plain_rows(rows)
+    table = []
+    units = plan.mechanism.response_units()
+    for name in names:
+        response = plan.spec.responses.get(name)
+        lsl, usl, target = response.limits() if response else (None, None, None)
+        values = leveled(plain[name].drop_null().to_numpy(), *resolution(plan.mechanism, name))
+        c = capability(values, lsl=lsl, usl=usl, target=target, ordered=False)
+        ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
+        if "log_weight" in columns and c.ppm_observed is not None:
+            ppm = f"{_weighted_ppm(rows, name, lsl, usl):.3g}"
+        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), index(c.cpk), ppm)
+        label = name if units[name] in ("", "1") else f"{name} [{units[name]}]"
+        table.append((label, verdicts.words.get(name, "-"), *cells))
+    heads = ("response", "verdict", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+    if verdicts.headline:
+        print_text(verdicts.headline)
+    print_table(plan.spec.title or plan.spec.name, heads, table, texts=2)
+    counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
+    print_text(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
+    if outcome.verdict:
+        precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
+        print_text(f"{precision}: {outcome.verdict.text()}")
+
+
+def _weighted_ppm(rows: "pa.Table", name: str, lsl: float | None, usl: float | None) -> float:
+    """Return the share of rejects, weighted for importance sampling [ppm]."""
+    import numpy as np
+
+    y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())
+    rejects = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
+    return float(1e6 * np.sum(weights[rejects]) / rows.num_rows)

@@ -1,0 +1,310 @@
+"""``clearcap mechanism import``: a mechanism file from a STEP file, and its update to a new revision of that file."""
+
+import os
+from difflib import unified_diff
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from clearcap.cli.output import Json, print_json, print_text
+
+if TYPE_CHECKING:
+    from engine.cad_import.found_geometry import FoundGeometry
+    from engine.cad_import.updated_proposal import UpdatedProposal
+
+
+def import_step(
+    step_file: Annotated[str, typer.Argument(metavar="STEP", help="A STEP file: .step or .stp.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="A mechanism file of an earlier revision: say what moved, keep what you wrote.")
+    ] = None,
+    recognition: Annotated[
+        float | None,
+        typer.Option(
+            help="How far a spline may be from the plane or cylinder it is taken for, in mm; default: 1e-4, with"
+            " --update that of the mechanism file.",
+            show_default=False,
+        ),
+    ] = None,
+    pictures: Annotated[
+        bool | None,
+        typer.Option(
+            help="Draw what was found beside the mechanism file, as .svg and in 3D as .html: with --output unless you"
+            " say no, with --update only if you say so, over earlier ones.",
+            show_default=False,
+        ),
+    ] = None,
+    accept_damage: Annotated[
+        bool, typer.Option("--accept-damage", help="Take what can be read of a damaged STEP file.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
+    from campaign.errors import SpecError
+    from campaign.spec.write import proposed_campaign
+    from clearcap.cli.output_files import check_output, replacing
+    from engine.cad import RECOGNITION
+    from engine.cad_import.proposed_joints import all_diameters
+    from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+    from engine.cad_import.proposed_text import open_questions
+
+    if (output is None) == (update is None):
+        raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
+    if update is not None:
+        bring_to_revision(
+            update, step_file, recognition, accept_damage=accept_damage, pictures=pictures is True, json=json
+        )
+        return
+    assert output is not None
+    campaign = campaign_file(output)
+    check_output("--output", output, (".toml",))
+    _refuse_existing(output, "may hold answers")
+    drawn = [] if pictures is False else picture_files(output)
+    for each in drawn:
+        _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
+    asked = RECOGNITION if recognition is None else recognition
+    found = found_in_step(step_file, asked, accept_damage=accept_damage)
+    name = _name(output.stem)
+    file = os.path.relpath(step_file, output.parent)
+    text = proposed_mechanism(found, file, name)
+    # twice: the first text is the mechanism in which motions are sought that no load acts on; the second asks about
+    # them
+    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
+    diameters = all_diameters(found)
+    if diameters:
+        _refuse_existing(campaign, "may hold answers")
+        with replacing(campaign) as temporary:
+            temporary.write_text(proposed_campaign(diameters, output.name, f"{name}-limits"), "utf-8")
+    with replacing(output) as temporary:
+        temporary.write_text(text, "utf-8")
+    if drawn:
+        draw_found(found, text, step_file, output)
+    written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
+    questions = open_questions(text)
+    if json:
+        print_json({**_document(found), "questions": [each.text for each in questions], "written": written})
+        return
+    _print_found(found)
+    for question in questions:
+        print_text(f"question, line {question.line}: {question.text}")
+    print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
+
+
+def _refuse_existing(path: Path, why: str) -> None:
+    """Raise SpecError if a file exists, instead of overwriting it."""
+    from campaign.errors import SpecError
+
+    if path.exists():
+        raise SpecError(f"{path}: exists already, and {why}; name another file with --output, or move it")
+
+
+def _name(stem: str) -> str:
+    """Return the name of the mechanism for a file."""
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "-" for c in stem).strip("-_")
+    return name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
+
+
+def _document(found: "FoundGeometry") -> dict[str, Any]:
+    """Return the found geometry as plain data; lengths in mm."""
+    face = {f.number: f for f in found.assembly.faces}
+    return {
+        "parts": [
+            {
+                "name": part.name,
+                "body": found.bodies[part.name],
+                "path": list(part.path),
+                "volume": sum(solid.volume for solid in part.solids),
+                "material": part.material.name if part.material else None,
+            }
+            for part in found.assembly.parts
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "bearing": joint.pin.bearing,
+                "journal": joint.pin.journal,
+                "hole_radius": joint.pin.seats[0].hole_radius,
+                "pin_radius": joint.pin.seats[0].pin_radius,
+                "radial_clearance": joint.pin.radial_clearance,
+                "axial_plays": {flange.side: flange.play for flange in joint.flanges},
+                "point": joint.pin.point.tolist(),
+                "axis": joint.pin.axis.tolist(),
+            }
+            for joint in found.joints
+        ],
+        "balls": [
+            {
+                "name": each.name,
+                "socket": each.ball.socket_part,
+                "ball": each.ball.ball_part,
+                "socket_radius": each.ball.socket_radius,
+                "ball_radius": each.ball.ball_radius,
+                "radial_clearance": each.ball.radial_clearance,
+                "centre": each.ball.centre.tolist(),
+            }
+            for each in found.balls
+        ],
+        "stops": [
+            {
+                "name": stop.name,
+                "parts": list(stop.pair.parts),
+                "kinds": [face[number].kind for number in stop.pair.faces],
+                "gap": stop.pair.gap,
+                "area": getattr(stop.pair, "area", None),
+            }
+            for stop in found.stops
+        ],
+        "refused": [
+            {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}
+            for miss in found.refused
+        ],
+        "left_out": list(found.assembly.cautions),
+    }
+
+
+def _print_found(found: "FoundGeometry") -> None:
+    """Print the found geometry."""
+    from engine.cad_import.found_places import found_places, part_text
+
+    for part in found.assembly.parts:
+        print_text(part_text(part))
+    for place in found_places(found):
+        print_text(place.text)
+    for text in found.assembly.cautions:
+        print_text(f"left out: {text}")
+
+
+def found_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "FoundGeometry":
+    """Read a STEP file and find its joints; SpecError if it yields no mechanism, or if it is damaged."""
+    from campaign.errors import SpecError
+    from engine.cad import read_step
+    from engine.cad_import.found_geometry import find_geometry
+
+    assembly = read_step(step_file, recognition)
+    if assembly.damage and not accept_damage:
+        raise SpecError(f"{step_file}: {assembly.damage}, or take what is left with --accept-damage")
+    found = find_geometry(assembly)
+    if (parts := len(found.assembly.parts)) < 2:
+        raise SpecError(
+            f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
+            " the assembly, not a single part"
+        )
+    return found
+
+
+def picture_files(mechanism: Path) -> list[Path]:
+    """Return the files of the drawing and of the page beside a mechanism file."""
+    return [mechanism.with_suffix(".svg"), mechanism.with_suffix(".html")]
+
+
+def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
+    """Write the pictures of the found geometry, with the questions of a mechanism file."""
+    from clearcap.cli.output_files import replacing
+    from clearcap.import_page.import_page import ImportFiles, import_page
+    from clearcap.pictures.sketches.found_sketch import sketch_found
+    from clearcap.pictures.sketches.sketch_figure import plot_sketch
+    from engine.cad_import.found_places import found_places
+    from engine.cad_import.proposed_text import open_questions
+
+    drawing, page = picture_files(mechanism)
+    places, title = found_places(found), Path(step_file).name
+    said = "; ".join(place.text for place in places)
+    with replacing(drawing) as temporary:
+        plot_sketch(sketch_found(found, places), f"{title}: what was found", said, temporary)
+    files = ImportFiles(title, mechanism.name, drawing.read_bytes())
+    with replacing(page) as temporary:
+        temporary.write_text(import_page(found, places, open_questions(text), files), "utf-8")
+
+
+def bring_to_revision(
+    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
+) -> None:
+    """Update a mechanism file, and the campaign file of its limits, to a new STEP file, and print the changes.
+
+    `recognition` is the largest distance of a spline from the plane or cylinder it is recognized as [mm]; None keeps
+    that of the mechanism file. `accept_damage` uses the readable part of a damaged file, `pictures` draws both pictures
+    anew.
+    """
+    from clearcap.cli.output_files import check_output, replacing
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.names_of_before import named_as_before, named_as_written, renamed_parts
+    from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.proposed_text import open_questions
+    from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
+
+    check_output("--update", path, (".toml",))
+    earlier = earlier_revision(path)
+    before = named_as_written(find_geometry(earlier.assembly), earlier.text)
+    asked = earlier.assembly.recognition if recognition is None else recognition
+    found = named_as_before(found_in_step(step_file, asked, accept_damage=accept_damage), before)
+    proposed = (
+        proposed_mechanism(before, earlier.file, earlier.name),
+        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name),
+    )
+    files = {path: (earlier.text, updated_proposal(earlier.text, *proposed))} | _campaign_texts(path, before, found)
+    changes = {file: _changes(file, *each) for file, each in files.items()}
+    for file, (_, updated) in files.items():
+        if changes[file]:
+            with replacing(file) as temporary:
+                temporary.write_text(updated.text, "utf-8")
+    drawn = picture_files(path) if pictures else []
+    if drawn:
+        draw_found(found, files[path][1].text, step_file, path)
+    written = [str(each) for each in (*(file for file in files if changes[file]), *drawn)]
+    renamed = [f"{old} is now {new}; body {body} stays" for body, old, new in renamed_parts(found, before)]
+    said = {key: [x for _, u in files.values() for x in getattr(u, key)] for key in ("kept", "gone", "added")}
+    if json:
+        print_json(
+            {
+                "changes": [line for lines in changes.values() for line in lines],
+                "renamed": renamed,
+                **said,
+                "written": written,
+            }
+        )
+        return
+    for line in (line for lines in changes.values() for line in lines):
+        print_text(line)
+    for text in renamed:
+        print_text(f"renamed in the STEP file: {text}")
+    for text in said["kept"]:
+        print_text(f"kept as you wrote it: {text}")
+    for table in said["gone"]:
+        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
+    if not any(changes.values()):
+        print_text(f"{path}: nothing has changed")
+    count = sum(len(open_questions(updated.text)) for _, updated in files.values())
+    open_now = f"{count} {'question is' if count == 1 else 'questions are'} open"
+    if written:
+        print_text(f"written: {', '.join(written)}{f'; {open_now}' if count and any(changes.values()) else ''}")
+
+
+def _campaign_texts(
+    mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
+) -> dict[Path, tuple[str, "UpdatedProposal"]]:
+    """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
+    from campaign.spec.write import proposed_campaign
+    from engine.cad_import.proposed_joints import all_diameters
+    from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
+    from engine.platform.regular_file import read_regular_file
+    from engine.platform.toml_file import LARGEST
+
+    path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
+    diameters = all_diameters(before), all_diameters(found)
+    old, new = (proposed_campaign(each, mechanism.name, name) for each in diameters)
+    if path.exists() and diameters[0]:
+        text = read_regular_file(path, LARGEST).decode("utf-8-sig")
+        return {path: (text, updated_proposal(text, old, new))}
+    return {path: ("", UpdatedProposal(new))} if diameters[1] and not path.exists() and not diameters[0] else {}
+
+
+def campaign_file(mechanism: Path) -> Path:
+    """Return the campaign file of the limits of size beside a mechanism file."""
+    return mechanism.with_name(f"{mechanism.stem}-campaign.toml")
+
+
+def _changes(path: Path, text: str, updated: "UpdatedProposal") -> list[str]:
+    """Return the changes of a file as a diff."""
+    return list(unified_diff(text.splitlines(), updated.text.splitlines(), str(path), str(path), lineterm="", n=1))

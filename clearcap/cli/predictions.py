@@ -1,0 +1,301 @@
+"""Verbs that answer from the samples of a campaign, without new runs: ``whatif``, ``advise`` and ``design``."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from clearcap.cli.options import Id, StoreUrl
+from clearcap.cli.output import Json, number, print_json, print_table, print_text, say
+
+if TYPE_CHECKING:
+    from clearcap.questions.aimed_campaign import AimedCampaign
+    from reporting.tolerance.advice import Advice, ToleranceAdvice
+    from reporting.tolerance.allocation import Allocation
+    from reporting.tolerance.whatif import Estimate, WhatIf
+
+
+Settings = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="VARIABLE.KEY=VALUE",
+        help="Change a key of a distribution, for example J1.std=0.01; may be repeated.",
+    ),
+]
+
+
+def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs", json: Json = False) -> None:  # noqa: B006
+    """Estimate the capability under other distributions by weighting the computed samples, without new runs.
+
+    Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
+    answers of the other responses are printed all the same.
+    """
+    from campaign.errors import SpecError
+    from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
+    from clearcap.questions.whatif import refusals, what_if, what_if_document
+
+    if not settings:
+        raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
+    opened = open_store(store, QUICK)
+    plan = opened.plan(opened.find(campaign))
+    answers = what_if(opened, plan, settings)
+    document = what_if_document(plan, opened.url, settings, answers)
+    if json:
+        print_json(document)
+    else:
+        _print_estimates(answers, plan.mechanism.response_units())
+    for assumption in document["assumed"]:
+        say(assumption)
+    for words in _failures(answers):
+        say(words)
+    for note in dict.fromkeys(note for answer in answers.values() for note in answer.notes):
+        say(f"{', '.join(name for name, answer in answers.items() if note in answer.notes)}: {note}")
+    refused = refusals(answers)
+    for each in refused:
+        of = "any response" if len(each.responses) == len(answers) > 1 else ", ".join(each.responses)
+        say(
+            f"no answer for {of}: {each.reason}; run a campaign with these distributions:"
+            f" {each.runs} samples give Cpk, or sigma where there are no limits, to within 5 %"
+        )
+    if refused:
+        raise typer.Exit(1)
+
+
+def _failures(answers: "dict[str, WhatIf]") -> list[str]:
+    """Return how many runs would have no value, in one line for all responses with the same share."""
+    by_words: dict[str, list[str]] = {}
+    for name, answer in answers.items():
+        if answer.missing is not None and answer.dropped:
+            now = answer.dropped / (answer.n + answer.dropped)
+            words = f"{100 * answer.missing:.3g} % of the runs would have no value (now {100 * now:.3g} %)"
+            by_words.setdefault(words, []).append(name)
+    return [f"{', '.join(names)}: {words}; the numbers describe the others" for words, names in by_words.items()]
+
+
+def _print_estimates(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
+    """Print a table with one row per response."""
+    rows = []
+    for name, answer in answers.items():
+        label = name if units[name] == "1" else f"{name} [{units[name]}]"
+        estimates = [None] * 3 if answer.refusal else [answer.mean, answer.std, answer.cpk]
+        rows.append((label, *map(_cell, estimates), _ppm(answer), f"{answer.effective:.0f}"))
+    heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
+    print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
+
+
+def _cell(estimate: "Estimate | None") -> str:
+    """Return a number with its interval."""
+    if estimate is None:
+        return "-"
+    low, high = estimate.interval
+    if not high > low:
+        return number(estimate.value)
+    if not math.isfinite(high - low):
+        return f"{number(estimate.value)} (no interval)"
+    # enough digits to distinguish the ends of the interval
+    digits = 2 + math.floor(math.log10(max(abs(low), abs(high))) - math.log10(high - low))
+    places = min(max(digits + 1, 5), 17)
+    return f"{number(estimate.value, places)} ({number(low, places)} to {number(high, places)})"
+
+
+def _ppm(answer: "WhatIf") -> str:
+    """Return the share out of limits; only its bound if it is below one of the effective number of samples."""
+    from reporting.format_numbers import ppm
+
+    if answer.refusal or answer.ppm is None:
+        return "-"
+    if answer.ppm.value * answer.effective < 1e6:
+        return f"at most {ppm(answer.ppm.interval[1])}"
+    low, high = answer.ppm.interval
+    return ppm(answer.ppm.value) if not high > low else f"{ppm(answer.ppm.value)} ({ppm(low)} to {ppm(high)})"
+
+
+def advise(
+    campaign: Id = None,
+    cost: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Cost file: propose the cheapest standard deviations.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Show which tolerances must shrink and which may grow, or with --cost which set of tolerances is cheapest.
+
+    Exit status 1 if a variable has no answer, or there is no set that reaches the targets; a message then says which
+    and why. The other answers are printed all the same.
+    """
+    from dataclasses import asdict
+
+    from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
+    from clearcap.questions.cost_file import read_costs
+    from clearcap.questions.tolerances import advice_document, advice_of, cheapest_tolerances
+
+    opened = open_store(store, QUICK)
+    plan = opened.plan(opened.find(campaign))
+    document = {"campaign": plan.campaign_id, "store": opened.url}
+    if cost is None:
+        advised = advice_of(opened, plan)
+        if json:
+            print_json({**document, **advice_document(advised)})
+        else:
+            _print_advice(advised)
+        if advised.note:
+            say(advised.note)
+        if not _is_answered(advised):
+            raise typer.Exit(1)
+        return
+    proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
+    if json:
+        print_json({**document, "allocation": asdict(proposal)})
+    else:
+        _print_allocation(proposal)
+    if proposal.refusal:
+        say(f"no proposal: {proposal.refusal}")
+        raise typer.Exit(1)
+
+
+def _is_answered(advised: "ToleranceAdvice") -> bool:
+    """Return whether every variable has an answer; print which variables have none."""
+    if not advised.shortfalls and not advised.growth:
+        return False
+    asked = [(f"what lifts {s.response}", (*s.alone, s.together)) for s in advised.shortfalls]
+    unanswered: dict[tuple[str, str], list[str]] = {}
+    for question, found in (*asked, ("how much they may grow", advised.growth)):
+        for each in found:
+            if each is not None and each.refusal:
+                unanswered.setdefault((question, each.refusal), []).append(each.variable)
+    for (question, reason), names in unanswered.items():
+        say(f"no answer for {', '.join(names)} ({question}): {reason}")
+    return not unanswered
+
+
+def _print_advice(advised: "ToleranceAdvice") -> None:
+    """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow for the others."""
+    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or try in whatif --set", "method")
+    for short in advised.shortfalls:
+        title = (
+            f"{short.response} is below Cpk 1.33: factor on the present sigma of one variable alone that reaches 1.33"
+        )
+        together = () if short.together is None else (short.together,)
+        print_table(title, heads, [_advice_row(each) for each in (*short.alone, *together)])
+        print_text(short.text)
+    if not advised.growth:
+        return
+    title = f"factor on the present sigma of one variable alone that keeps {', '.join(advised.kept)} at Cpk 1.33"
+    print_table(title, heads, [_advice_row(each) for each in advised.growth])
+    print_text("Each factor holds only while all other variables stay as they are.")
+    for each in advised.growth:
+        for response, cpk in each.below.items():
+            print_text(f"{each.variable} at {each.factor:.3g}: {response}, already below Cpk 1.33, falls to {cpk:.4g}")
+
+
+def _advice_row(advice: "Advice") -> tuple[str, ...]:
+    """Return the cells of one variable."""
+    if advice.refusal:
+        return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
+    ends = number(advice.cpk, 4), " ".join(advice.settings) or "-", advice.method
+    if advice.factor is None:
+        return advice.variable, f"none down to {advice.reach:.3g}", "-", advice.binding or "-", *ends
+    low, high = advice.interval
+    if not advice.bounded and advice.factor == 1:
+        return advice.variable, "1", "-", _end_of(advice), *ends
+    if not advice.bounded:
+        return advice.variable, f"at least {advice.factor:.3g}", "-", _end_of(advice), *ends
+    interval = f"{number(low, 3)} {'or more' if high is None else f'to {high:.3g}'}"
+    return advice.variable, f"{advice.factor:.3g}", interval, advice.binding or "-", *ends
+
+
+def _end_of(advice: "Advice") -> str:
+    """Return why an advice ends if no response limits it."""
+    words = {"samples": "the samples, which reach no farther", "search": "nothing that was tried so far"}
+    return advice.limit or words[advice.ended_by]
+
+
+def _print_allocation(proposal: "Allocation") -> None:
+    """Print the proposal: sigmas, cost, Cpk of each response, and the campaign to confirm it."""
+    if proposal.refusal:
+        return
+    heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma")
+    rows: list[tuple[str, ...]] = [
+        (name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()
+    ]
+    if proposal.processes:
+        heads, rows = (*heads, "process"), [(*row, proposal.processes.get(row[0], "-")) for row in rows]
+    now = "not known" if proposal.cost_now is None else number(proposal.cost_now)
+    print_table(f"cheapest standard deviations: cost {number(proposal.cost)}, now {now}", heads, rows)
+    for r in proposal.responses:
+        bound = ", which limits the tolerances" if r.binding else ""
+        price = f"; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding and r.price is not None else ""
+        print_text(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}{price}")
+    for note in proposal.notes:
+        say(note)
+    print_text(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")
+
+
+def design(
+    campaign: Id = None,
+    response: Annotated[
+        list[str], typer.Option(metavar="NAME", help="Aim at the limits of this response only; may be repeated.")
+    ] = [],  # noqa: B006
+    samples: Annotated[int, typer.Option(min=1, help="Number of samples of the new campaign.")] = 20_000,
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Campaign file to write; NAME-rare.toml by default.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Write a campaign file with importance sampling that aims where the rows of a campaign expect rejects."""
+    import tomli_w
+
+    from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
+    from clearcap.cli.output_files import check_output, replacing
+    from clearcap.questions.aimed_campaign import aimed_campaign
+
+    opened = open_store(store, QUICK)
+    plan = opened.plan(opened.find(campaign))
+    aimed = aimed_campaign(opened, plan, samples, response)
+    path = output or Path(f"{aimed.tables['name']}.toml")
+    check_output("--output", path, (".toml",))
+    with replacing(path) as temporary:
+        temporary.write_text(
+            f"# Aims at the rejects that {plan.campaign_id} shows or predicts.\n{tomli_w.dumps(aimed.tables)}"
+        )
+    if json:
+        print_json({"campaign": plan.campaign_id, "store": opened.url, "file": str(path), **_plain(aimed)})
+    else:
+        _print_aim(aimed)
+        print_text(f"wrote {path}; compute it with: {opened.command('run', str(path))}")
+    if not any(target.centres for target in aimed.targets):
+        say("no limit needs a separate component: one wide component bounds what no run has shown")
+
+
+def _plain(aimed: "AimedCampaign") -> dict[str, object]:
+    """Return targets and components as plain data."""
+    from dataclasses import asdict
+
+    return {
+        "targets": [asdict(target) for target in aimed.targets],
+        "components": aimed.tables["importance"]["components"],
+    }
+
+
+def _print_aim(aimed: "AimedCampaign") -> None:
+    """Print the expected rejects beyond each limit, and where the components draw."""
+    rows = [(t.name, f"{t.ppm:.3g}", t.by, "yes" if t.centres else "no need") for t in aimed.targets]
+    print_table("rejects expected beyond each limit", ("limit", "ppm, roughly", "by", "aimed at"), rows, texts=1)
+    rows = [
+        (f"{100 * aim.share:.1f} %", f"{aim.scale:g}", _centre(aim.centre, aimed.variables), aim.source)
+        for aim in aimed.aims
+    ]
+    rest = 1.0 - sum(aim.share for aim in aimed.aims)
+    rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "nothing: production itself"))
+    print_table("components, in standard scores", ("share", "scale", "centre", "aims at"), rows)
+
+
+def _centre(centre: tuple[float, ...], names: tuple[str, ...]) -> str:
+    """Return a centre in words."""
+    return ", ".join(f"{name} {z:+.2f}" for name, z in zip(names, centre, strict=True) if z) or "that of production"

@@ -1,0 +1,137 @@
+"""Verbs for the documents of a campaign: ``report`` writes or fetches them, ``verify`` checks what was signed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from clearcap.cli.drive import fail_without_enough_ok
+from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server
+from clearcap.cli.output import Json, print_json, print_text, say
+
+if TYPE_CHECKING:
+    from clearcap.questions.signing.verification import VerifiedSignoff
+
+
+def report(
+    context: typer.Context,
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="With --server: where the files go; by default a folder with the id's name."),
+    ] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a separate document.")
+    ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
+    ] = False,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
+    ] = False,
+    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
+    json: Json = False,
+) -> None:
+    """Write the report of a campaign from the rows computed so far; the campaign may be running.
+
+    The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
+    server has are fetched.
+    """
+    from campaign.errors import CampaignError, SpecError
+
+    if remote := asked_server(context, server):
+        if against is not None or pdf or summary:
+            raise SpecError("--server: fetches the report that there is; leave out --against, --pdf and --summary")
+        with remote:
+            campaign_id = remote.find(campaign)
+            fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
+        _print_files({"campaign": campaign_id, "store": remote.address, "against": None}, _by_kind(fetched), json)
+        return
+    if folder is not None:
+        raise SpecError("--folder: is for --server; a store has a folder for each report")
+    from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
+    from clearcap.questions.report import report as write_report
+    from reporting.write import lacks_package
+
+    if pdf and lacks_package("pdf"):
+        raise CampaignError(
+            "--pdf: WeasyPrint is not installed; nothing was written. pip install 'clearcap[pdf]', or leave --pdf out"
+        )
+
+    opened = open_store(store, QUICK)
+    plan = opened.plan(opened.find(campaign))
+    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
+    kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
+    files = write_report(opened, plan, kinds=kinds, against=against)
+    other = None if against is None else opened.find(against)
+    _print_files({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
+    fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+
+
+def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
+    """Return the files of a report by the verb's names of their kinds; other files by their own names."""
+    from reporting.write import NAMES
+
+    kinds = {name: kind for kind, name in NAMES.items()}
+    return {kinds.get(name, name): str(path) for name, path in fetched.items()}
+
+
+def _print_files(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
+    """Print the paths of a report's files."""
+    if as_json:
+        print_json({**document, "report": files})
+        return
+    for path in files.values():
+        print_text(f"{'report' if document['against'] is None else 'comparison'}: {path}")
+
+
+def verify(
+    export: Annotated[Path, typer.Argument(metavar="FILE.zip|FOLDER", help="What a server exported.")],
+    key: Annotated[
+        str | None, typer.Option(metavar="FINGERPRINT", help="Fingerprint of the server's key, as the server shows it.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Verify who signed an exported campaign, and that plan, rows and report are the ones that were signed.
+
+    Exit status 1 says that they are not, or that the export cannot be trusted. Nothing is unpacked.
+    """
+    from clearcap.questions.signing.signed_export import open_archive
+    from clearcap.questions.signing.verification import verify_export
+
+    proof = verify_export(open_archive(export), key)
+    if json:
+        signoffs = [
+            {"number": each.number, "differences": each.differences, **each.signoff.model_dump(exclude={"files"})}
+            for each in proof.signoffs
+        ]
+        print_json({"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "faults": proof.faults})
+    else:
+        print_text(f"{proof.campaign}, signed with the key {proof.key}")
+        for signed in proof.signoffs:
+            _print_signoff(signed)
+        if not proof.faults:
+            files = len(proof.signoffs[-1].signoff.files)
+            print_text(f"intact: all {files} files are those of the last sign-off")
+    if key is None:
+        say("the key is the export's own; give --key FINGERPRINT, from the server or the approver, to know whose it is")
+    for fault in proof.faults:
+        say(fault)
+    if proof.faults:
+        raise typer.Exit(1)
+
+
+def _print_signoff(signed: "VerifiedSignoff") -> None:
+    """Print who signed what and when."""
+    signoff = signed.signoff
+    eyes = (
+        "who also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'an unknown user'}"
+    )
+    covered = "another version" if signed.differences else "plan, rows and report"
+    print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) signed {covered}; {eyes}")
+    if signoff.comment:
+        print_text(f"     {signoff.comment}")

@@ -1,0 +1,335 @@
+"""The Python interface to a `clearcap serve` server."""
+
+import math
+import re
+import time
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
+
+from campaign.errors import SpecError, StoreError, UnreachableError, unwritable
+from clearcap.client.campaign_upload import campaign_upload
+from clearcap.client.event_stream import progress_events
+from clearcap.client.server_connection import ServerConnection
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+PIECE = 1 << 20  # bytes
+ON_A_PAGE = 500  # campaigns
+ASK_AGAIN = 0.5  # s between requests while the server still reads its store for the first time
+GIVE_UP_AFTER = 60.0  # s without progress in that reading
+MOST_NAMED = 10  # campaigns in a message
+_FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+def connect(address: str, token: str | None = None, ca: str | Path | None = None) -> "RemoteServer":
+    """Return a connection to a `clearcap serve` server; nothing is sent yet.
+
+    Parameters
+    ----------
+    address : str
+        ``https://HOST[:PORT]``, or ``http://127.0.0.1:8700`` on the server's own machine.
+    token : str, optional
+        A token from the server's page Account; by default the value of the environment variable ``CLEARCAP_TOKEN``. It
+        is sent to this address only, in a header, and never over the network without TLS.
+    ca : str or Path, optional
+        PEM file with the certificates of the authority that signed the server's certificate; by default the
+        authorities that the system trusts.
+
+    Returns
+    -------
+    RemoteServer
+
+    Raises
+    ------
+    SpecError
+        If the address, token or certificates cannot be used.
+    """
+    return RemoteServer(ServerConnection(address, token, ca))
+
+
+class RemoteServer:
+    """A `clearcap serve` server.
+
+    The methods raise `SpecError` for an invalid request, with the faults of a file; `UnreachableError` or `StoreError`
+    if the server cannot answer now; and `CampaignError` if the state of a campaign does not allow the request. Requests
+    for documents, including `what_if` and `simulate`, and `submit` are tried up to five times if the server does not
+    answer; changes and downloads are sent once.
+
+    Parameters
+    ----------
+    connection : ServerConnection
+    """
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self.connection = connection
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def address(self) -> str:
+        """The address of the server."""
+        return self.connection.address
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.connection.close()
+
+    # -- campaigns --------------------------------------------------------------------------------------------------
+
+    def campaigns(self, **question: Any) -> Iterator[dict[str, Any]]:
+        """Yield the list entry of each campaign, once the server has read them all; pages are requested as needed.
+
+        Parameters
+        ----------
+        **question
+            ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API.
+        """
+        yield from listed_campaigns(self.connection, question)
+
+    def campaign(self, campaign_id: str) -> dict[str, Any]:
+        """Return the list entry of one campaign."""
+        return self._document(_path(campaign_id))
+
+    def status(self, campaign_id: str) -> dict[str, Any]:
+        """Return the progress of a campaign, the document of ``clearcap status --json``."""
+        return self._document(_path(campaign_id, "status"))
+
+    def find(self, wanted: str | None = None) -> str:
+        """Return the id of the campaign that begins with `wanted`, or, for None, of the server's only campaign."""
+        ids: list[str] = [entry["campaign"] for entry in self.campaigns(search=wanted or "", archived=True)]
+        if wanted is not None and wanted in ids:
+            return wanted
+        matching = [each for each in ids if wanted is None or each.startswith(wanted)]
+        if len(matching) == 1:
+            return matching[0]
+        named = ", ".join(matching[:MOST_NAMED]) + (" and others" if len(matching) > MOST_NAMED else "")
+        if not matching:
+            raise SpecError(
+                f"server {self.address}: no campaign {wanted or ''}; list them: clearcap list --server {self.address}"
+            )
+        what = "name the campaign" if wanted is None else f"{wanted} could be several campaigns"
+        raise SpecError(f"server {self.address}: {what}: {named}")
+
+    def submit(
+        self,
+        source: str | Path | Mapping[str, Any],
+        *,
+        samples: int | None = None,
+        seed: int | None = None,
+        owner: str | None = None,
+        tags: Iterable[str] = (),
+        key: str | None = None,
+    ) -> dict[str, Any]:
+        """Submit a campaign with the files that it names; the server queues it.
+
+        Parameters
+        ----------
+        source : str, Path or mapping
+            Name of a shipped campaign, path of a campaign file, or its tables. The files that it names must be in the
+            folder of the campaign file.
+        samples, seed : int, optional
+            Values that replace those of the source.
+        owner : str, optional
+            Owner of the campaign; by default the token's user.
+        tags : iterable of str
+        key : str, optional
+            Idempotency key: for a day, requests with the same key and campaign count as one submission. By default a
+            new key.
+
+        Returns
+        -------
+        dict
+            ``campaign`` (its id), ``is_new``, ``samples``, ``owner``, ``cost`` and ``note``.
+        """
+        upload = campaign_upload(source)
+        body = upload.to_json() | {"samples": samples, "seed": seed, "owner": owner, "tags": list(tags)}
+        headers = {"Idempotency-Key": key or uuid.uuid4().hex}
+        answer = self.connection.ask("POST", "/campaigns", repeats=True, json=body, headers=headers)
+        made: dict[str, Any] = answer.json()
+        return made
+
+    def events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
+        """Yield the progress of a campaign whenever it changes, until it ends; lost connections are restored."""
+        return progress_events(self.connection, quote(campaign_id, safe=""))
+
+    def cancel(self, campaign_id: str) -> dict[str, Any]:
+        """End a campaign, keeping its rows; return its id, its previous state, and a note."""
+        return self._document(_path(campaign_id, "cancel"), "POST")
+
+    def resume(self, campaign_id: str) -> dict[str, Any]:
+        """Queue a campaign again that ended before its last row; return the same as `cancel`."""
+        return self._document(_path(campaign_id, "resume"), "POST")
+
+    def label(self, campaign_id: str, **change: Any) -> dict[str, Any]:
+        """Change the labels of a campaign; return its new list entry.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign.
+        **change
+            ``owner``, ``add_tags``, ``remove_tags``, ``note``, ``archived`` and ``version``, as in the API.
+        """
+        return self._document(_path(campaign_id, "labels"), "PATCH", json=change)
+
+    # -- results ----------------------------------------------------------------------------------------------------
+
+    def rows(self, campaign_id: str, columns: Iterable[str] = ()) -> "pa.Table":
+        """Return the rows of a campaign as a pyarrow table; ``.to_pandas()`` converts it to a data frame.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign.
+        columns : iterable of str
+            Names of the columns; by default all.
+        """
+        params = {"format": "arrow", "columns": list(columns)}
+        return downloaded_table(self.connection, _path(campaign_id, "rows"), params)
+
+    def download_report(self, campaign_id: str, folder: str | Path) -> dict[str, Path]:
+        """Write the files of a campaign's report into a folder, which is created if it is missing.
+
+        Returns
+        -------
+        dict of str to Path
+            Path of each file by name.
+
+        Raises
+        ------
+        SpecError
+            If there is no report yet, or the folder cannot be written.
+        """
+        names = self._document(_path(campaign_id, "reports"))["files"]
+        names = [name for name in names if _FILE.fullmatch(name)]  # a server must not choose a path
+        if not names:
+            raise SpecError(f"campaign {campaign_id}: has no report yet; it is written when the campaign ends")
+        return {
+            name: download(self.connection, _path(campaign_id, f"reports/own/{name}"), Path(folder) / name)
+            for name in names
+        }
+
+    def what_if(self, campaign_id: str, *settings: str) -> dict[str, Any]:
+        """Return the results under other distributions, the document of ``clearcap whatif --json``.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign.
+        *settings : str
+            Changes of distributions, each ``VARIABLE.KEY=VALUE``, such as ``J1.std=0.01``.
+        """
+        return self._document(_path(campaign_id, "whatif"), "POST", repeats=True, json={"set": list(settings)})
+
+    # -- mechanisms -------------------------------------------------------------------------------------------------
+
+    def mechanisms(self) -> dict[str, Any]:
+        """Return the names of the mechanisms: ``shipped``, a list, and ``saved``, the newest version by name."""
+        return self._document("/mechanisms")
+
+    def mechanism(self, name: str) -> dict[str, Any]:
+        """Return a mechanism: bodies, joints, clearances, responses, and every number that can be set."""
+        return self._document(f"/mechanisms/{quote(name, safe='')}")
+
+    def simulate(self, mechanism: str, values: Mapping[str, float] | None = None, **more: Any) -> dict[str, Any]:
+        """Simulate a mechanism once on the server; return ``status``, ``responses``, ``units`` and ``certificate``.
+
+        Parameters
+        ----------
+        mechanism : str
+            Name of a shipped or saved mechanism.
+        values : mapping of str to float, optional
+            Values by key, in the mechanism's units.
+        **more
+            ``bench``, ``preset``, ``step`` and ``horizon``, as in the API.
+        """
+        body = {"mechanism": mechanism, "values": dict(values or {}), **more}
+        return self._document("/simulations", "POST", repeats=True, json=body)
+
+    def _document(self, path: str, method: str = "GET", **more: Any) -> dict[str, Any]:
+        """Return an answer that is a JSON object."""
+        answer = self.connection.get(path, **more) if method == "GET" else self.connection.ask(method, path, **more)
+        document: dict[str, Any] = answer.json()
+        return document
+
+
+def _path(campaign_id: str, below: str = "") -> str:
+    """Return the API path of a campaign, or of a resource below it."""
+    return f"/campaigns/{quote(campaign_id, safe='')}" + (f"/{below}" if below else "")
+
+
+def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the list entry of each campaign, once the server has read all of its store.
+
+    `question` has ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API. Raises
+    UnreachableError if the server makes no progress in reading its store for a minute.
+    """
+    cursor: str | None = ""
+    while cursor is not None:
+        listing = _whole(connection, {**question, "cursor": cursor, "limit": ON_A_PAGE})
+        yield from listing["campaigns"]
+        cursor = listing["next"]
+
+
+def _whole(connection: ServerConnection, params: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a page of the list, once the server has read all campaigns."""
+    least, since = math.inf, time.monotonic()
+    while True:
+        listing: dict[str, Any] = connection.get("/campaigns", params=params).json()
+        unread, now = listing.get("unread", 0), time.monotonic()  # older servers read all campaigns before they answer
+        if not unread:
+            return listing
+        if unread < least:
+            least, since = unread, now
+        elif now - since > GIVE_UP_AFTER:
+            raise UnreachableError(
+                f"server {connection.address}: {unread} campaigns of its store are still to be read, and none was read"
+                f" in {GIVE_UP_AFTER:.0f} s; its log says why; the same command works later"
+            )
+        time.sleep(ASK_AGAIN)
+
+
+def download(connection: ServerConnection, path: str, file: Path) -> Path:
+    """Download a file and return its path; it appears there only when it is complete.
+
+    Raises CampaignError if the server refuses, the connection is lost, or the file cannot be written.
+    """
+    partial = file.with_name(f"{file.name}.partial")
+    with connection.stream(path) as response:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with partial.open("wb") as written:
+                for piece in response.iter_bytes(PIECE):
+                    written.write(piece)
+            partial.replace(file)
+        except OSError as error:
+            raise unwritable(f"{file}: cannot be written ({error.strerror or error})", error) from error
+        finally:
+            partial.unlink(missing_ok=True)
+    return file
+
+
+def downloaded_table(connection: ServerConnection, path: str, params: dict[str, Any]) -> "pa.Table":
+    """Return a table that a server sends as an Arrow stream.
+
+    Raises CampaignError if the server refuses, the connection is lost, or the answer is not a table.
+    """
+    import pyarrow as pa
+
+    with connection.stream(path, params=params) as response:
+        content = pa.BufferOutputStream()
+        for piece in response.iter_bytes(PIECE):
+            content.write(piece)
+    try:
+        return pa.ipc.open_stream(content.getvalue()).read_all()
+    except pa.ArrowException as error:
+        raise StoreError(f"server {connection.address}: what it sent is not a table ({error})") from error

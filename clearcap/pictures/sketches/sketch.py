@@ -1,0 +1,119 @@
+"""A sketch of a mechanism at its start, with an arrow and a name for what each response measures."""
+
+import numpy as np
+
+from clearcap.pictures.body_shapes import body_shape
+from clearcap.pictures.measurements import Measurement, StartContact, contacts_at_start, measurements
+from clearcap.pictures.sketches.sketch_canvas import Sketch, SketchCanvas, canvas_around
+from clearcap.pictures.style import FORCE, MUTED, PALETTE
+from clearcap.pictures.view import View, choose_view, start_rotation
+from engine import Mechanism
+from engine.arrays import Array
+
+LEVEL, ARROW, SHORT = 16.0, 44.0, 14.0  # distance of parallel arrows; length of a force's; shortest between two ticks
+LEVELS = 7  # of parallel arrows; further ones coincide with the first
+LEAST_SEEN = 0.3  # projected length of a unit vector; a shorter one is along the line of sight
+
+
+def sketch_mechanism(mechanism: Mechanism) -> Sketch:
+    """Return the sketch of a mechanism with what its responses measure."""
+    view, contacts = choose_view(mechanism), contacts_at_start(mechanism)
+    drawn = list(measurements(mechanism, contacts))
+    drawing = _bodies(mechanism, view, contacts, [m for m in drawn if m.kind != "none"])
+    legend = []
+    for i, measurement in enumerate(drawn):
+        colour = FORCE if measurement.force else PALETTE[i % len(PALETTE)]
+        hidden = measurement.kind != "none" and _draw(drawing, measurement, colour)
+        value = f"{measurement.value}, along the line of sight" if hidden else measurement.value
+        legend.append((measurement.name, measurement.title, value, "" if measurement.kind == "none" else colour))
+    return drawing.sketch(tuple(legend))
+
+
+def _bodies(
+    mechanism: Mechanism, view: View, contacts: dict[str, StartContact], measured: list[Measurement]
+) -> SketchCanvas:
+    """Return the drawing with the bodies, on a canvas that holds them and the measured points near them."""
+    shapes = []
+    extent = float(np.ptp([contact.point for contact in contacts.values()] or np.zeros((1, 3)), axis=0).max())
+    for name in mechanism.bodies:
+        origin, rotation = np.array(mechanism.bodies[name].origin), start_rotation(mechanism, name)
+        touched = {contact: (at.point[None] - origin) @ rotation for contact, at in contacts.items()}
+        shape = body_shape(mechanism, name, view, touched, extent)
+        outline, *lines = [origin + p @ rotation.T for p in (shape.outline, *shape.lines, *shape.faces)]
+        shapes.append((name, outline, lines))
+    fixed = [name for name, body in mechanism.bodies.items() if body.fixed]
+    seen = [view.project(p) for name, outline, lines in shapes for p in ([] if name in fixed else [outline]) + lines]
+    ends = [view.project(np.array([m.start, m.end if m.kind in ("length", "span") else m.start])) for m in measured]
+    drawing = canvas_around(view, [p for p in seen if len(p)], ends)
+    moving = [name for name, _, _ in shapes if name not in fixed]
+    for name, outline, lines in shapes:
+        if name in moving and len(outline):
+            colour = PALETTE[moving.index(name) % len(PALETTE)]
+            drawing.body_name(drawing.area(outline, colour), name, colour)
+        for line in lines:
+            drawing.stroke(drawing.on_canvas(line), MUTED)
+    return drawing
+
+
+def _draw(drawing: SketchCanvas, measurement: Measurement, colour: str) -> bool:
+    """Draw what a response measures; return whether its direction is along the line of sight, drawn as a dot."""
+    start, end, point = (drawing.on_canvas(p) for p in (measurement.start, measurement.end, measurement.point))
+    true = float(np.linalg.norm(measurement.end - measurement.start))
+    seen = drawing.view.project(measurement.end - measurement.start) * [1.0, -1.0]
+    length = float(np.linalg.norm(seen))
+    if measurement.kind == "turn":
+        _turn(drawing, start, measurement.name, colour, facing=length < LEAST_SEEN * true)
+        return False
+    if measurement.kind == "point" or length < LEAST_SEEN * true or length == 0.0:
+        drawing.dot(point, colour)
+        drawing.name(point, np.array([0.0, -1.0]), measurement.name, colour)
+        return measurement.kind not in ("point", "span") and true > 0.0
+    along = seen / length
+    if measurement.kind == "arrow":
+        tip = start + ARROW * along
+        drawing.stroke(np.array([start, tip]), colour, "arrow")
+        drawing.name(tip, along, measurement.name, colour)
+    elif measurement.kind == "span":
+        drawing.stroke(np.array([start, end]), colour, "thick")
+        drawing.name(0.5 * (start + end), np.array([-along[1], along[0]]), measurement.name, colour)
+    else:
+        _length(drawing, (start, end, point), along, measurement.name, colour)
+    return False
+
+
+def _length(drawing: SketchCanvas, places: tuple[Array, Array, Array], along: Array, name: str, colour: str) -> None:
+    """Draw a length with its measured point; lengths from the same point along the same line are drawn side by side."""
+    start, end, point = places
+    across = np.array([-along[1], along[0]])
+    key = tuple(np.round([*start, *np.abs(along)], 2))
+    ends = drawing.levels.setdefault(key, [])
+    end_here = tuple(np.round([*end, *point], 2))
+    if end_here not in ends:  # otherwise it is the same arrow
+        ends.append(end_here)
+    level = ends.index(end_here) % LEVELS
+    side = -1.0 if (point - start) @ across > 0 else 1.0
+    a, b = (p + side * level * LEVEL * across for p in (start, end))
+    near, shifted = min(((start, a), (end, b)), key=lambda pair: float(np.linalg.norm(point - pair[0])))
+    for line in (np.array([start, a]), np.array([end, b])):
+        drawing.stroke(line, colour)
+    drawing.stroke(np.array([point, near, shifted]), colour, "dashed")
+    drawing.dot(point, colour)
+    for tick in (a, b):
+        drawing.stroke(np.array([tick - 5 * across, tick + 5 * across]), colour)
+    if float(np.linalg.norm(b - a)) < SHORT:  # two arrows from outside
+        drawing.stroke(np.array([a - 2 * LEVEL * along, a]), colour, "arrow")
+        drawing.stroke(np.array([b + 2 * LEVEL * along, b]), colour, "arrow")
+        drawing.name(b + 2 * LEVEL * along, along, name, colour)
+    else:
+        drawing.stroke(np.array([a, b]), colour, "arrow")
+        drawing.name(0.5 * (a + b), side * across, name, colour)
+
+
+def _turn(drawing: SketchCanvas, centre: Array, name: str, colour: str, *, facing: bool) -> None:
+    """Draw a rotation: an arc with a head if its axis is along the line of sight, else only its centre."""
+    if facing:
+        angle = np.linspace(-0.2 * np.pi, 1.2 * np.pi, 25)[:, None]
+        arc = centre + 0.4 * ARROW * np.hstack([np.cos(angle), -np.sin(angle)])
+        drawing.stroke(arc, colour, "arrow")
+    drawing.dot(centre, colour)
+    drawing.name(centre + (np.array([0.0, -0.4 * ARROW]) if facing else 0.0), np.array([0.0, -1.0]), name, colour)

@@ -1,0 +1,332 @@
+"""Write the report from a plan and its rows: pass the meaning of the columns to `reporting` as plain data."""
+
+import logging
+import os
+import platform
+import shlex
+import tempfile
+import time
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.inputs.distributions import Continuous
+from campaign.inputs.sampling import production_batch, sampler_named
+from campaign.plan import Plan
+from campaign.resolution import resolution
+from campaign.row_build import differences
+from campaign.spec.campaign_file import CampaignSpec, Response
+from campaign.store import Store
+from campaign.store.layout import STATE, STOPPED, SUBMISSION
+from campaign.store.naming import store_option
+from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
+from campaign.store.store import report_folder
+from campaign.version import clearcap_version
+from clearcap.pictures.sketches.sketch import sketch_mechanism
+from clearcap.questions.fixed_assumptions import fixed_assumptions
+from clearcap.questions.mechanism_summary import geometry_provenance
+from clearcap.questions.spreads import Spreads
+from engine.mechanism import unit_of
+from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting.analysis import Analysis, analyse, compare_rows
+from reporting.samples import Repeats, read_samples
+from reporting.samples import read_repeats as checked
+from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
+from reporting.write import USUAL
+
+logger = logging.getLogger(__name__)
+ASKED, MOST = 0.1, 1.0  # shares
+BUILD_DATE = "SOURCE_DATE_EPOCH"  # reproducible-builds.org/docs/source-date-epoch
+_LATEST = 32_503_680_000.0  # s since 1970: the year 3000
+BATCH = "production batch"
+_CDF_POINTS = 401
+_COMMAND = "command of this report"
+_CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_penetration", "settled")
+
+
+def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
+    """Write the report of a campaign, or its comparison with another campaign, into the campaign's folder of the store.
+
+    A comparison is written into a folder of its own (`campaign.store.store`), so that it replaces neither the
+    campaign's own report nor another comparison. The result is the path or URL of each file by kind, one of
+    `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on.
+    """
+    other = None if against is None else store.plan(store.find(against))
+    if other is not None and other.campaign_id == plan.campaign_id:
+        raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
+    comparison = None if other is None else (report_rows(store, other), report_spec(other, store))
+    options: dict[str, Any] = {
+        "kinds": kinds,
+        "rescale": Spreads(plan.spec, plan.mechanism).change,
+        "against": comparison,
+    }
+    try:
+        options["repeats"] = repeats_of(store, plan)
+        rows = report_rows(store, plan)
+        return _write(store, plan, rows, options, None if other is None else other.campaign_id)
+    except ReportError as error:
+        message = f"report of {plan.campaign_id}: {error}"
+        raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
+
+
+def analysis(store: Store, plan: Plan) -> Analysis:
+    """Return the content of a campaign's report as data; raise CampaignError if there is nothing to report on."""
+    spec = report_spec(plan, store)
+    try:
+        samples = read_samples(report_rows(store, plan), spec)
+        return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
+    except ReportError as error:
+        raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
+
+
+def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
+    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``.
+
+    Raises CampaignError if one of them has no rows, their samples are corners, or they have no response in common.
+    """
+    mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
+    try:
+        compared = compare_rows(*mine, *theirs)
+    except ReportError as error:
+        raise CampaignError(f"comparison of {plan.campaign_id} with {other.campaign_id}: {error}") from error
+    return {"campaign": plan.campaign_id, "store": store.url, "comparison": asdict(compared)}
+
+
+def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
+    """Yield an empty table, then the columns of a campaign that a report reads, piece by piece.
+
+    If the campaign has production batches, a further column holds the number of each row's batch.
+    """
+    columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
+    columns += sampler_named(plan.spec.sampler).columns
+    tables = chain([plan.schema.empty_table().select(columns)], store.stream(plan, columns))
+    if not _has_production_batches(plan):
+        yield from tables
+        return
+    for table in tables:
+        yield table.append_column(BATCH, pa.array(production_batch(plan.spec, table["sample"].to_numpy())))
+
+
+def _has_production_batches(plan: Plan) -> bool:
+    """Return whether a variable varies by production batch."""
+    return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
+
+
+def _write(
+    store: Store, plan: Plan, rows: Iterable[pa.Table], options: dict[str, Any], against: str | None
+) -> dict[str, str]:
+    """Write the report into its folder of the store; behind a URL, upload it."""
+    folder, spec = report_folder(plan.campaign_id, against), report_spec(plan, store)
+    if against is not None:
+        command = f"{spec.provenance[_COMMAND]} --against {against}"
+        spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
+    if store.files.local:
+        return write_report(rows, spec, Path(store.files.path(folder)), **options)
+    with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
+        written = write_report(rows, spec, Path(temporary), **options)
+        names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
+        for kind, path in written.items():
+            store.files.write(names[kind], Path(path).read_bytes())
+    return {kind: store.files.address(name) for kind, name in names.items()}
+
+
+def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
+    """Return the data about a campaign that `reporting` needs; without its store all its samples count as requested."""
+    spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
+    place = [] if store is None else store_option(store.files)
+    drawing, note = mechanism_drawing(plan)
+    return ReportSpec(
+        title=spec.title or spec.name,
+        campaign=plan.campaign_id,
+        header=dict(spec.header),
+        responses=tuple(_response(plan, name) for name in plan.mechanism.responses),
+        variables=tuple(_variable(plan, name) for name in spec.variables),
+        provenance=provenance(plan, place),
+        requested=spec.samples if store is None else store.end(plan),
+        simulate=_simulate_command(plan),
+        sampler=spec.sampler,
+        replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
+        correlations=spec.correlations or (),
+        production_batch_column=BATCH if _has_production_batches(plan) else "",
+        stop=_stopping_rule(plan, store),
+        design=Design(sampler.production, sampler.report),
+        ordered=False,
+        corners=sampler.corners,
+        designed=sampler.designed(spec),
+        proposal=_proposal(spec),
+        min_ok=spec.failures.min_ok,
+        author=author(plan, store),
+        ended=campaign_end(plan, store),
+        written=report_date(),
+        assumptions=fixed_assumptions(plan),
+        drawing=drawing,
+        drawing_note=note,
+    )
+
+
+def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
+    """Return the data needed to reproduce the rows of a campaign; `place` names the store, as on the command line."""
+    spec = plan.spec
+    simulation = plan.mechanism.simulation
+    unit = unit_of(plan.mechanism, "simulation.step")
+    return {
+        "campaign": plan.campaign_id,
+        "mechanism": spec.mechanism,
+        "mechanism digest": plan.mechanism.digest(),
+        **geometry_provenance(plan.mechanism.geometry),
+        "samples": str(spec.samples),
+        "sampler": spec.sampler,
+        "seed": str(spec.seed),
+        "step": f"{spec.simulation.step or simulation.step:g} {unit}",
+        "horizon": f"{spec.simulation.horizon or simulation.horizon:g} {unit}",
+        "engine build": plan.engine_build,
+        "build of the rows": plan.row_build or "not recorded",
+        "clearcap": clearcap_version(),
+        "python": platform.python_version(),
+        "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",
+        _COMMAND: shlex.join(["clearcap", "report", plan.campaign_id, *place]),
+    }
+
+
+def _stopping_rule(plan: Plan, store: Store | None) -> str:
+    """Return the stopping rule and its outcome in words."""
+    rule = plan.spec.stop
+    if rule is None:
+        return ""
+    request = f"Asked for: {rule.statistic} of {rule.response} to ±{rule.half_width:g} at {100 * rule.confidence:g} %."
+    verdict = None if store is None else store.read_json(plan.campaign_id, STOPPED)
+    if verdict is None:
+        return f"{request} Not reached: all samples are computed."
+    value, *interval = (
+        f"{verdict[key]:.5g}" if isinstance(verdict.get(key), float) else "" for key in ("value", "low", "high")
+    )
+    result = f": {value} ({' to '.join(interval)})." if all(interval) else "."
+    return f"{request} Reached after {verdict['samples']} samples{result}"
+
+
+def _simulate_command(plan: Plan) -> str:
+    """Return the command for a single run with the campaign's settings, to which the inputs must be added."""
+    simulation = plan.spec.simulation
+    words = ["clearcap", "simulate", plan.spec.mechanism]
+    options = {"--bench": plan.spec.bench, "--preset": plan.spec.preset}
+    for option, value in (options | {"--step": simulation.step, "--horizon": simulation.horizon}).items():
+        words += [] if value is None else [option, str(value)]
+    return shlex.join(words)
+
+
+def _proposal(spec: CampaignSpec) -> tuple[ProposalPart, ...]:
+    """Return the components of importance sampling; empty for other samplers."""
+    components = spec.importance.components if spec.importance else ()
+    return tuple(
+        ProposalPart(c.share, c.scale, tuple((v, z) for v, z in c.shift.items() if z), c.source) for c in components
+    )
+
+
+def _response(plan: Plan, name: str) -> ResponseSpec:
+    """Return the data about a response that `reporting` needs."""
+    response = plan.spec.responses.get(name, Response())
+    lsl, usl, target = response.limits()
+    title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
+    return ResponseSpec(name, title, unit, lsl, usl, target, response.source, *resolution(plan.mechanism, name))
+
+
+def _variable(plan: Plan, name: str) -> VariableSpec:
+    """Return the data about a variable that `reporting` needs."""
+    variable, key = plan.spec.variables[name], plan.spec.targets()[name]
+    unit = unit_of(plan.mechanism, key)
+    low, high = (None if abs(end) == float("inf") else end for end in variable.support())
+    mean, std = variable.moments()
+    x = np.linspace(*variable.ends(), _CDF_POINTS)
+    cdf = tuple(zip(x.tolist(), variable.cdf(x).tolist(), strict=True))
+    batch = variable.batch.size if isinstance(variable, Continuous) and variable.batch else 0
+    density = variable.density_points()
+    return VariableSpec(name, unit, variable.text(), low, high, mean, std, density, key, cdf, batch)
+
+
+def author(plan: Plan, store: Store | None) -> str:
+    """Return the person responsible for a campaign: its author, else the author in its header, else the submitter."""
+    if plan.spec.author is not None:
+        return plan.spec.author
+    named = next((text for name, text in plan.spec.header.items() if name.strip().lower() == "author"), "")
+    submission = None if named or store is None else store.read_json(plan.campaign_id, SUBMISSION)
+    user = (submission or {}).get("user")
+    return named or (user if isinstance(user, str) else "")
+
+
+def campaign_end(plan: Plan, store: Store | None) -> str:
+    """Return when a campaign was completed; empty if it is not complete, or its store has no date."""
+    state = None if store is None else store.read_json(plan.campaign_id, STATE)
+    since = (state or {}).get("since")
+    if (state or {}).get("state") != "completed" or isinstance(since, bool) or not isinstance(since, int | float):
+        return ""
+    return _in_utc(since) if 0.0 <= since < _LATEST else ""
+
+
+def report_date() -> str:
+    """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit.
+
+    Raises SpecError if SOURCE_DATE_EPOCH is not a number of seconds since 1970.
+    """
+    given = os.environ.get(BUILD_DATE)
+    if given is None:
+        return _in_utc(time.time())
+    if not (given.isascii() and given.isdigit() and int(given) < _LATEST):
+        raise SpecError(f"{BUILD_DATE} = {given!r:.40}: not a date; allowed: whole seconds since 1970, or unset it")
+    return _in_utc(int(given))
+
+
+def _in_utc(seconds: float) -> str:
+    """Return a time [s since 1970] as a date in UTC with hours and minutes."""
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def repeats_of(store: Store, plan: Plan) -> Repeats:
+    """Return the stored repeats of a campaign, and advice on how to get more."""
+    responses = tuple(plan.mechanism.responses)
+    survey = survey_repeats(store, repeat_plans(store, plan))
+    table = read_repeats(store, plan, ["sample", "status", *responses])
+    return checked(table, responses, survey.planned, _remedy(store, plan, bool(survey.missing)))
+
+
+def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
+    """Return advice on how to get more repeats; empty if all samples are repeated."""
+    if differences(plan.row_build):
+        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it again."
+    if is_missing:
+        return f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
+    share = repeated_shares(store, plan)[-1]
+    if share >= MOST:
+        return ""
+    more = f"{min(max(2 * share, ASKED), MOST):g}"
+    command = store.command("repeat", plan.campaign_id, "--share", more)
+    return f"To repeat {'more' if share else 'some'}: {command}"
+
+
+def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
+    """Return the drawing of a campaign's mechanism, or None and the reason why there is none.
+
+    If drawing fails for any reason, the report is written without the drawing.
+    """
+    try:
+        sketch = sketch_mechanism(plan.mechanism)
+    except Exception as error:  # anything: a mechanism from an earlier version, a failing compiler
+        logger.warning("report of %s: the mechanism could not be drawn: %r", plan.campaign_id, error)
+        return None, f"The mechanism could not be drawn ({type(error).__name__}: {str(error)[:200]})."
+    drawing = MechanismDrawing(
+        sketch.width,
+        sketch.height,
+        sketch.text,
+        sketch.areas,
+        tuple(DrawnLine(*stroke) for stroke in sketch.strokes),
+        sketch.dots,
+        tuple(DrawnWords(*word) for word in sketch.words),
+        tuple(LegendEntry(*entry) for entry in sketch.legend),
+    )
+    return drawing, ""

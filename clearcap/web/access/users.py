@@ -1,0 +1,177 @@
+"""The users of a server, their roles, and the principal that makes a request."""
+
+import re
+import threading
+import time
+from dataclasses import dataclass
+from enum import IntEnum
+from sqlite3 import IntegrityError, Row
+
+from campaign.errors import CampaignError, SpecError
+from clearcap.web.access.database import Database
+from clearcap.web.access.secrets import hash_password, is_password
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
+SHORTEST_PASSWORD = 12
+LONGEST_PASSWORD = 1024
+CHECKS = 2  # passwords that are checked at the same time: each takes 32 MiB and 0.1 s of processor time
+CHECK_WITHIN = 2.0  # s that a further check waits for its turn
+
+
+class Role(IntEnum):
+    """A role, which says what a user may do; each role includes the previous ones.
+
+    A viewer reads. An engineer also simulates, submits and ends campaigns. An approver also signs. An admin also
+    manages users and reads the audit trail.
+    """
+
+    VIEWER = 1
+    ENGINEER = 2
+    APPROVER = 3
+    ADMIN = 4
+
+    @property
+    def word(self) -> str:
+        """The name of the role as files and messages spell it, such as ``viewer``."""
+        return self.name.lower()
+
+    @classmethod
+    def of(cls, word: str) -> "Role":
+        """Return the role with the name `word`; raise ValueError if there is none."""
+        for role in cls:
+            if role.word == word:
+                return role
+        raise ValueError(f"role = {word!r:.60}; allowed: {', '.join(role.word for role in cls)}")
+
+
+@dataclass(frozen=True)
+class Principal:
+    """The user or shared link in whose name a request is made."""
+
+    name: str  # of the user; ``share N`` for a shared link
+    role: Role
+    kind: str  # identified by a ``session``, ``token`` or ``share``
+    campaign: str | None = None  # the only one that the principal may see; None if all
+    csrf: str = ""  # token that forms and scripts of a session send with each write; empty for tokens
+
+    def may(self, role: Role) -> bool:
+        """Return whether the principal may do what `role` may do."""
+        return self.role >= role
+
+    def may_see(self, campaign_id: str) -> bool:
+        """Return whether the principal may see a campaign."""
+        return self.campaign in (None, campaign_id)
+
+
+@dataclass(frozen=True)
+class User:
+    """A user."""
+
+    name: str
+    role: Role
+    created: float  # [s since 1970]
+    is_disabled: bool  # can neither log in nor use tokens
+    has_password: bool  # can log in with a password
+
+
+class Users:
+    """The users of a server."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._turns = threading.BoundedSemaphore(CHECKS)
+
+    def all(self) -> list[User]:
+        """Return all users, sorted by name."""
+        return [_user(row) for row in self._database.rows("SELECT * FROM users ORDER BY name")]
+
+    def get(self, name: str) -> User | None:
+        """Return the user with a name; None if there is none."""
+        row = self._database.row("SELECT * FROM users WHERE name = ?", name)
+        return _user(row) if row else None
+
+    def add(self, name: str, role: Role, password: str | None = None, subject: str | None = None) -> User:
+        """Add a user, who without a password logs in by a link or the login service.
+
+        A name has at most 64 letters, digits and ``. _ @ -``; `subject` is that of `Identity`. Raises SpecError if the
+        name is not allowed, or the password is too short or too long. Raises CampaignError if the name is taken.
+        """
+        if not NAME.fullmatch(name):
+            raise SpecError(
+                f"name = {name!r:.80}: not allowed; allowed: 1 to 64 letters, digits and . _ @ -,"
+                " a letter or digit first"
+            )
+        kept = None if password is None else hash_password(_checked(password))
+        try:
+            with self._database.write() as connection:
+                connection.execute(
+                    "INSERT INTO users (name, role, password, subject, created) VALUES (?, ?, ?, ?, ?)",
+                    (name, role.word, kept, subject, time.time()),
+                )
+        except IntegrityError as error:
+            raise CampaignError(f"name = {name}: a user of this name exists already; choose another") from error
+        user = self.get(name)
+        assert user is not None
+        return user
+
+    def change(
+        self, name: str, *, role: Role | None = None, password: str | None = None, disabled: bool | None = None
+    ) -> User:
+        """Change a user; an argument that is None leaves its property unchanged.
+
+        The user's sessions and one-time links end when the password changes or the user is disabled. Raises SpecError
+        if there is no such user, or the password is too short or too long. Raises CampaignError if no enabled admin
+        would be left.
+        """
+        if self.get(name) is None:
+            raise SpecError(f"name = {name!r:.80}: no user has this name")
+        kept = None if password is None else hash_password(_checked(password))
+        with self._database.write() as connection:
+            if role is not None:
+                connection.execute("UPDATE users SET role = ? WHERE name = ?", (role.word, name))
+            if kept is not None:
+                connection.execute("UPDATE users SET password = ? WHERE name = ?", (kept, name))
+            if disabled is not None:
+                connection.execute("UPDATE users SET disabled = ? WHERE name = ?", (disabled, name))
+            if kept is not None or disabled:
+                connection.execute("DELETE FROM sessions WHERE user = ?", (name,))
+                connection.execute("DELETE FROM login_links WHERE user = ?", (name,))
+            admins = "SELECT count(*) FROM users WHERE role = 'admin' AND NOT disabled"
+            if connection.execute(admins).fetchone()[0] == 0:
+                raise CampaignError(f"name = {name}: is the last admin; make another user an admin first")
+        user = self.get(name)
+        assert user is not None
+        return user
+
+    def by_password(self, name: str, password: str) -> User | None:
+        """Return the user with a name and a password; None if the password is wrong or there is no such user.
+
+        Raises TimeoutError if too many other passwords are being checked.
+        """
+        row = self._database.row("SELECT * FROM users WHERE name = ? AND NOT disabled", name)
+        if not self._turns.acquire(timeout=CHECK_WITHIN):
+            raise TimeoutError
+        try:
+            # also without such a user, so that the time taken does not tell which names exist
+            is_right = is_password(password[: LONGEST_PASSWORD + 1], row["password"] if row else None)
+        finally:
+            self._turns.release()
+        return _user(row) if row and is_right else None
+
+    def by_subject(self, subject: str) -> User | None:
+        """Return the user whom the login service knows as `subject`, even a disabled one; None if there is none."""
+        row = self._database.row("SELECT * FROM users WHERE subject = ?", subject)
+        return _user(row) if row else None
+
+
+def _checked(password: str) -> str:
+    """Return a password if its length is allowed; raise SpecError otherwise."""
+    if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
+        raise SpecError(f"password: has {len(password)} characters; allowed: {SHORTEST_PASSWORD} to {LONGEST_PASSWORD}")
+    return password
+
+
+def _user(row: Row) -> User:
+    """Return the user of a database row."""
+    has_password = row["password"] is not None
+    return User(row["name"], Role.of(row["role"]), row["created"], bool(row["disabled"]), has_password)

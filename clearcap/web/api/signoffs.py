@@ -1,0 +1,176 @@
+"""Calls for sign-offs: an approver signs the plan, rows and report; others see whether they are unchanged since."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+from fastapi import Query, Request
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response, StreamingResponse
+
+from clearcap.questions.signing.signoff_document import (
+    LONGEST_COMMENT,
+    Signoff,
+    content_digest,
+    digests_of,
+    fingerprint,
+)
+from clearcap.web.access import Principal
+from clearcap.web.api.calls import TheCampaign, calls
+from clearcap.web.http.authentication import Approver, Asking, TheService
+from clearcap.web.http.problems import Refusal, described
+from clearcap.web.signing_service import KeptSignoff
+from clearcap.web.web_service import Service
+
+router = calls("sign-off")
+MOST_DIFFERENCES = 100  # differences that are listed
+
+
+class ListedSignoff(BaseModel):
+    """A sign-off, without the list of files."""
+
+    number: int = Field(examples=[1])
+    digest: str = Field(description="SHA-256 of the signed document", examples=["0f" * 32])
+    signer: str = Field(examples=["ada"])
+    role: str = Field(examples=["approver"])
+    time: str = Field(examples=["2026-11-23T09:00:00Z"])
+    comment: str = Field(examples=["checked against drawing 4711"])
+    submitted_by: str = Field(examples=["eva"])
+    is_submitter: bool = Field(description="The signer also submitted the campaign", examples=[False])
+    status: str = Field(examples=["signed"], description="`signed`, or `signed version differs`")
+    differences: list[str] = Field(
+        description=f"What differs, {MOST_DIFFERENCES} files at most", examples=[["report: report/report.html differs"]]
+    )
+
+    @classmethod
+    def of(cls, kept: KeptSignoff) -> "ListedSignoff":
+        """Return the listed form of a sign-off."""
+        names = ("signer", "role", "time", "comment", "submitted_by", "is_submitter")
+        return cls(
+            number=kept.number,
+            digest=kept.digest,
+            status="signed version differs" if kept.differences else "signed",
+            differences=kept.differences[:MOST_DIFFERENCES],
+            **{name: getattr(kept.signoff, name) for name in names},
+        )
+
+
+class SignoffList(BaseModel):
+    """The sign-offs of a campaign, oldest first."""
+
+    campaign: str = Field(examples=["c60-0a1b2c3d4e"])
+    status: str = Field(examples=["signed"], description="`not signed`, `signed`, or `signed version differs`")
+    key: str = Field(description="Fingerprint of the server's key", examples=["0f" * 32])
+    signoffs: list[ListedSignoff]
+
+
+class SignedContent(BaseModel):
+    """The content that would be signed now."""
+
+    content: str = Field(description="Digest over all of it: sign with it", examples=["0f" * 32])
+    plan: str = Field(description="SHA-256 of plan.json", examples=["1e" * 32])
+    rows: str = Field(description="Digest over the files of rows", examples=["2d" * 32])
+    report: str = Field(description="Digest over the files of the report", examples=["3c" * 32])
+    files: int = Field(description="How many files", examples=[9])
+    submitted_by: str = Field(examples=["eva"])
+    is_submitter: bool = Field(description="You submitted it yourself", examples=[False])
+
+
+class Signing(BaseModel):
+    """A request to sign a campaign."""
+
+    model_config = ConfigDict(extra="forbid")
+    content: str = Field(
+        pattern="^[0-9a-f]{64}$", description="From the call that shows what would be signed", examples=["0f" * 32]
+    )
+    comment: str = Field("", max_length=LONGEST_COMMENT, examples=["checked against drawing 4711"])
+
+
+class SigningKey(BaseModel):
+    """The public key that verifies the server's sign-offs."""
+
+    fingerprint: str = Field(description="SHA-256 of the key", examples=["0f" * 32])
+    pem: str = Field(examples=["-----BEGIN PUBLIC KEY-----\n...\n-----END PUBLIC KEY-----\n"])
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Turn a TimeoutError, because another request reads files for too long, into a Refusal (503)."""
+    try:
+        yield
+    except TimeoutError as error:
+        busy = "the server is reading files of campaigns for other users; try again in a minute"
+        raise Refusal(503, busy, headers={"Retry-After": "60"}) from error
+
+
+@router.get("/signing-key")
+def show_signing_key(service: TheService, _: Asking) -> SigningKey:
+    """Show the key that verifies sign-offs; `clearcap verify --key` takes its fingerprint."""
+    key = service.signing_service.key.public_key()
+    pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo).decode()
+    return SigningKey(fingerprint=fingerprint(key), pem=pem)
+
+
+@router.get("/campaigns/{campaign}/signoffs", responses=described(404))
+def list_signoffs(
+    service: TheService,
+    campaign: TheCampaign,
+    _: Asking,
+    check: bool = Query(False, description="Read every file again, including those that seem unchanged"),
+) -> SignoffList:
+    """List who signed a campaign, and whether it has changed since."""
+    with one_at_a_time():
+        kept = [ListedSignoff.of(each) for each in service.signing_service.signoffs(campaign, anew=check)]
+    status = kept[-1].status if kept else "not signed"
+    key = fingerprint(service.signing_service.key.public_key())
+    return SignoffList(campaign=campaign, status=status, key=key, signoffs=kept)
+
+
+@router.get("/campaigns/{campaign}/signoffs/content", responses=described(404, 409))
+def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> SignedContent:
+    """Show the digests of the content that would be signed now."""
+    with one_at_a_time():
+        files = service.signing_service.content(campaign, anew=False)
+    plan, rows, report = digests_of(files)
+    submitter = service.signing_service.submitter(campaign)
+    return SignedContent(
+        content=content_digest(files),
+        plan=plan,
+        rows=rows,
+        report=report,
+        files=len(files),
+        submitted_by=submitter,
+        is_submitter=submitter == who.name,
+    )
+
+
+@router.post("/campaigns/{campaign}/signoffs", status_code=201, responses=described(404, 409))
+def sign_campaign(
+    request: Request, service: TheService, campaign: TheCampaign, who: Approver, signing: Signing
+) -> Signoff:
+    """Sign the plan, rows and report of a completed campaign."""
+    return signed(request, service, campaign, who, signing)
+
+
+def signed(request: Request, service: Service, campaign: str, who: Principal, signing: Signing) -> Signoff:
+    """Sign a campaign; see `SigningService.sign`."""
+    with one_at_a_time():
+        signoff = service.signing_service.sign(campaign, who, signing.comment, signing.content)
+    request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
+    return signoff
+
+
+@router.get(
+    "/campaigns/{campaign}/signoffs/export.zip",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}},
+        **described(404, 409),
+    },
+)
+def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> StreamingResponse:
+    """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
+    if not service.is_signed(campaign):
+        raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
+    headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
+    return StreamingResponse(service.signing_service.export(campaign), media_type="application/zip", headers=headers)

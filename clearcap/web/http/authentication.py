@@ -1,0 +1,195 @@
+"""Authentication of requests by cookie, token or password, and checks that writes come from this server's own pages."""
+
+import hmac
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import Depends, Request, Security
+from fastapi.security import APIKeyCookie, HTTPBearer
+
+from clearcap.web.access import Principal, Role
+from clearcap.web.access.throttle import place_of
+from clearcap.web.access.users import User
+from clearcap.web.http.problems import Refusal
+from clearcap.web.web_service import Service
+
+COOKIE = "__Host-clearcap"
+SHARE_COOKIE = "__Host-clearcap-share"  # a separate cookie, so that opening a shared link ends nobody's session
+CSRF_FIELD = "csrf"
+CSRF_HEADER = "x-csrf-token"
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+FORMS = "multipart/form-data", "application/x-www-form-urlencoded"
+
+_cookie = APIKeyCookie(
+    name=COOKIE, scheme_name="session", description="Cookie of a browser's session", auto_error=False
+)
+_bearer = HTTPBearer(scheme_name="token", description="A token, or the secret of a shared link", auto_error=False)
+
+
+def service_of(request: Request) -> Service:
+    """Return the service that answers a request."""
+    service: Service = request.app.state.service
+    return service
+
+
+def address_of(request: Request) -> str:
+    """Return the client address of a request; behind a proxy, the one that the proxy reports."""
+    return request.client.host if request.client else "unknown"
+
+
+async def answering(request: Request) -> Service:
+    """Return the service, as a dependency of a call; it is async, because others would take one of the few threads."""
+    return service_of(request)
+
+
+async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
+    """Return the principal of a request, as a dependency of a call.
+
+    The refusal is 401 without a valid session or token, 403 for a write that comes from another site, 429 after many
+    wrong tokens.
+    """
+    principal = known(request)
+    # only cookies are sent by a browser on its own, so only they need protection against forged requests
+    if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
+        request.state.who, request.state.how = principal.name, "a page in their name"  # to audit a refusal
+        check_origin(request)
+        await check_form(request, principal.csrf)
+    request.state.principal = principal
+    return principal
+
+
+def known(request: Request) -> Principal:
+    """Return the principal of a request's session or token, without reading the body.
+
+    The refusal is 401 without a valid session or token, 429 after many wrong tokens.
+    """
+    service = service_of(request)
+    scheme, _, secret = request.headers.get("authorization", "").partition(" ")
+    if scheme:
+        principal = service.tokens.principal(secret.strip()) if scheme.lower() == "bearer" else None
+        if principal is None:
+            _refuse_token(service, address_of(request))
+    else:
+        # the user's own session first: who is logged in stays so after opening a shared link
+        secrets = [request.cookies[name] for name in (COOKIE, SHARE_COOKIE) if name in request.cookies]
+        principal = next(filter(None, map(service.sessions.principal, secrets)), None)
+    if principal is None:
+        raise Refusal(
+            401,
+            "log in, or send a token: Authorization: Bearer clearcap_token_...",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+    return principal
+
+
+def is_still_known(request: Request) -> bool:
+    """Return whether the session or token of a request is still valid, for an answer that lasts long."""
+    try:
+        known(request)
+    except Refusal:
+        return False
+    return True
+
+
+def _refuse_token(service: Service, address: str) -> None:
+    """Count a wrong token; raise a refusal with 429 if its address has sent many."""
+    wait = service.throttle.attempt(f"token {place_of(address)}")
+    if wait:
+        raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
+
+
+def check_origin(request: Request) -> None:
+    """Refuse with 403 a browser's write that does not come from this server's own pages."""
+    # old browsers and programs send neither header; for them the CSRF token of `check_form` alone must suffice
+    site, origin = request.headers.get("sec-fetch-site", "same-origin"), request.headers.get("origin")
+    is_own = site in ("same-origin", "none") and (origin is None or _host_of(origin) == request.headers.get("host"))
+    if not is_own:
+        raise Refusal(403, "this write comes from the page of another site; use this server's own pages, or a token")
+
+
+def _host_of(origin: str) -> str | None:
+    """Return the host and port of an origin; None for ``null`` and for invalid origins, which no browser sends."""
+    try:
+        return urlsplit(origin).netloc or None
+    except ValueError:
+        return None
+
+
+async def check_form(request: Request, csrf: str) -> None:
+    """Refuse with 403 a write without the CSRF token of its session."""
+    given = request.headers.get(CSRF_HEADER)
+    if given is None and request.headers.get("content-type", "").startswith(FORMS):
+        given = (await request.form()).get(CSRF_FIELD)  # type: ignore[assignment]  # a file is no token
+    if not isinstance(given, str) or not hmac.compare_digest(given.encode(), csrf.encode()):
+        await request.close()  # closes the files that came with the form
+        raise Refusal(403, "the form is too old, or not from this server; load the page again")
+
+
+def lacks_role(principal: Principal, role: Role, what: str) -> Refusal:
+    """Return the refusal, with 403, of a principal whose role is too low for `what`."""
+    words = f"{principal.name} has the role {principal.role.word}; {what} needs the role {role.word}: ask an admin"
+    return Refusal(403, words)
+
+
+@dataclass(frozen=True)
+class RoleNeeded:
+    """A dependency that refuses, with 403, principals below a role; for use with ``Depends``."""
+
+    role: Role
+
+    async def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
+        """Return the principal if their role suffices."""
+        if not principal.may(self.role):
+            raise lacks_role(principal, self.role, "this")
+        return principal
+
+
+async def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
+    """Return the principal; refuse a shared link with 403, because it shows one campaign only."""
+    if principal.campaign is not None:
+        raise Refusal(403, f"this link shows the campaign {principal.campaign} only; log in to see more")
+    return principal
+
+
+Asking = Annotated[Principal, Depends(asking)]
+Viewer = Annotated[Principal, Depends(needs_all_campaigns)]
+Engineer = Annotated[Principal, Depends(RoleNeeded(Role.ENGINEER))]
+Approver = Annotated[Principal, Depends(RoleNeeded(Role.APPROVER))]
+Admin = Annotated[Principal, Depends(RoleNeeded(Role.ADMIN))]
+TheService = Annotated[Service, Depends(answering)]
+
+
+def checked_user(request: Request, name: str, password: str) -> User | None:
+    """Return the user with a name and a password; None if the password is wrong or there is no such user.
+
+    The refusal is 429 after many failures for this name or from this address, 503 if too many passwords are being
+    checked.
+    """
+    service = service_of(request)
+    by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"
+    if wait := service.throttle.attempt(by_name, by_address):
+        headers = {"Retry-After": f"{wait + 1:.0f}"}
+        raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
+    try:
+        user = service.users.by_password(name, password)
+    except TimeoutError as error:
+        service.throttle.take_back(by_name, by_address)
+        raise Refusal(503, "many log in now; try again in some seconds", headers={"Retry-After": "5"}) from error
+    if user is not None:
+        # only this attempt: somebody with one valid password must not clear the failures of their guesses at others
+        service.throttle.take_back(by_address)
+        service.throttle.succeeded(by_name)
+    return user
+
+
+def who_may(calls: Iterable[object]) -> str:
+    """Describe who may use a call with some of the dependencies above, for the API documentation."""
+    known = list(calls)
+    roles = [call.role for call in known if isinstance(call, RoleNeeded)]
+    if roles:
+        return max(roles).word
+    if needs_all_campaigns in known:
+        return Role.VIEWER.word
+    return f"{Role.VIEWER.word}, or a shared link" if asking in known else "anybody"

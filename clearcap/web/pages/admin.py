@@ -1,0 +1,196 @@
+"""The pages for admins: users, tokens, audit trail, queue and workers, health, limits."""
+
+import shutil
+import time
+from dataclasses import asdict
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Path, Query, Request
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse, Response
+
+from campaign.errors import StoreError
+from clearcap.web.access import Role
+from clearcap.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
+from clearcap.web.api.operation import check_audit, list_audit
+from clearcap.web.api.signoffs import show_signing_key
+from clearcap.web.api.users import (
+    LoginLink,
+    NewUser,
+    RoleWord,
+    UserChange,
+    UserName,
+    add_user,
+    change_user,
+    end_token,
+    list_tokens,
+    list_users,
+    make_login_link,
+)
+from clearcap.web.http.authentication import Admin, TheService
+from clearcap.web.pages.rendering import page
+from clearcap.web.watch.workload import look_at_work
+from clearcap.web.web_service import Service
+
+router = APIRouter(include_in_schema=False)
+ADMIN = "/admin"
+ON_A_PAGE = 100
+CHECKED_AT_ONCE = 10_000  # an audit trail of up to this many entries is checked whenever it is shown
+
+
+@router.get(ADMIN)
+def users_page(
+    request: Request, service: TheService, who: Admin, cursor: Annotated[str, Query(max_length=100)] = ""
+) -> Response:
+    """Show the users and their roles."""
+    return _users_page(request, service, who.name, cursor)
+
+
+@router.post(f"{ADMIN}/users")
+def add_user_form(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    name: Annotated[str, Form(pattern=f"^{NAME.pattern}$")],
+    role: Annotated[RoleWord, Form()],
+) -> Response:
+    """Add a user, and show the link for their first login."""
+    add_user(request, service, who, NewUser(name=name, role=role))
+    return _users_page(request, service, who.name, link_of=name, link=make_login_link(service, who, name))
+
+
+@router.post(f"{ADMIN}/users/{{name}}/role")
+def role_form(
+    request: Request, service: TheService, who: Admin, name: UserName, role: Annotated[RoleWord, Form()]
+) -> Response:
+    """Change the role of a user."""
+    change_user(request, service, who, name, UserChange(role=role))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/disabled")
+def disabled_form(
+    request: Request, service: TheService, who: Admin, name: UserName, disabled: Annotated[bool, Form()]
+) -> Response:
+    """Disable a user, or enable them again."""
+    change_user(request, service, who, name, UserChange(disabled=disabled))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/password")
+def set_password_form(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    name: UserName,
+    password: Annotated[str, Form(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD)],
+) -> Response:
+    """Set the password of a user."""
+    change_user(request, service, who, name, UserChange(password=password))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/link")
+def link_form(request: Request, service: TheService, who: Admin, name: UserName) -> Response:
+    """Create a one-time login link for a user, and show it this once."""
+    link = make_login_link(service, who, name)
+    return _users_page(request, service, who.name, link_of=name, link=link)
+
+
+@router.get(f"{ADMIN}/tokens")
+def tokens_page(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+) -> Response:
+    """Show the tokens of all users."""
+    return page(request, "admin_tokens", listing=list_tokens(service, who, True, cursor, ON_A_PAGE))
+
+
+@router.post(f"{ADMIN}/tokens/{{token}}/revoke")
+def revoke_token_form(service: TheService, who: Admin, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
+    """Revoke a token of any user."""
+    end_token(service, who, token)
+    return RedirectResponse(f"{ADMIN}/tokens", 303)
+
+
+@router.get(f"{ADMIN}/audit")
+def audit_page(
+    request: Request,
+    service: TheService,
+    admin: Admin,
+    object: Annotated[str, Query(max_length=200)] = "",
+    who: Annotated[str, Query(max_length=100)] = "",
+    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+    check: Annotated[bool, Query()] = False,
+) -> Response:
+    """Show the audit trail, and whether it is intact."""
+    listing = list_audit(service, admin, object, who, cursor, ON_A_PAGE)
+    newest = service.audit.newest(count=1)
+    is_checked = check or not newest or newest[0].number <= CHECKED_AT_ONCE
+    wholeness = check_audit(service, admin) if is_checked else None
+    further = f"object={quote(object)}&who={quote(who)}&cursor={listing.next}" if listing.next else ""
+    values: dict[str, Any] = {
+        "listing": listing,
+        "object": object,
+        "who": who,
+        "wholeness": wholeness,
+        "further": further,
+    }
+    return page(request, "admin_audit", **values)
+
+
+@router.get(f"{ADMIN}/system")
+async def system_page(request: Request, service: TheService, who: Admin) -> Response:
+    """Show the running and waiting campaigns, health, limits, and the key of sign-offs."""
+    fault, entries = "", [entry for entry, _ in service.watcher.index.entries()]
+    try:
+        if service.watcher.listed_at is None:
+            await service.watcher.list_campaigns()
+            entries = [entry for entry, _ in service.watcher.index.entries()]
+        service.workload = await run_in_threadpool(look_at_work, service.store, entries, service.workload)
+    except StoreError as error:
+        fault = str(error)
+    values: dict[str, Any] = {
+        "work": None if fault else service.workload,
+        "coordinate": service.settings.coordinate,
+        "processes": service.settings.processes,
+        "jobs": service.pool.by_user,
+        "followers": service.watcher.followers,
+        "limits": asdict(service.settings.limits),
+        "store": service.store.url,
+        "fault": fault or service.store_fault,
+        "listed_s": None if service.watcher.listed_at is None else time.monotonic() - service.watcher.listed_at,
+        "free": _free_space(service),
+        "campaigns": len(entries),
+        "broken": sorted(entry.campaign for entry in entries if entry.state == "broken"),
+        "database": service.database.path.stat().st_size,
+        "issuer": service.settings.oidc.issuer if service.settings.oidc else "",
+        "key": show_signing_key(service, who).fingerprint,
+    }
+    return page(request, "admin_system", **values)
+
+
+def _free_space(service: Service) -> int | None:
+    """Return the free space on the disk of a store [bytes]; None for a store behind a URL or a missing folder."""
+    try:
+        return shutil.disk_usage(service.store.files.full_url).free
+    except OSError:
+        return None
+
+
+def _users_page(
+    request: Request,
+    service: Service,
+    own_name: str,
+    cursor: str = "",
+    link_of: str = "",
+    link: LoginLink | None = None,
+) -> Response:
+    """Return the page of the users, with a login link that was just created."""
+    listing = list_users(service, request.state.principal, cursor, ON_A_PAGE)
+    values: dict[str, Any] = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
+    values |= {"link_of": link_of, "link": link, "shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD}
+    return page(request, "admin", **values)

@@ -1,0 +1,221 @@
+"""The list of campaigns, and the pages of each: progress, report and actions; shared links; sign-offs."""
+
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Path, Query, Request
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse, Response
+
+from campaign.coordinator.heartbeat import observe
+from clearcap.questions.signing.signoff_document import LONGEST_COMMENT
+from clearcap.web.access import Principal, Role
+from clearcap.web.api.calls import TheCampaign
+from clearcap.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
+from clearcap.web.api.campaigns import ListQuestion, listed, show_campaign
+from clearcap.web.api.reports import report_files, write_report
+from clearcap.web.api.shares import ListedShare, MadeShare, NewShare, end_share, shared
+from clearcap.web.api.signoffs import Signing, list_signoffs, show_content, signed
+from clearcap.web.api.submissions import extended
+from clearcap.web.http.authentication import Approver, Asking, Engineer, TheService, Viewer
+from clearcap.web.pages.rendering import page
+from clearcap.web.watch.list_order import ORDERS
+from clearcap.web.watch.watcher import progress_of
+from clearcap.web.web_service import Service
+
+ON_A_PAGE = 50
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/campaigns")
+async def campaigns_page(
+    request: Request,
+    service: TheService,
+    _: Viewer,
+    question: Annotated[ListQuestion, Query()],
+    cursor: Annotated[int, Query(ge=0, le=10**9)] = 0,
+) -> Response:
+    """Show the list of campaigns."""
+    if service.watcher.listed_at is None:
+        await service.watcher.list_campaigns()
+    known = list(service.watcher.index.entries())
+    question = _chosen(question)
+    found = listed(known, question)
+    asked = question.model_dump(exclude_defaults=True)
+    entries = [entry for entry, _ in found[cursor : cursor + ON_A_PAGE]]
+    tags = sorted({tag for entry, _ in known for tag in entry.tags})
+    owners = sorted({entry.owner for entry, _ in known if entry.owner})
+    states = sorted({entry.state for entry, _ in known})
+    following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
+    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": tuple(ORDERS)}
+    values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
+    values |= {"unread": service.watcher.index.unread}
+    return page(request, "campaigns", asked=asked, fault=service.store_fault, on_a_page=ON_A_PAGE, **values)
+
+
+def _chosen(question: ListQuestion) -> ListQuestion:
+    """Return a question without the fields that a form sends empty, which stand for all."""
+    tags = [tag for tag in question.tag if tag]
+    return question.model_copy(update={"owner": question.owner or None, "tag": tags})
+
+
+async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:
+    """Return the values for the frame of a campaign's pages: its entry, and whether the user may delete it."""
+    entry = await show_campaign(service, campaign)
+    owner = entry.owner or entry.submitted_by
+    return {"entry": entry, "may_delete": who.may(Role.ADMIN) or (who.may(Role.ENGINEER) and owner == who.name)}
+
+
+@router.get("/campaigns/{campaign}")
+async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+    """Show the progress of a campaign, which is updated while rows arrive."""
+    seen = await run_in_threadpool(observe, service.store, campaign)
+    shown = await frame(request, service, campaign, who)
+    return page(request, "campaign", progress=progress_of(seen, is_served=service.watcher.is_served), **shown)
+
+
+@router.get("/campaigns/{campaign}/report")
+async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+    """Show the report of a campaign in a frame, and its files."""
+    files = await run_in_threadpool(report_files, service, campaign, who)
+    return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
+
+
+@router.post("/campaigns/{campaign}/report")
+async def report_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Write the report of a campaign again."""
+    await write_report(service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/report", 303)
+
+
+@router.post("/campaigns/{campaign}/cancel")
+async def cancel_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """End a campaign."""
+    await run_in_threadpool(cancel, service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/resume")
+async def resume_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Continue a campaign."""
+    await run_in_threadpool(resume, service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/rerun")
+async def rerun_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Compute failed rows again."""
+    await run_in_threadpool(rerun, service, campaign, who, FailedRows())
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/extend")
+async def extend_form(
+    service: TheService, campaign: TheCampaign, who: Engineer, samples: Annotated[int, Form(ge=1, le=100_000_000)]
+) -> Response:
+    """Submit a campaign with more samples."""
+    made = await extended(service, campaign, who, samples)
+    return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/labels")
+async def labels_form(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    version: Annotated[int, Form(ge=0)],
+    owner: Annotated[str, Form(max_length=200)] = "",
+    tags: Annotated[str, Form(max_length=2000)] = "",
+    note: Annotated[str, Form(max_length=5000)] = "",
+    archived: Annotated[bool, Form()] = False,
+) -> Response:
+    """Change the owner, tags and note of a campaign, or archive it."""
+    entry = await show_campaign(service, campaign)
+    wanted = set(tags.replace(",", " ").split())
+    add, remove = sorted(wanted - set(entry.tags)), sorted(set(entry.tags) - wanted)
+    change = LabelRequest(owner=owner, add_tags=add, remove_tags=remove, note=note, archived=archived, version=version)
+    await label(service, campaign, who, change)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/delete")
+async def delete_form(
+    service: TheService, campaign: TheCampaign, who: Engineer, confirm: Annotated[str, Form(max_length=200)] = ""
+) -> Response:
+    """Delete a campaign with all its rows."""
+    await run_in_threadpool(delete, service, campaign, who, confirm)
+    return RedirectResponse("/campaigns", 303)
+
+
+@router.get("/campaigns/{campaign}/share")
+async def share_page(request: Request, service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Show the shared links to a campaign."""
+    return await _share_page(request, service, campaign, who)
+
+
+@router.post("/campaigns/{campaign}/share")
+async def share_form(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    days: Annotated[int, Form(ge=1, le=90)] = 14,
+    note: Annotated[str, Form(max_length=200)] = "",
+) -> Response:
+    """Create a link, and show it this once."""
+    made = await run_in_threadpool(shared, request, service, campaign, who, NewShare(days=days, note=note))
+    return await _share_page(request, service, campaign, who, made)
+
+
+@router.post("/campaigns/{campaign}/share/{share}/revoke")
+def revoke_share_form(
+    service: TheService, campaign: TheCampaign, _: Engineer, share: Annotated[int, Path(ge=0, le=2**53)]
+) -> Response:
+    """Revoke a link."""
+    end_share(service, campaign, share)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/share", 303)
+
+
+async def _share_page(
+    request: Request, service: Service, campaign: str, who: Principal, made: MadeShare | None = None
+) -> Response:
+    """Return the page with the links, and one that was just created."""
+    links = await run_in_threadpool(service.tokens.shares, campaign)
+    shown = await frame(request, service, campaign, who)
+    return page(request, "share", shares=[ListedShare.of(link) for link in links], made=made, **shown)
+
+
+@router.get("/campaigns/{campaign}/signoff")
+async def signoff_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    check: Annotated[bool, Query()] = False,
+) -> Response:
+    """Show who signed a campaign, and to an approver the content that they would sign."""
+    shown = await frame(request, service, campaign, who)
+    signoffs = await run_in_threadpool(list_signoffs, service, campaign, who, check)
+    may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"
+    content = await run_in_threadpool(show_content, service, campaign, who) if may_sign else None
+    values: dict[str, Any] = {
+        "signoffs": signoffs,
+        "content": content,
+        "checked": check,
+        "longest_comment": LONGEST_COMMENT,
+    }
+    return page(request, "signoff", **values, **shown)
+
+
+@router.post("/campaigns/{campaign}/signoff")
+def sign_form(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Approver,
+    content: Annotated[str, Form(pattern="^[0-9a-f]{64}$")],
+    comment: Annotated[str, Form(max_length=LONGEST_COMMENT)] = "",
+) -> Response:
+    """Sign a campaign."""
+    signed(request, service, campaign, who, Signing(content=content, comment=comment))
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)

@@ -1,0 +1,163 @@
+"""The pages to log in, by password, link or company account, and to log out."""
+
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Depends, Form, Request
+from starlette.responses import RedirectResponse, Response
+
+from clearcap.web.access import Principal
+from clearcap.web.access.company_login import LOGIN_WITHIN, CompanyLogin, LoginFault, company_user
+from clearcap.web.access.throttle import place_of
+from clearcap.web.http.authentication import (
+    COOKIE,
+    SHARE_COOKIE,
+    TheService,
+    address_of,
+    asking,
+    check_origin,
+    checked_user,
+)
+from clearcap.web.http.problems import Refusal
+from clearcap.web.pages.rendering import page
+from clearcap.web.web_service import Service
+
+HOME = "/campaigns"
+router = APIRouter(include_in_schema=False)
+BEGUN = "__Host-clearcap-login"  # cookie of a login in progress
+
+
+@router.get("/")
+async def home() -> Response:
+    """Redirect to the list of campaigns."""
+    return RedirectResponse(HOME, 303)
+
+
+@router.get("/favicon.ico")
+async def icon() -> Response:
+    """Redirect to the icon; browsers ask here if they show a document that, unlike a page, does not name its icon."""
+    return RedirectResponse("/static/icon.svg", 308)
+
+
+@router.get("/login")
+async def show_login(request: Request, service: TheService, next: str = HOME) -> Response:
+    """Show the login form."""
+    return page(request, "login", next=own_path(next), has_oidc=service.settings.oidc is not None, fault="")
+
+
+@router.post("/login")
+def log_in(
+    request: Request,
+    service: TheService,
+    name: Annotated[str, Form(max_length=100)],
+    password: Annotated[str, Form(max_length=2000)],
+    next: Annotated[str, Form(max_length=2000)] = HOME,
+) -> Response:
+    """Begin a session with a name and password."""
+    check_origin(request)
+    # an unknown name is not audited: it may be a password that was typed into the wrong field
+    request.state.who, request.state.how = name if service.users.get(name) else "unknown", "password"
+    user = checked_user(request, name, password)
+    if user is None:
+        has_oidc = service.settings.oidc is not None
+        fault = "name and password do not belong together"
+        return page(request, "login", 401, next=own_path(next), has_oidc=has_oidc, fault=fault)
+    return entered(request, service.sessions.begin(user.name), next)
+
+
+@router.get("/login/link")
+def use_link(request: Request, service: TheService, key: str, next: str = HOME) -> Response:
+    """Begin a session with a one-time link."""
+    user = service.sessions.use_link(key)
+    if user is None:
+        raise Refusal(403, "this link was used, or is older than 15 minutes; the server prints another at its start")
+    service.audit.add(user, "link", address_of(request), "GET /login/link", "", 200)
+    return entered(request, service.sessions.begin(user), next)
+
+
+@router.get("/shared/{secret}")
+def use_share(request: Request, service: TheService, secret: str) -> Response:
+    """Begin a session that shows one campaign only."""
+    share = service.tokens.shared(secret)
+    if share is None:
+        raise Refusal(403, "this link has expired or was revoked; ask who sent it for another")
+    service.audit.add(f"share {share.id}", "share", address_of(request), "GET /shared", share.campaign, 200)
+    return entered(request, service.sessions.begin(share=share.id), f"/campaigns/{share.campaign}", SHARE_COOKIE)
+
+
+@router.post("/logout")
+def log_out(request: Request, service: TheService, _: Annotated[Principal, Depends(asking)]) -> Response:
+    """End the session."""
+    answer = RedirectResponse("/login", 303)
+    for name in (COOKIE, SHARE_COOKIE):
+        service.sessions.end(request.cookies.get(name, ""))
+        answer.delete_cookie(name, path="/", secure=True, httponly=True, samesite="strict")
+    return answer
+
+
+def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) -> Response:
+    """Return the page that completes a login; it sets the session's cookie and goes on to the wanted page by itself.
+
+    It is a page and not a redirect, because a browser that followed a link on another site, such as a mail, does not
+    send a strict cookie to the target of a redirect.
+    """
+    answer = page(request, "entered", wanted=own_path(wanted))
+    answer.set_cookie(cookie, secret, path="/", secure=True, httponly=True, samesite="strict")
+    return answer
+
+
+def own_path(wanted: str) -> str:
+    """Return the wanted path if it is on this server, otherwise that of the first page."""
+    try:
+        parts = urlsplit(wanted)
+    except ValueError:
+        return HOME
+    is_own = not parts.scheme and not parts.netloc and wanted.startswith("/") and not wanted.startswith(("//", "/\\"))
+    return wanted if is_own and wanted.isprintable() else HOME
+
+
+@router.get("/login/company")
+def go_to_company(service: TheService, next: str = HOME) -> Response:
+    """Send the browser to the login service."""
+    try:
+        url, kept = _company(service).begin(own_path(next))
+    except LoginFault as fault:
+        raise _refusal(fault) from fault
+    answer = RedirectResponse(url, 303)
+    # the service sends the browser back from another site, so this cookie alone cannot be strict
+    answer.set_cookie(BEGUN, kept, LOGIN_WITHIN, path="/", secure=True, httponly=True, samesite="lax")
+    return answer
+
+
+@router.get("/login/company/callback")
+def back_from_company(request: Request, service: TheService) -> Response:
+    """Begin a session for the user whom the login service names."""
+    company, place = _company(service), f"company {place_of(address_of(request))}"
+    if wait := service.throttle.attempt(place):
+        headers = {"Retry-After": f"{wait + 1:.0f}"}
+        raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
+    try:
+        identity, wanted = company.end(request.query_params, request.cookies.get(BEGUN, ""))
+        user = company_user(service.users, identity)
+    except LoginFault as fault:
+        service.audit.add("unknown", "company", address_of(request), "GET /login/company/callback", "", 403, str(fault))
+        raise _refusal(fault) from fault
+    service.throttle.take_back(place)
+    service.audit.add(user.name, "company", address_of(request), "GET /login/company/callback", "", 200, user.role.word)
+    answer = entered(request, service.sessions.begin(user.name), wanted)
+    answer.delete_cookie(BEGUN, path="/", secure=True, httponly=True, samesite="lax")
+    return answer
+
+
+def _company(service: Service) -> CompanyLogin:
+    """Return the login service; raise Refusal (404) if this server has none."""
+    if service.company is None:
+        raise Refusal(404, "this server has no login service of a company; log in by a password or a link")
+    return service.company
+
+
+def _refusal(fault: LoginFault) -> Refusal:
+    """Return the refusal for a fault of a login."""
+    if fault.is_outage:
+        return Refusal(503, str(fault), headers={"Retry-After": "30"})
+    return Refusal(403, str(fault))

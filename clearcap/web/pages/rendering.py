@@ -1,0 +1,73 @@
+"""Rendering of pages from templates, also that of a refused request, and of texts with each fault beside its line."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import quote, urlencode
+
+from fastapi import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from clearcap.web.access import Principal, Role
+from clearcap.web.http.problems import Refusal
+from reporting.render.page_templates import page_environment
+
+AROUND = 2  # lines shown before and after one with a fault
+_templates = page_environment("clearcap.web.pages")
+_templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
+
+
+def page(
+    request: Request, name: str, status: int = 200, /, *, refusal: Refusal | None = None, **values: Any
+) -> HTMLResponse:
+    """Return a page from the template `name`, given without ``.html.j2``.
+
+    If the template shows a refusal, the answer has its status and headers.
+    """
+    principal: Principal | None = getattr(request.state, "principal", None)
+    reloads = refusal.reload_after_s if refusal and request.method == "GET" else None  # a form would be lost
+    html = _templates.get_template(f"{name}.html.j2").render(
+        principal=principal, Role=Role, path=request.url.path, refusal=refusal, reload_after_s=reloads, **values
+    )
+    return HTMLResponse(html, refusal.status, refusal.headers) if refusal else HTMLResponse(html, status)
+
+
+def refused_page(request: Request, refusal: Refusal) -> Response:
+    """Return the page of a refusal; visitors who are not logged in are sent to the login first, and back afterwards."""
+    if refusal.status == 401 and request.method == "GET":
+        wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+        return RedirectResponse(f"/login?next={quote(wanted, safe='')}", 303)
+    title = HTTPStatus(refusal.status).phrase
+    return page(request, "refused", refusal=refusal, title=title)
+
+
+@dataclass(frozen=True)
+class MarkedLine:
+    """A line of a text."""
+
+    number: int  # from 1
+    text: str
+    faults: tuple[str, ...]
+
+
+def marked_lines(text: str, faults: Sequence[Mapping[str, Any]]) -> list[MarkedLine]:
+    """Return the lines of a text that have faults, with some lines around each; faults of other files are left out."""
+    by_line: dict[int, list[str]] = {}
+    for fault in faults:
+        if fault.get("line") and not fault.get("file"):
+            by_line.setdefault(fault["line"], []).append(said(fault))
+    near = {number for line in by_line for number in range(line - AROUND, line + AROUND + 1)}
+    lines = enumerate(text.split("\n"), 1)
+    return [MarkedLine(n, line.rstrip("\r"), tuple(by_line.get(n, ()))) for n, line in lines if n in near]
+
+
+def said(fault: Mapping[str, Any]) -> str:
+    """Return a fault as one line: the key, its value, and what is wrong."""
+    value = "" if fault.get("value") is None else f" = {fault['value']}"
+    return f"{'.'.join(fault['keys'])}{value}: {fault['text']}" if fault["keys"] else str(fault["text"])
+
+
+def unix_lines(text: str) -> str:
+    """Return a text that a browser sent, with Unix line ends."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")

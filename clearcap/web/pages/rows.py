@@ -1,0 +1,181 @@
+"""Pages for the rows of a campaign: its samples, its comparison with another campaign, and exports."""
+
+import json
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Form, Query, Request
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse, Response
+
+from campaign.errors import CampaignError, StoreError
+from campaign.run_status import FailedStatus
+from clearcap.web.access import Principal
+from clearcap.web.answers.exported_rows import FORMATS
+from clearcap.web.answers.fair_queue import Busy
+from clearcap.web.answers.queries import OK, SORTS, STATUSES
+from clearcap.web.api.calls import PATTERN, PREFIX, TheCampaign, the_campaign
+from clearcap.web.api.reports import report_files, write_comparison
+from clearcap.web.api.samples import ENDINGS, ReplayedSample, Sample, SampleQuestion, motion_of, replay, show_sample
+from clearcap.web.http.authentication import Asking, Engineer, TheService, Viewer
+from clearcap.web.http.problems import refusal_of
+from clearcap.web.pages.campaigns import frame
+from clearcap.web.pages.rendering import page
+from clearcap.web.web_service import Service
+from engine import EngineError
+
+READERS = {  # Python imports and expression that read each format from an open answer
+    "arrow": ("import pyarrow as pa", "pa.ipc.open_stream(answer).read_all()"),
+    "parquet": ("import io\n\nimport pyarrow.parquet as pq", "pq.read_table(io.BytesIO(answer.read()))"),
+    "csv": ("import pyarrow.csv", "pyarrow.csv.read_csv(answer)"),
+}
+MOST_OFFERED = 500  # campaigns to choose from
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/campaigns/{campaign}/samples")
+async def samples_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    question: Annotated[SampleQuestion, Query()],
+) -> Response:
+    """Show samples in a table, by default the worst first."""
+    asked = (question.sort, question.status or None, question.cursor, question.limit)
+    found = json.loads((await service.answers.samples(who.name, campaign, *asked)).content)
+    kept = {
+        key: value for key, value in question.model_dump(exclude_defaults=True).items() if key != "cursor" and value
+    }
+    values: dict[str, Any] = {"question": question, "found": found, "kept": kept, "sorts": SORTS, "statuses": STATUSES}
+    return page(request, "samples", **values, **await frame(request, service, campaign, who))
+
+
+@router.get("/campaigns/{campaign}/samples/{sample}")
+async def sample_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    sample: Sample,
+    pictures: Annotated[bool, Query()] = False,
+) -> Response:
+    """Show a sample."""
+    return await _sample_page(request, service, campaign, who, sample, pictures=pictures)
+
+
+@router.post("/campaigns/{campaign}/samples/{sample}/replay")
+async def replay_form(
+    request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
+) -> Response:
+    """Compute a sample again, and show whether the result is equal bit for bit."""
+    replayed = await replay(service, campaign, who, sample)
+    return await _sample_page(request, service, campaign, who, sample, replayed=replayed)
+
+
+async def _sample_page(
+    request: Request,
+    service: Service,
+    campaign: str,
+    who: Principal,
+    sample: int,
+    *,
+    replayed: ReplayedSample | None = None,
+    pictures: bool = False,
+) -> Response:
+    """Return the page of a sample, with its replay if there is one."""
+    shown = await run_in_threadpool(show_sample, service, campaign, sample)
+    values: dict[str, Any] = {"s": shown, "replayed": replayed, "pictures": pictures, "moving": None}
+    refusal = None
+    if pictures and who.kind != "share":
+        try:
+            values["moving"] = json.loads(await motion_of(service, campaign, who, sample))
+        except (CampaignError, EngineError) as error:  # the row is shown even without the motion
+            refusal = refusal_of(error)
+    return page(request, "sample", refusal=refusal, **values, **await frame(request, service, campaign, who))
+
+
+@router.get("/campaigns/{campaign}/compare")
+async def compare_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Viewer,
+    other: Annotated[str, Query(alias="with", pattern=PATTERN + "|^$")] = "",
+) -> Response:
+    """Show the comparison of a campaign with another one."""
+    comparison, fault = None, ""
+    if other:
+        await the_campaign(service, who, other)
+        try:
+            document = json.loads((await service.answers.compare(who.name, campaign, other)).content)
+            comparison = document["comparison"]
+        except (Busy, StoreError):
+            raise
+        except CampaignError as error:
+            fault = str(error)
+    if service.watcher.listed_at is None:
+        await service.watcher.list_campaigns()
+    entries = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
+    files = await run_in_threadpool(report_files, service, campaign, who)
+    values: dict[str, Any] = {"other": other, "comparison": comparison, "fault": fault}
+    values |= {"offered": entries[:MOST_OFFERED], "written": files.comparisons.get(other, [])}
+    return page(request, "compare", **values, **await frame(request, service, campaign, who))
+
+
+@router.post("/campaigns/{campaign}/compare")
+async def compare_form(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    other: Annotated[str, Form(alias="with", pattern=PATTERN)],
+) -> Response:
+    """Write the report of a comparison."""
+    await write_comparison(service, campaign, who, other)
+    return RedirectResponse(f"/campaigns/{campaign}/compare?{urlencode({'with': other})}", 303)
+
+
+class ExportForm(BaseModel):
+    """The sent form of this page: the parameters of the call, but numbers may be empty, and columns are one text."""
+
+    format: str = Field("parquet", pattern="^(arrow|parquet|csv)$")
+    columns: str = Field("", max_length=20_000)
+    first: str = Field("", pattern=r"^\d{0,15}$")
+    last: str = Field("", pattern=r"^\d{0,15}$")
+    status: str = Field("", max_length=40)
+
+    def query(self) -> str:
+        """Return the query of the equivalent API call."""
+        asked = {"format": self.format, "columns": self.columns.replace(",", " ").split()}
+        given = {"first": self.first, "last": self.last, "status": self.status}
+        return urlencode(asked | {key: text for key, text in given.items() if text}, doseq=True)
+
+
+@router.get("/campaigns/{campaign}/export")
+async def export_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    form: Annotated[ExportForm, Query()],
+) -> Response:
+    """Show the files and rows that can be exported, with the command and the Python lines that do the same."""
+    files = await run_in_threadpool(report_files, service, campaign, who)
+    call = f"{PREFIX}/campaigns/{campaign}/rows?{form.query()}"
+    name = f"{campaign}.{ENDINGS[form.format]}"
+    imports, reader = READERS[form.format]
+    curl = f'curl -H "Authorization: Bearer $CLEARCAP_TOKEN" "{service.settings.address}{call}" -o {name}'
+    python = [
+        "import os",
+        "import urllib.request",
+        *imports.splitlines(),
+        "",
+        f'request = urllib.request.Request("{service.settings.address}{call}")',
+        'request.add_header("Authorization", "Bearer " + os.environ["CLEARCAP_TOKEN"])',
+        "with urllib.request.urlopen(request) as answer:",
+        f"    rows = {reader}",
+    ]
+    values: dict[str, Any] = {"form": form, "files": files, "call": call, "name": name, "curl": curl}
+    values |= {"python": "\n".join(python), "formats": list(FORMATS), "statuses": (OK, *FailedStatus)}
+    return page(request, "export", **values, **await frame(request, service, campaign, who))

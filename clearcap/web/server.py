@@ -1,0 +1,160 @@
+"""The HTTP server of a service: its checks, its lock, its first login link, and its start."""
+
+import fcntl
+import json
+import logging
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from ipaddress import ip_network
+
+import uvicorn
+
+from campaign.errors import SpecError, unwritable
+from clearcap.web.access import Role
+from clearcap.web.app import make_app
+from clearcap.web.connection import BoundedConnection
+from clearcap.web.http.monitoring import show_requests
+from clearcap.web.settings import LOOPBACK, Settings
+from clearcap.web.web_service import Service
+
+LOCK = "server.lock"
+FIRST_ADMIN = "admin"
+DRAIN = 20  # s that running requests may take to finish when the server ends
+KEEP_ALIVE = 20  # s without a request, after which a connection is closed
+CONNECTIONS = 1000
+
+logger = logging.getLogger(__name__)
+
+
+class Server(uvicorn.Server):
+    """A server that ends its event streams before it shuts down, so that it need not wait for them."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the event streams, then shut down."""
+        self.config.app.state.service.end_streams()  # type: ignore[union-attr]  # it is a FastAPI
+        await super().shutdown(sockets)
+
+
+def check_settings(settings: Settings) -> None:
+    """Raise SpecError if other machines could connect without TLS, or a proxy is not given as an address or network."""
+    for proxy in settings.proxies:
+        try:
+            ip_network(proxy)
+        except ValueError as error:
+            raise SpecError(
+                f"--proxy {proxy!r:.100}: is neither an address nor a network ({error}); write for example 10.1.2.3"
+            ) from error
+    if settings.is_local and settings.host not in LOOPBACK:
+        raise SpecError(
+            f"--host {settings.host}: other machines could read passwords and results on the way; give --https-cert and"
+            " --https-key, or --behind-proxy if a proxy in front of the server ends TLS"
+        )
+
+
+def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
+    """Return a one-time login link for a user; create the first admin if there is no user yet.
+
+    Raises SpecError if there is no such user, or if the user is disabled.
+    """
+    if not service.users.all():
+        service.users.add(FIRST_ADMIN, Role.ADMIN)
+    found = service.users.get(user)
+    if found is None or found.is_disabled:
+        names = ", ".join(each.name for each in service.users.all() if not each.is_disabled)
+        raise SpecError(f"--login-link {user!r:.80}: no such user; users: {names}")
+    return f"{service.settings.address}/login/link?key={service.sessions.new_link(user)}"
+
+
+def serve_http(service: Service) -> None:
+    """Answer requests until SIGTERM or Ctrl-C; running requests are finished first.
+
+    Raises SpecError if the port is taken, or if the certificate cannot be used.
+    """
+    show_requests()
+    http_server(service).run(sockets=[_listening(service.settings)])
+
+
+def http_server(service: Service) -> Server:
+    """Return the server of a service, ready to run; raise SpecError if the certificate cannot be used."""
+    settings = service.settings
+    cert, key = settings.https or (None, None)
+    config = uvicorn.Config(
+        make_app(service),
+        host=settings.host,
+        port=settings.port,
+        ssl_certfile=cert,
+        ssl_keyfile=key,
+        proxy_headers=settings.behind_proxy,
+        forwarded_allow_ips=list(settings.proxies),
+        log_config=None,
+        access_log=False,  # `Record` writes the log
+        server_header=False,
+        timeout_graceful_shutdown=DRAIN,
+        timeout_keep_alive=KEEP_ALIVE,
+        limit_concurrency=CONNECTIONS,
+        http=BoundedConnection,
+        ws="none",
+    )
+    try:
+        config.load()
+    except (OSError, ValueError) as error:
+        raise SpecError(
+            f"--https-cert {cert}, --https-key {key}: no PEM certificate and the key that belongs to it ({error})"
+        ) from error
+    return Server(config)
+
+
+def _listening(settings: Settings) -> socket.socket:
+    """Return a socket that listens on the port of the settings."""
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    # not left to uvicorn, which would end the process if the port is taken, instead of raising
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((settings.host, settings.port))
+    except OSError as error:
+        listening.close()
+        raise SpecError(
+            f"--host {settings.host} --port {settings.port}: cannot listen there ({error.strerror}); another process"
+            " may use the port: choose another with --port"
+        ) from error
+    listening.listen(2048)
+    return listening
+
+
+@contextmanager
+def instance_lock(settings: Settings) -> Iterator[None]:
+    """Hold the lock of a data folder in the block; the end of the process releases it too, however it ends.
+
+    Raises SpecError if another server uses the folder. Raises StoreError if the folder's disk is read-only or broken.
+    """
+    path = settings.data / LOCK
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("a+b", buffering=0))
+        except OSError as error:
+            raise unwritable(f"--data {settings.data}: cannot be used now ({error.strerror})", error) from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            which = _named(file.read(500))
+            raise SpecError(
+                f"--data {settings.data}: another server uses this folder{which}; end it first, or give this one a"
+                " folder of its own with --data"
+            ) from error
+        with suppress(OSError):  # a full disk: only the message to a second server needs it
+            file.truncate(0)
+            file.write(json.dumps({"process": os.getpid(), "address": settings.address}).encode())
+        yield
+
+
+def _named(text: bytes) -> str:
+    """Describe the server that wrote the lock; return an empty string if nothing is written yet."""
+    try:
+        known = json.loads(text)
+        return f" (process {known['process']}, {known['address']})"
+    except (ValueError, KeyError, TypeError):
+        return ""

@@ -1,0 +1,159 @@
+"""The service behind the HTTP calls: the store, the server's own database, and its background tasks."""
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from hashlib import sha256
+
+from campaign.store import Store
+from campaign.store.files.files import Files
+from campaign.store.files.retry_policy import HASTY, CircuitBreaker
+from clearcap.web.access.audit import AuditTrail
+from clearcap.web.access.company_login import CompanyLogin
+from clearcap.web.access.credentials import Sessions, Tokens
+from clearcap.web.access.database import Database
+from clearcap.web.access.throttle import Throttle
+from clearcap.web.access.users import Users
+from clearcap.web.answers.column_cache import columns_folder
+from clearcap.web.answers.fair_queue import Quota
+from clearcap.web.answers.job_limits import JobLimits
+from clearcap.web.answers.job_pool import JobPool
+from clearcap.web.answers.query_service import QueryService
+from clearcap.web.answers.response_cache import ResponseCache, SingleFlight
+from clearcap.web.coordinator_child import CoordinatorChild
+from clearcap.web.jobs.mechanisms import engine_is_compiled, warm_up_try_out
+from clearcap.web.settings import Settings
+from clearcap.web.signing_service import SigningService
+from clearcap.web.watch.counted_status import CountedStatuses
+from clearcap.web.watch.index import CampaignIndex
+from clearcap.web.watch.watcher import Watcher
+from clearcap.web.watch.workload import Workload
+from clearcap.web.webhooks.webhook_repository import CampaignEvent, WebhookRepository, campaign_events
+from clearcap.web.webhooks.webhook_sender import WebhookSender
+
+KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
+
+
+@dataclass
+class Service:
+    """All that the handlers of requests share."""
+
+    settings: Settings
+    store: Store  # each operation is tried only once, so that no request waits for it
+    database: Database  # the data that only the server keeps
+    users: Users = field(init=False)
+    sessions: Sessions = field(init=False)
+    tokens: Tokens = field(init=False)
+    audit: AuditTrail = field(init=False)
+    webhooks: WebhookRepository = field(init=False)
+    signing_service: SigningService = field(init=False)
+    throttle: Throttle = field(init=False)  # counts failed logins
+    company: CompanyLogin | None = field(init=False)
+    watcher: Watcher = field(init=False)  # reads the store once for all users
+    statuses: CountedStatuses = field(init=False)
+    streams: Counter[str] = field(init=False)  # open event streams by user
+    submitting: Counter[str] = field(init=False)  # running submissions by user
+    pool: JobPool = field(init=False)  # for jobs that need much processor time
+    answers: QueryService = field(init=False)
+    workload: Workload | None = field(init=False, default=None)  # what the administration page showed last
+
+    def __post_init__(self) -> None:
+        self.users, self.sessions = Users(self.database), Sessions(self.database)
+        self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
+        self.webhooks = WebhookRepository(self.database)
+        self.signing_service = SigningService(self.database, self.store)
+        self.streams, self.submitting = Counter(), Counter()
+        self._kept, self._flights = ResponseCache(KEPT_BYTES), SingleFlight()
+        limits = self.settings.limits
+        # a job may also wait for the store or for a busy machine, so its wall-clock time is three times its processor
+        # time
+        taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
+        quota = Quota(limits.jobs, limits.waiting)
+        self.pool = JobPool(self.settings.processes, quota, taken, warm_up_try_out, engine_is_compiled)
+        self.answers = QueryService(self.pool, self.store, columns_folder())
+        index = CampaignIndex(self.database.path.with_name("index.sqlite"))
+        self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
+        self.statuses = CountedStatuses(self.store)
+        self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
+        oidc = self.settings.oidc
+        self.company = CompanyLogin(oidc, self.settings.address) if oidc else None
+
+    @asynccontextmanager
+    async def working(self) -> AsyncIterator[None]:
+        """Run the job pool and the background tasks, such as the coordinator, in the block; then close the files."""
+        async with self.pool, self._beside():
+            yield
+        self.close()
+
+    @asynccontextmanager
+    async def _beside(self) -> AsyncIterator[None]:
+        """Run the watcher of the store, the webhook sender and the coordinator in the block."""
+        sender = WebhookSender(self.webhooks, self.news, self.settings.webhook_hosts)
+        beside, child = [asyncio.create_task(each.run()) for each in (self.watcher, sender)], None
+        if self.settings.coordinate is not None:
+            child = CoordinatorChild(self.store, self.settings.coordinate)
+            child.start()
+        try:
+            yield
+        finally:
+            if child is not None:
+                await asyncio.to_thread(child.stop)
+            for task in beside:
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+
+    def close(self) -> None:
+        """Close the index and the database."""
+        self.watcher.index.close()
+        self.database.close()
+
+    async def kept(self, user: str, job: Callable[..., bytes], *arguments: object) -> bytes:
+        """Return the result of a job that depends on its arguments alone; recent results are cached.
+
+        Equal arguments must have the same ``repr``, which is part of the key.
+        """
+        key = sha256(repr((job.__module__, job.__name__, arguments)).encode(errors="surrogatepass")).hexdigest()
+        known = self._kept.get(key)
+        if known is None:
+            known = await self._flights.once(key, lambda: self.pool.run(user, job, *arguments))
+            self._kept.put(key, known)
+        return known
+
+    @property
+    def store_fault(self) -> str:
+        """The reason why the store cannot be read now; empty if it can."""
+        return self.store.files.fault or self.watcher.fault
+
+    def is_signed(self, campaign_id: str) -> bool:
+        """Return whether a campaign has a sign-off."""
+        return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
+
+    def news(self) -> list[CampaignEvent]:
+        """Return the news of all campaigns that follow from their states."""
+        entries = self.watcher.index.entries()
+        return [news for entry, _ in entries for news in campaign_events(entry, self.settings.address)]
+
+    def end_streams(self) -> None:
+        """End all event streams, because the server ends."""
+        self.watcher.end_streams()
+
+
+def open_service(settings: Settings) -> Service:
+    """Open the store and the files of a server.
+
+    Raises FolderError if other users could have changed the server's folder. Raises SpecError if the store's URL or the
+    database is invalid.
+    """
+    from engine.platform.private_folder import private_folder
+
+    folder = private_folder(settings.data.parent, settings.data.name)
+    files = Files(settings.store, HASTY, CircuitBreaker())
+    database = Database(folder / "service.sqlite")
+    try:
+        return Service(settings, Store(files), database)
+    except BaseException:
+        database.close()
+        raise

@@ -1,0 +1,84 @@
+"""``clearcap report``: what cannot be written ends in an exit status that a script sees."""
+
+import json
+
+import pytest
+
+from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
+from campaign.store.store import comparisons
+from clearcap.questions.report import report
+from tests.campaign.commands import clearcap_here
+from tests.campaign.store.test_store import fill
+
+
+def test_a_pdf_without_weasyprint_is_refused(store, plan, capsys, monkeypatch):
+    """Not a line and status 0, after which a script looks for a file that is not there."""
+    monkeypatch.setattr("reporting.write.find_spec", lambda name: None)
+    status, _, said = clearcap_here(capsys, monkeypatch, "report", plan.campaign_id, "--store", store.url, "--pdf")
+    assert status == 1
+    assert "pip install 'clearcap[pdf]'" in said
+    assert not store.files.exists(f"{plan.campaign_id}/report/report.html")
+
+
+def test_a_summary_is_written_beside_the_report(store, plan, capsys, monkeypatch):
+    """Only when it is asked for; with --pdf on paper too."""
+    words = ("report", plan.campaign_id, "--store", store.url, "--no-excel", "--json")
+    kinds = {}
+    for options in ((), ("--summary",)):
+        status, printed, _ = clearcap_here(capsys, monkeypatch, *words, *options)
+        assert status == 0
+        kinds[options] = json.loads(printed)["report"]
+    assert set(kinds["--summary",]) - set(kinds[()]) == {"summary"}
+    assert kinds["--summary",]["summary"].endswith("summary.html")
+
+
+@pytest.fixture
+def others(either_store, plan, campaign_file):
+    """Return two other campaigns of the store that holds the plan; all have rows."""
+    plans = [make_plan(load_campaign(str(campaign_file), seed=seed), 25) for seed in (8, 9)]
+    for other in plans:
+        either_store.create_plan(other)
+        fill(either_store, other, [0])
+    fill(either_store, plan)
+    return plans
+
+
+@pytest.mark.slow
+def test_comparisons_are_documents_of_their_own(either_store, plan, others, capsys, monkeypatch):
+    """Neither the campaign's own report nor another comparison is replaced; status says which there are."""
+    name, first, second = plan.campaign_id, *(other.campaign_id for other in others)
+    report(either_store, plan, kinds=["json"])
+    own = either_store.files.read(f"{name}/report/capability.json")
+    assert comparisons(either_store, name) == {}
+    words = ("report", name, "--no-excel", "--json", "--store", either_store.url)
+    status, printed, _ = clearcap_here(capsys, monkeypatch, *words, "--against", first[:-1])
+    written = json.loads(printed)
+    assert (status, written["against"], set(written["report"])) == (0, first, {"html", "json", "parquet"})
+    assert written["report"]["json"] == either_store.files.address(f"{name}/comparisons/{first}/capability.json")
+    before = either_store.files.read(f"{name}/comparisons/{first}/capability.json")
+    report(either_store, plan, kinds=["json"], against=second)
+    assert either_store.files.read(f"{name}/report/capability.json") == own
+    assert either_store.files.read(f"{name}/comparisons/{first}/capability.json") == before
+    names = ["capability.json", "capability.parquet", "report.html"]
+    assert comparisons(either_store, name) == {first: names, second: [names[0], names[2]]}
+    content = json.loads(before)
+    assert (content["comparison"]["campaign"], content["comparison"]["samples"]) == (first, 25)
+    assert content["replay"] == f"clearcap replay --store {either_store.url} {name}"
+    assert content["provenance"]["command of this report"].endswith(f" --against {first}")
+    assert "--against" not in json.loads(own)["provenance"]["command of this report"]
+    _, printed, _ = clearcap_here(capsys, monkeypatch, "status", name, "--json", "--store", either_store.url)
+    folders = {other: either_store.files.address(f"{name}/comparisons/{other}") for other in (first, second)}
+    assert json.loads(printed)["comparisons"] == folders
+    _, printed, _ = clearcap_here(capsys, monkeypatch, "status", name, "--store", either_store.url)
+    assert f"  compared with {first}: {folders[first]}" in printed.splitlines()
+
+
+@pytest.mark.slow
+def test_a_summary_on_paper(store, plan, capsys, monkeypatch):
+    """Both documents as PDF."""
+    pytest.importorskip("weasyprint")
+    words = ("report", plan.campaign_id, "--store", store.url, "--no-excel", "--summary", "--pdf")
+    assert clearcap_here(capsys, monkeypatch, *words)[0] == 0
+    for name in ("report.pdf", "summary.pdf"):
+        assert store.files.read(f"{plan.campaign_id}/report/{name}").startswith(b"%PDF")

@@ -1,0 +1,86 @@
+"""The sketch of a mechanism: every response has a name on it or a word in the legend, and no name covers another."""
+
+from itertools import combinations
+
+import pytest
+
+from clearcap.pictures.sketches.sketch import sketch_mechanism
+from clearcap.pictures.sketches.sketch_canvas import LETTER, LINE
+from engine import load_mechanism
+from tests.each import each
+from tests.engine.small import block_on_floor, made
+
+
+def boxes(sketch):
+    """Return left, top, right and bottom of all words."""
+    found = []
+    for word in sketch.words:
+        wide = 0.5 * LETTER * sketch.text * max(map(len, word.lines))
+        tall = 0.5 * LINE * sketch.text * len(word.lines)
+        found.append((word.x - wide, word.y - tall, word.x + wide, word.y + tall))
+    return found
+
+
+def crowded(count, vertical):
+    """Return a block with many lengths from one point to one corner, in space."""
+    data = block_on_floor(origin=[0, 0, 0.7])
+    directions = [[0, 0, 1]] * count if vertical else [[i % 3 == j for j in range(3)] for i in range(count)]
+    data["responses"] = {
+        f"height_of_the_corner_{i}": {
+            "type": "position",
+            "from": {"body": "ground", "point": [0, 0, 0]},
+            "to": {"body": "block", "point": [0.1, 0.2, 0.3 + 0.01 * (i % 20)]},
+            "direction": {"vector": [float(x) for x in direction]},
+        }
+        for i, direction in enumerate(directions)
+    }
+    return made(data)
+
+
+@each(
+    "mechanism",
+    [
+        *(load_mechanism(name) for name in ("c60", "four_bar", "chain", "sphere_roll", "spinning_top", "incline")),
+        *(crowded(count, vertical) for count in (10, 40) for vertical in (True, False)),
+    ],
+)
+def test_names_are_on_the_canvas_and_not_on_each_other(mechanism):
+    """Also with 40 responses of one point, in the plane of the picture and along the line of sight."""
+    sketch = sketch_mechanism(mechanism)
+    for (a, b, c, d), (e, f, g, h) in combinations(boxes(sketch), 2):
+        assert c <= e or g <= a or d <= f or h <= b
+    for left, top, right, bottom in boxes(sketch):
+        assert left >= -1
+        assert top >= -1
+        assert right <= sketch.width + 1
+        assert bottom <= sketch.height + 1
+    for stroke in sketch.strokes:
+        assert all(0 <= x <= sketch.width for x, _ in stroke.points)
+
+
+@pytest.mark.parametrize("name", ["c60", "four_bar", "sphere_roll", "spinning_top", "slider_crank"])
+def test_every_response_is_marked_or_explained(name):
+    """Its name is in the picture; what has no place is in the legend without a colour."""
+    sketch = sketch_mechanism(load_mechanism(name))
+    written = {line for word in sketch.words if word.bold for line in word.lines}
+    assert [each[0] for each in sketch.legend] == list(load_mechanism(name).responses)
+    for response, _, value, colour in sketch.legend:
+        assert value
+        assert (response in written) == bool(colour), response
+
+
+def test_a_reference_far_away_does_not_shrink_the_mechanism():
+    """What is measured from 1 km away is cut at the edge of the picture."""
+    data = block_on_floor(origin=[0, 0, 0.7])
+    plain = sketch_mechanism(made({**data, "responses": {}}))
+    data["responses"] = {
+        "far": {
+            "type": "position",
+            "from": {"body": "ground", "point": [-1e6, 0, 0]},
+            "to": {"body": "block", "point": [0, 0, 0]},
+            "direction": {"vector": [1, 0, 0]},
+        }
+    }
+    sketch = sketch_mechanism(made(data))
+    width = [max(x for x, _ in s.areas[0][0]) - min(x for x, _ in s.areas[0][0]) for s in (plain, sketch)]
+    assert width[1] > 0.4 * width[0]

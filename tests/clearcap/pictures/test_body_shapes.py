@@ -1,0 +1,34 @@
+"""The shape of a body, and its outline."""
+
+import numpy as np
+
+from clearcap.pictures.body_shapes import body_shape, hull
+from clearcap.pictures.view import choose_view
+from engine import load_mechanism
+from tests.engine.small import made, shipped
+
+
+def test_outline():
+    """The convex hull in order; two ends of a line; one point; nothing."""
+    corners = np.array([[0, 0], [2, 0], [1, 1], [2, 2], [0, 2.0]])
+    assert sorted(hull(corners)) == [0, 1, 3, 4]
+    line = np.linspace(0, 1, 5)[:, None] * [[3, 4]]
+    assert sorted(hull(line)) == [0, 4]
+    assert hull(np.zeros((1, 2))) == [0]
+    assert hull(np.zeros((0, 2))) == []
+
+
+def test_outline_of_the_file_comes_first():
+    """In place of the hull; then of contact primitives only working faces are drawn: arcs and rectangles."""
+    data = shipped("clearance_pendulum")
+    corners = [[0.0, 0.0], [0.1, -0.1], [0.0, -0.2, 0.01]]
+    link = body_shape(made(data), "link", choose_view(made(data)), {}, 1.0)
+    assert len(link.outline) > 3
+    data["bodies"]["link"]["outline"] = corners
+    drawn = body_shape(made(data), "link", choose_view(made(data)), {}, 1.0)
+    np.testing.assert_array_equal(drawn.outline, [[0, 0, 0], [0.1, -0.1, 0], [0, -0.2, 0.01]])
+    assert len(drawn.lines) == len(link.lines) == 1  # its bore
+    mechanism = load_mechanism("c60")
+    touched = {name: np.zeros((1, 3)) for name in mechanism.contacts}
+    contact = body_shape(mechanism, "moving_contact", choose_view(mechanism), touched, 1.0)
+    assert all(np.ptp(line, axis=0).max() < 5 for line in contact.lines)  # not the whole cylinder of C7, 10.4 wide

@@ -1,0 +1,89 @@
+"""What every request passes: host names, sizes, headers, problem details."""
+
+from inspect import getsource
+
+import pytest
+from starlette.testclient import TestClient
+
+from clearcap.web.http.problems import MEDIA_TYPE
+from clearcap.web.http.request_limits import LARGEST_DOCUMENT, LARGEST_OPEN_FORM, UPLOADS, RequestLimits
+from clearcap.web.settings import Limits
+from tests.clearcap.web.routes import all_ways
+
+FILES = "PostedCampaign", "_sent(request)"  # what reads files that come with a campaign
+
+
+async def _echo(scope, receive, send):
+    """Answer with the length of the body."""
+    size, more = 0, True
+    while more:
+        message = await receive()
+        size, more = size + len(message.get("body", b"")), message.get("more_body", False)
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": str(size).encode()})
+
+
+def _client(**limits):
+    return TestClient(
+        RequestLimits(_echo, ["clearcap.example"], Limits(**limits), secure=True), base_url="https://localhost"
+    )
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:8700", "[::1]:8700", "CLEARCAP.example:443"])
+def test_own_host(host):
+    assert _client().get("/", headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "127.0.0.1.evil.example", "", "localhost:x", "localhost@evil", "a b", "localhost, evil"]
+)
+def test_other_host_is_refused(host):
+    answer = _client().get("/", headers={"Host": host})
+    assert answer.status_code == 421
+    assert answer.headers["content-type"] == MEDIA_TYPE
+    assert answer.json()["title"] == "Misdirected Request"
+
+
+def test_headers_of_every_answer(client):
+    for path in ("/healthz", "/login", "/nowhere", "/static/pages.css", "/api/v1/openapi.json"):
+        headers = client.get(path).headers
+        assert headers["content-security-policy"].startswith("default-src 'none'; script-src 'self';"), path
+        assert headers["x-content-type-options"] == "nosniff"
+        assert "server" not in headers
+    assert "strict-transport-security" in _client().get("/").headers
+
+
+def test_body_may_be_as_long_as_allowed():
+    client = _client(body=1000)
+    assert client.post("/", content=b"x" * 1000).text == "1000"
+    answer = client.post("/", content=b"x" * 1001)
+    assert (answer.status_code, answer.headers["connection"]) == (413, "close")
+
+
+def test_body_without_length_is_counted():
+    answer = _client(body=1000).post("/", content=(b"x" * 100 for _ in range(11)))
+    assert answer.status_code == 413
+
+
+def test_only_files_may_be_large():
+    """What strangers send, and what is parsed at once, has limits of its own; with a length in its head or without."""
+    client = _client()
+    for path, most in (("/login", LARGEST_OPEN_FORM), ("/api/v1/simulations", LARGEST_DOCUMENT)):
+        assert client.post(path, content=b"x" * most).text == str(most)
+        for content in (b"x" * (most + 1), (b"x" * 1024 for _ in range(most // 1024 + 1))):
+            answer = client.post(path, content=content)
+            assert (answer.status_code, answer.headers["connection"]) == (413, "close")
+            assert str(most) in answer.json()["detail"]
+    assert client.post(UPLOADS[0], content=b"x" * (LARGEST_DOCUMENT + 1)).status_code == 200
+
+
+def test_each_call_with_files_may_be_large():
+    """A route that reads files beside a text is listed, and none that is gone."""
+    ways = [way for way in all_ways() if way.is_write and not way.path.startswith("/mechanisms")]
+    with_files = {way.path for way in ways if any(word in getsource(way.route.endpoint) for word in FILES)}
+    assert with_files == set(UPLOADS)
+
+
+@pytest.mark.parametrize("length", ["-1", "abc", "9" * 500])
+def test_odd_length_is_refused(length):
+    assert _client().post("/", content=b"x", headers={"Content-Length": length}).status_code == 413

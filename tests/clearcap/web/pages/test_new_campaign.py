@@ -1,0 +1,224 @@
+"""The page on which a campaign is made: form and file make each other, faults are marked, and what is sound is sent."""
+
+import re
+import tomllib
+from html import unescape
+
+import pytest
+
+from clearcap.web.access import Role
+from clearcap.web.api.mechanisms import shipped_text
+from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
+from clearcap.web.settings import Settings
+from tests.campaign.conftest import SPEC
+from tests.clearcap.web.conftest import URL, serving
+from tests.clearcap.web.pages.forms import Page
+
+NEW = "/campaigns/new"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """Return the service, a client, and what logs the client in as a user of a role."""
+    folder = tmp_path_factory.mktemp("new")
+    with serving(Settings(str(folder / "runs"), folder / "data", processes=1)) as (service, client):
+
+        def log_in(role="engineer"):
+            assert Role.of(role)
+            client.cookies.set(COOKIE, service.sessions.begin(role))
+            client.headers = {"Origin": URL, "Accept": "text/html"}
+
+        yield service, client, log_in
+
+
+def fields_of(answer):
+    """Return what a browser without scripts would send of a page, but for the choices and the texts."""
+    text = answer.text
+    fields = dict(next(form for form in Page(text).forms if form["action"] == NEW)["fields"])
+    for name, inner in re.findall(r'<select id="[^"]*" name="([^"]+)"[^>]*>(.*?)</select>', text, re.DOTALL):
+        chosen = re.search(r'<option value="([^"]*)" selected', inner)
+        fields[name] = unescape(chosen[1]) if chosen else unescape(re.search(r'<option value="([^"]*)"', inner)[1])
+    fields["text"] = text_of(answer)
+    fields.pop("upload", None)
+    fields.pop("action", None)
+    return fields
+
+
+def text_of(answer):
+    """Return the file that a page shows."""
+    return unescape(re.search(r'<textarea id="text"[^>]*>\n(.*?)</textarea>', answer.text, re.DOTALL)[1])
+
+
+def send(client, fields, action, **changed):
+    """Press a button; browsers send the line ends of forms."""
+    fields = {**fields, **changed, "action": action}
+    fields["text"] = fields["text"].replace("\n", "\r\n")
+    return client.post(NEW, files=[(key, (None, str(value))) for key, value in fields.items()])
+
+
+@pytest.fixture
+def begun(browser):
+    """Return the client, and the fields of a page that has read a campaign's file."""
+    _, client, log_in = browser
+    log_in()
+    fields = fields_of(client.get(NEW))
+    answer = send(client, fields, "read", text=SPEC)
+    assert answer.status_code == 200, answer.text
+    return client, fields_of(answer), answer
+
+
+@pytest.mark.processes
+def test_empty_page(browser):
+    _, client, log_in = browser
+    log_in()
+    answer = client.get(f"{NEW}?mechanism=clearance_pendulum")
+    assert answer.status_code == 200
+    assert Page(answer.text).faults == []
+    assert 'role="alert"' not in answer.text
+    assert tomllib.loads(text_of(answer))["mechanism"] == "clearance_pendulum"
+
+
+@pytest.mark.processes
+def test_file_becomes_form(begun):
+    _, fields, answer = begun
+    assert (fields["name"], fields["samples"], fields["seed"]) == ("demo", "25", "7")
+    assert (fields["v0.name"], fields["v0.std"], fields["v0.distribution"]) == ("J1", "0.0175", "truncated_normal")
+    assert (fields["v1.name"], fields["v1.target"]) == ("preload", "springs.A3.preload")
+    assert [fields[f"r0.{key}"] for key in ("name", "lsl", "usl")] == ["FC-1", "9.0", "16.0"]
+    assert "<polyline" in answer.text
+    assert "26 runs" in answer.text
+    assert Page(answer.text).faults == []
+
+
+@pytest.mark.processes
+def test_form_becomes_file(begun):
+    """What the form does not have stays; numbers stay as they were written."""
+    client, fields, _ = begun
+    more = {"v0.std": "0.02", "v2.name": "J2", "v2.distribution": "uniform", "v2.lower": "0.01", "v2.upper": "0.1"}
+    more |= {"samples": "300", "stop.response": "FC-1", "stop.statistic": "mean", "stop.half_width": "0.1"}
+    text = fields["text"].replace("[responses.FC-1]", "[failures]\nmin_ok = 0.5\n\n[responses.FC-1]")
+    answer = send(client, {**fields, **more}, "write", text=text)
+    before, after = tomllib.loads(text), tomllib.loads(text_of(answer))
+    before["samples"], before["variables"]["J1"]["std"] = 300, 0.02
+    before["variables"]["J2"] = {"distribution": "uniform", "lower": 0.01, "upper": 0.1}
+    before["stop"] = {"response": "FC-1", "statistic": "mean", "half_width": 0.1}
+    assert after == before
+    assert "No faults" in answer.text
+    again = send(client, fields_of(answer), "check")
+    assert text_of(again) == text_of(answer)
+
+
+@pytest.mark.processes
+def test_another_distribution_has_its_own_parameters(begun):
+    client, fields, _ = begun
+    answer = send(client, fields, "write", **{"v0.distribution": "uniform"})
+    assert tomllib.loads(text_of(answer))["variables"]["J1"] == {
+        "distribution": "uniform", "lower": 0.01, "upper": 0.13
+    }  # fmt: skip
+    assert "v0.mean" not in fields_of(answer)
+
+
+@pytest.mark.processes
+def test_change_of_one_side_reaches_the_other(begun):
+    """Check and submit take the side that changed; where both did, nobody's work is lost."""
+    client, fields, _ = begun
+    assert tomllib.loads(text_of(send(client, fields, "check", samples="77")))["samples"] == 77
+    text = fields["text"].replace("samples = 25", "samples = 88")
+    assert fields_of(send(client, fields, "check", text=text))["samples"] == "88"
+    both = send(client, fields, "submit", samples="77", text=text)
+    assert both.status_code == 409
+    kept = fields_of(both)
+    assert (kept["samples"], "samples = 88" in kept["text"]) == ("77", True)
+    assert tomllib.loads(text_of(send(client, kept, "write")))["samples"] == 77
+    assert fields_of(send(client, kept, "read"))["samples"] == "88"
+
+
+@pytest.mark.processes
+def test_faults_are_marked_at_field_and_line(begun):
+    client, fields, _ = begun
+    answer = send(client, fields, "check", **{"v0.std": "-1", "samples": "many", "r0.usl": "8"})
+    for name in ("v0.std", "samples"):
+        tag = re.search(rf'<input id="{re.escape(name)}"[^>]*>', answer.text)[0]
+        assert f'aria-invalid="true" aria-describedby="{name}-fault"' in tag
+        assert f'id="{name}-fault"' in answer.text
+    line = text_of(answer).splitlines().index("std = -1.0") + 1
+    assert f'<li value="{line}" class="wrong">' in answer.text
+    assert Page(answer.text).faults == []
+
+
+@pytest.mark.processes
+def test_a_file_that_is_no_toml(begun):
+    """The form stays as it was; the line is shown."""
+    client, fields, _ = begun
+    answer = send(client, fields, "read", text=fields["text"] + "x = = 1\n")
+    assert fields_of(answer)["v0.std"] == "0.0175"
+    line = fields["text"].count("\n") + 1
+    assert f'<li value="{line}" class="wrong">' in answer.text
+    assert "No faults" not in answer.text
+
+
+@pytest.mark.processes
+def test_submitted_and_begun_from(browser, begun):
+    """It is queued; another may begin with its file, and its page offers what follows."""
+    service, client, _ = browser
+    _, fields, _ = begun
+    wrong = send(client, fields, "submit", samples="0")
+    assert wrong.status_code == 422
+    assert service.store.campaigns() == []
+    answer = send(client, fields, "submit", owner="eva", tags="night, c60")
+    assert answer.status_code == 303, answer.text
+    campaign = answer.headers["location"].removeprefix("/campaigns/")
+    entry = service.watcher.index.entry(campaign)
+    assert (entry.state, entry.owner, entry.tags) == ("queued", "eva", ["c60", "night"])
+    shown = client.get(answer.headers["location"]).text
+    assert f"{NEW}?from={campaign}" in shown
+    start = client.get(f"{NEW}?from={campaign}")
+    assert fields_of(start)["v1.target"] == "springs.A3.preload"
+    assert "The store has this campaign already" in start.text
+    csrf = {CSRF_FIELD: fields["csrf"]}
+    more = client.post(f"/campaigns/{campaign}/extend", data={**csrf, "samples": "60"})
+    assert more.status_code == 303
+    assert service.watcher.index.entry(more.headers["location"].removeprefix("/campaigns/")).samples == 60
+    assert client.post(f"/campaigns/{campaign}/rerun", data=csrf).status_code == 409
+    assert client.get(f"{NEW}?from=nothing").status_code == 404
+
+
+@pytest.mark.processes
+def test_a_file_of_its_own(begun):
+    """It is kept in the page, and the campaign begun from it has its mechanism again."""
+    client, fields, _ = begun
+    fields |= {"text": SPEC.replace('"c60"', '"latch.toml"').replace('"demo"', '"own"'), "action": "read"}
+    parts = [(key, (None, value)) for key, value in fields.items()]
+    parts.append(("upload", ("latch.toml", shipped_text("c60"))))
+    answer = client.post(NEW, files=parts)
+    assert "No faults" in answer.text
+    kept = {**fields_of(answer), "file-name": "latch.toml", "file-text": shipped_text("c60").decode()}
+    made = send(client, kept, "submit")
+    assert made.status_code == 303
+    start = client.get(f"{NEW}?from={made.headers['location'].removeprefix('/campaigns/')}")
+    assert "mechanism.toml" in start.text
+    assert "No faults" in start.text
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("text", ["'<script>alert(1)</script>' = 1", "mechanism = '/etc/passwd'", "a = " + "[" * 9999])
+def test_hostile_text_is_shown_as_text(begun, text):
+    client, fields, _ = begun
+    answer = send(client, fields, "read", text=text)
+    assert answer.status_code == 200
+    assert "<script>" not in answer.text
+    assert "root:" not in answer.text
+    assert "No faults" not in answer.text
+
+
+@pytest.mark.processes
+def test_needs_a_role_and_an_own_page(browser, begun):
+    _, client, log_in = browser
+    _, fields, _ = begun
+    assert send(client, {**fields, "csrf": "wrong"}, "submit").status_code == 403
+    client.headers = {"Origin": "https://evil.example"}
+    assert send(client, fields, "submit").status_code == 403
+    log_in("viewer")
+    assert client.get(NEW).status_code == 403
+    client.cookies.clear()
+    assert client.post(NEW, files={"action": (None, "submit")}).status_code == 401

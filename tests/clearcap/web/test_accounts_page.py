@@ -1,0 +1,78 @@
+"""Each call of docs/service.md about people and trust does what the page says."""
+
+import re
+import shlex
+from pathlib import Path
+from string import Template
+
+import pytest
+
+from clearcap.web.api import operation, shares, signoffs, users
+
+PAGE = (Path(__file__).parents[3] / "docs/service.md").read_text("utf-8")
+HEADINGS = ("Users, tokens and the audit trail over the API", "Shared links", "Sign-off")
+
+
+def commands(heading):
+    """Return the words of each curl of a section."""
+    section = PAGE.split(f"## {heading}\n")[1].split("\n## ")[0]
+    blocks = re.findall(r"^```sh\n(.*?)^```", section, re.M | re.S)
+    return [line for block in blocks for line in block.splitlines() if line.startswith("curl ")]
+
+
+def ask(client, line, known):
+    """Send what a curl sends."""
+    words = shlex.split(Template(line).safe_substitute(known))[1:]
+    headers, method, body, url = {}, None, None, None
+    while words:
+        word = words.pop(0)
+        if word == "-H":
+            name, _, value = words.pop(0).partition(": ")
+            headers[name] = value
+        elif word == "-X":
+            method = words.pop(0)
+        elif word == "--json":
+            body = words.pop(0)
+            headers["Content-Type"] = "application/json"
+        elif word == "-o":
+            words.pop(0)
+        else:
+            url = word
+    return client.request(method or ("POST" if body else "GET"), url, headers=headers, content=body)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_calls(client, as_user, reported, heading):
+    """One after the other, as an admin."""
+    auth = f"Authorization: {as_user('admin')['Authorization']}"
+    known = {"AUTH": auth, "URL": "https://localhost", "ID": reported}
+    lines = commands(heading)
+    assert len(lines) > 2
+    for line in lines:
+        answer = ask(client, line, known)
+        assert answer.status_code < 300, (line, answer.text)
+        if line.endswith('/content"'):
+            known["CONTENT"] = answer.json()["content"]
+        if line.endswith('/tokens/1" -X DELETE'):  # that was this one
+            known["AUTH"] = f"Authorization: {as_user('admin')['Authorization']}"
+
+
+def test_every_call_is_shown():
+    """With its method and path, or by name where only a browser may."""
+    shown = set()
+    for line in (line for heading in HEADINGS for line in commands(heading)):
+        words = shlex.split(line)
+        method = words[words.index("-X") + 1] if "-X" in words else "POST" if "--json" in words else "GET"
+        path = next(word for word in words if word.startswith("$URL")).removeprefix("$URL").partition("?")[0]
+        shown.add((method, path))
+    shown |= {tuple(each.split()) for each in re.findall(r"`((?:POST|PUT) /api/v1/[^`]+)`", PAGE)}
+    examples = {"campaign": "$ID", "name": "bob", "token": "1", "share": "1"}
+    of_people = (users.users_router, users.account_router, users.tokens_router, operation.audit_router)
+    calls = {
+        (method, route.path.format(**examples))
+        for router in (*of_people, shares.router, signoffs.router)
+        for route in router.routes
+        for method in route.methods
+    }
+    assert len(calls) > 15
+    assert calls - shown == set()

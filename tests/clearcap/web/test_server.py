@@ -1,0 +1,98 @@
+"""Where a server may listen, and who gets the first link."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from campaign.errors import SpecError
+from clearcap.web.configuration import SECRET, read_configuration
+from clearcap.web.server import check_settings, http_server, login_link
+from clearcap.web.settings import Limits, Settings
+from clearcap.web.web_service import open_service
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "clearcap.example"])
+def test_other_machines_need_tls(tmp_path, host):
+    with pytest.raises(SpecError, match="--https-cert"):
+        check_settings(Settings("runs", tmp_path, host))
+    check_settings(Settings("runs", tmp_path, host, behind_proxy=True))
+    check_settings(Settings("runs", tmp_path, host, https=(tmp_path / "cert", tmp_path / "key")))
+
+
+def test_a_proxy_is_an_address(tmp_path):
+    check_settings(Settings("runs", tmp_path, behind_proxy=True, proxies=("10.0.0.0/8", "::1")))
+    for proxy in ("*", "proxy.example", "10.0.0.1/8"):
+        with pytest.raises(SpecError, match="--proxy"):
+            check_settings(Settings("runs", tmp_path, behind_proxy=True, proxies=(proxy,)))
+
+
+def test_only_the_proxy_says_who_asks(settings):
+    """What a stranger writes into X-Forwarded-For is not believed; nobody is where no proxy is said to be."""
+    for proxies, seen in ((("127.0.0.1",), "9.9.9.9"), (("10.0.0.1",), "127.0.0.1")):
+        service = open_service(replace(settings, behind_proxy=True, proxies=proxies))
+        assert client_of(http_server(service).config.loaded_app, "127.0.0.1", "9.9.9.9") == seen
+        service.close()
+
+
+def client_of(app, address, forwarded):
+    """Return the address from which a proxy's middleware says that a request came."""
+    found = []
+
+    async def inner(scope, receive, send):
+        found.append(scope["client"][0])
+
+    app.app = inner
+    headers = [(b"x-forwarded-for", forwarded.encode()), (b"x-forwarded-proto", b"https")]
+    asyncio.run(app({"type": "http", "client": (address, 1), "headers": headers, "scheme": "http"}, None, None))
+    return found[0]
+
+
+def test_first_link_makes_the_admin(tmp_path):
+    service = open_service(Settings(str(tmp_path / "runs"), tmp_path / "data"))
+    assert login_link(service).startswith("http://127.0.0.1:8700/login/link?key=clearcap_login_")
+    assert [(user.name, user.role.word) for user in service.users.all()] == [("admin", "admin")]
+    with pytest.raises(SpecError, match=r"\badmin\b"):
+        login_link(service, "eva")
+    service.close()
+
+
+def test_data_folder_is_private(tmp_path):
+    open_service(Settings(str(tmp_path / "runs"), tmp_path / "data")).close()
+    assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
+
+
+def test_configuration(tmp_path, monkeypatch):
+    path = tmp_path / "serve.toml"
+    path.write_text(
+        "[limits]\njobs = 4\njob_seconds = 10\n[webhooks]\nallow = ['mes.plant']\n"
+        "[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\n"
+    )
+    with pytest.raises(SpecError, match=SECRET):
+        read_configuration(path)
+    monkeypatch.setenv(SECRET, "s3cret")
+    limits, oidc, hosts = read_configuration(path)
+    assert hosts == ("mes.plant",)
+    assert limits == Limits(jobs=4, job_seconds=10.0)
+    assert (oidc.issuer, oidc.client_secret) == ("https://id.example", "s3cret")
+    assert "s3cret" not in repr(oidc)
+    assert read_configuration(None) == (Limits(), None, ())
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("[limits]\njbs = 4\n", "limits.jbs: no such limit"),
+        ("[limits]\njobs = 0\n", "limits.jobs"),
+        ("[oidc]\nissuer = 'http://id.example'\nclient_id = 'c'\n", "oidc.issuer"),
+        ("[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\nroles = {a = 'king'}\n", "oidc.roles.a"),
+        ("[webhooks]\nallow = ['http://x/']\n", "webhooks.allow"),
+        ("jobs = 4\n", "jobs"),
+        ("x = ", "cannot be read"),
+    ],
+)
+def test_configuration_fault(tmp_path, monkeypatch, text, fault):
+    monkeypatch.setenv(SECRET, "s3cret")
+    (tmp_path / "serve.toml").write_text(text)
+    with pytest.raises(SpecError, match=fault):
+        read_configuration(tmp_path / "serve.toml")
