@@ -105,7 +105,7 @@ def test_rows_of_a_changed_sampler_do_not_mix_in(tmp_path, campaign, campaign_fi
         Path(store.files.path(f"{plan.campaign_id}/parts/part-{batch:06d}.parquet")).unlink()
     copy = tmp_path / "copy"
     shutil.copytree(ROOT / "campaign", copy / "campaign", ignore=shutil.ignore_patterns("__pycache__"))
-    sampler = copy / "campaign" / "inputs" / "sampling" / "random.py"
+    sampler = copy / "campaign" / "inputs" / "sampling" / "inverse_transform.py"
     sampler.write_text(sampler.read_text().replace("uniforms(inputs.seed,", "uniforms(inputs.seed + 1,"))
     words = [sys.executable, "-P", "-c", f"import sys; sys.path[:0] = {[str(copy), str(ROOT)]}\n{CHANGED}", str(copy)]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)

@@ -119,7 +119,7 @@ def test_a_run_is_the_same_there(hostile, tmp_path):
         document["certificate"].pop("wall_s")
     assert there == here
     assert (folder / "motion.svg").read_bytes() == (clean / "motion.svg").read_bytes()
-    (folder / "campaign.py").unlink()
+    (folder / "clearcap.py").unlink()
     again = json.loads(command(folder, *words, program=(sys.executable, "-m", "clearcap")))
     assert again["responses"] == here["responses"]
     assert list(traces.iterdir()) == []

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-STATIC = ROOT / "campaign" / "import_page" / "static"
+STATIC = ROOT / "clearcap" / "import_page" / "static"
 THREE = "b29411bbb018946af275a4233de35909d51aaba3cbf36ce519b109da4b10bbd7"
 FORBIDDEN = ("eval(", "new Function", "importScripts", "XMLHttpRequest", "fetch(", "WebSocket", "innerHTML", "</script")
 
