@@ -166,11 +166,11 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 def _print_found(found: "FoundGeometry") -> None:
     """Print the found geometry."""
-    from engine.cad_import.found_places import found_places, part_text
+    from engine.cad_import.found_features import found_features, part_text
 
     for part in found.assembly.parts:
         print_text(part_text(part))
-    for place in found_places(found):
+    for place in found_features(found):
         print_text(place.text)
     for text in found.assembly.cautions:
         print_text(f"left out: {text}")
@@ -205,11 +205,11 @@ def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Pat
     from clearcap.import_page.import_page import ImportFiles, import_page
     from clearcap.pictures.sketches.found_sketch import sketch_found
     from clearcap.pictures.sketches.sketch_figure import plot_sketch
-    from engine.cad_import.found_places import found_places
+    from engine.cad_import.found_features import found_features
     from engine.cad_import.proposed_text import open_questions
 
     drawing, page = picture_files(mechanism)
-    places, title = found_places(found), Path(step_file).name
+    places, title = found_features(found), Path(step_file).name
     said = "; ".join(place.text for place in places)
     with replacing(drawing) as temporary:
         plot_sketch(sketch_found(found, places), f"{title}: what was found", said, temporary)
@@ -229,7 +229,7 @@ def bring_to_revision(
     """
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.names_of_before import named_as_before, named_as_written, renamed_parts
+    from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts
     from engine.cad_import.proposed_mechanism import proposed_mechanism
     from engine.cad_import.proposed_text import open_questions
     from engine.cad_import.updated_proposal import earlier_revision, updated_proposal

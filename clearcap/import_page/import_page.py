@@ -17,8 +17,8 @@ from clearcap.pictures.sketches.found_sketch import part_colour, place_colour, p
 from engine.arrays import Array, Integers
 from engine.cad import CadPart
 from engine.cad.cad_model import TriangleMesh
+from engine.cad_import.found_features import FoundFeature, part_text
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.found_places import FoundPlace, part_text
 from engine.cad_import.proposed_text import OpenQuestion
 from reporting.render.page_templates import page_environment
 
@@ -56,7 +56,7 @@ class ImportFiles:
 
 
 def import_page(
-    found: FoundGeometry, places: list[FoundPlace], questions: list[OpenQuestion], files: ImportFiles
+    found: FoundGeometry, places: list[FoundFeature], questions: list[OpenQuestion], files: ImportFiles
 ) -> str:
     """Return the page as HTML; `places` are joints and candidates, `questions` the open ones of the mechanism file."""
     vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in found.assembly.meshes)])
@@ -91,7 +91,7 @@ def _parts(found: FoundGeometry) -> dict[str, CadPart]:
     return {f"part-{number}": part for number, part in enumerate(found.assembly.parts)}
 
 
-def _names(found: FoundGeometry, places: list[FoundPlace]) -> dict[tuple[str, str], str]:
+def _names(found: FoundGeometry, places: list[FoundFeature]) -> dict[tuple[str, str], str]:
     """Return the id of the row of each table of the mechanism file, by kind and name of the table."""
     names = {("bodies", found.bodies[part.name]): row for row, part in _parts(found).items()}
     return names | {("joints", p.name): f"place-{i}" for i, p in enumerate(places) if p.kind == "joint"}
@@ -103,7 +103,7 @@ def _about(question: OpenQuestion) -> tuple[str, str]:
     return (match[1], match[2]) if match else ("", "")
 
 
-def _scene(found: FoundGeometry, places: list[FoundPlace], meshes: list[PageMesh], centre: Array) -> dict[str, Any]:
+def _scene(found: FoundGeometry, places: list[FoundFeature], meshes: list[PageMesh], centre: Array) -> dict[str, Any]:
     """Return the data that the page's script draws, as plain data; positions relative to the centre [mm]."""
     view = view_of(found)
     rows = {part.name: row for row, part in _parts(found).items()}

@@ -10,9 +10,9 @@ from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import load_arrays, phase_arrays, time_law_arrays
-from engine.assembly.remembered import remembered
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
+from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.model import (
     BilateralState,
@@ -73,7 +73,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
     return Assembly(model, state, work, problem, pristine.contact_names, pristine.row_names)
 
 
-@remembered
+@cached
 def _prepared(mechanism: Mechanism) -> _Prepared:
     """Assemble a mechanism without play."""
     order, frames, state = _placed(mechanism)
@@ -108,7 +108,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     return _Prepared(assembly, held, faces_with_play(pairs))
 
 
-@remembered
+@cached
 def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], State]:
     """Return the moving bodies in order, the frames of all bodies, and the state at the start."""
     order = order_bodies(mechanism)

@@ -13,8 +13,8 @@ import numpy as np
 
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, tangent
-from engine.assembly.remembered import remembered
 from engine.assembly.surface_trees import joined_surfaces, surface_tree
+from engine.assembly.table_cache import cached
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
@@ -113,20 +113,20 @@ class Pair:
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
 
 
-@remembered
+@cached
 def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[tuple[Array, Array, float]]:
     """Return the rows of the two sides of each contact in [contacts], and the length added to their distance."""
     sides = [(contact, *contact.sides) for contact in mechanism.contacts.values()]
     return [rows(contact, frames[a.body], frames[b.body]) for contact, a, b in sides]
 
 
-@remembered
+@cached
 def contact_profiles(mechanism: Mechanism) -> list[Array]:
     """Return the pieces of side b's profile for each contact in [contacts], shapes (np, PIECE)."""
     return [profile_pieces(contact.sides[1]) for contact in mechanism.contacts.values()]
 
 
-@remembered
+@cached
 def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Surfaces]:
     """Return the trees of the surfaces in [contacts], by contact; equal surfaces of a body share one tree."""
     sides = {name: contact.sides[1] for name, contact in mechanism.contacts.items()}

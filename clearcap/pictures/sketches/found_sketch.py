@@ -8,8 +8,8 @@ from clearcap.pictures.style import FORCE, INK, PALETTE
 from clearcap.pictures.view import View, best_view
 from engine.arrays import Array
 from engine.cad.silhouette import silhouette
+from engine.cad_import.found_features import FoundFeature
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.found_places import FoundPlace
 
 MOST_NAMED = 40  # joints and candidates; more names would cover the parts
 MOST_DRAWN = 100  # parts, the largest ones; a silhouette takes a tenth of a second
@@ -21,10 +21,10 @@ def view_of(found: FoundGeometry) -> View:
     return best_view(axes, [stop.pair.normal for stop in found.stops], np.zeros(3))
 
 
-def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
+def sketch_found(found: FoundGeometry, places: list[FoundFeature]) -> Sketch:
     """Return the sketch of an assembly with its joints and candidate stops, named as in the mechanism file.
 
-    Places from `found_places` of the kind "no joint" are left out.
+    Places from `found_features` of the kind "no joint" are left out.
     """
     view = view_of(found)
     largest = sorted(found.assembly.meshes, key=lambda mesh: -_size(mesh.vertices))[:MOST_DRAWN]
@@ -47,12 +47,12 @@ def part_colour(found: FoundGeometry, part: str) -> str:
     return PALETTE[list(found.bodies).index(part) % len(PALETTE)]
 
 
-def place_colour(place: FoundPlace) -> str:
+def place_colour(place: FoundFeature) -> str:
     """Return the colour that marks a joint or a candidate."""
     return FORCE if place.kind == "facing" else INK
 
 
-def place_lines(place: FoundPlace) -> list[Array]:
+def place_lines(place: FoundFeature) -> list[Array]:
     """Return the polylines that mark a place, in the frame of the assembly, each of shape (k, 3).
 
     For a joint these are the circles at both ends of the hole and the axis, extended by a radius, or three circles of a
@@ -78,7 +78,7 @@ def _size(vertices: Array) -> float:
     return float(np.linalg.norm(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
 
 
-def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
+def _mark(canvas: SketchCanvas, place: FoundFeature) -> None:
     """Draw a place with its name and, for a joint, the radii of hole and pin."""
     colour, at = place_colour(place), canvas.on_canvas(place.middle)
     lines = [canvas.on_canvas(line) for line in place_lines(place)]
@@ -90,7 +90,7 @@ def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
         canvas.name(above, np.array([0.0, -1.0]), text, colour)
 
 
-def _legend(shown: list[FoundPlace], small: int) -> Legend:
+def _legend(shown: list[FoundFeature], small: int) -> Legend:
     """Return the legend beside the drawing: one row per place, and rows for what is not shown."""
     rows = [(place.name, place.between, place.sizes, place_colour(place)) for place in shown[:MOST_NAMED]]
     if len(shown) > MOST_NAMED:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from engine.cad import read_step
+from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.found_places import found_places
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.proposed_text import open_questions
 from tests.engine.mechanism.geometry.latch_file import LATCH
@@ -45,7 +45,7 @@ def written(found, folder, step="latch.step"):
     from clearcap.pictures.sketches.found_sketch import sketch_found
     from clearcap.pictures.sketches.sketch_figure import plot_sketch
 
-    places = found_places(found)
+    places = found_features(found)
     drawing, page = folder / "latch.svg", folder / "latch.html"
     plot_sketch(sketch_found(found, places), f"{step}: what was found", "latch", drawing)
     questions = open_questions(proposed_mechanism(found, step, "latch"))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from clearcap.import_page.import_page import MOST_TRIANGLES
-from engine.cad_import.found_places import found_places
+from engine.cad_import.found_features import found_features
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.proposed_text import open_questions
 from tests.clearcap.import_page.conftest import HOSTILE, written
@@ -117,7 +117,7 @@ def test_triangles_are_the_parts(page, latch):
             area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
             assert area == pytest.approx(areas[number], rel=0.01)
     numbers = {number for part in page.data["parts"] for number in part["numbers"]}
-    assert numbers == {number for place in found_places(latch) for number in place.faces}
+    assert numbers == {number for place in found_features(latch) for number in place.faces}
 
 
 def test_names_are_only_text(page, hostile_page, hostile):

@@ -9,8 +9,8 @@ import pytest
 
 from engine import load_mechanism
 from engine.cad import read_step
+from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.found_places import found_places
 from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
 from engine.cad_import.proposed_text import questions_of_file
 from tests.engine.cad.ball_joints import BALL, SOCKET, ball_joint, cup, stem
@@ -48,7 +48,7 @@ def test_a_ball_joint(tmp_path, unit):
     np.testing.assert_allclose([joint.socket.point, joint.ball.point], [[0, 0, 0], [0.01, 0, 0]], atol=1e-9)
     assert not any(each.startswith("joints") for each in asked(path))
     assert len(unloaded_directions(found, text)) == 3  # a ball in its play turns about three axes, and slides in it
-    [place] = found_places(found)
+    [place] = found_features(found)
     assert place.text == "joint stem-cup: ball of stem in cup, radii 5.03 and 5, clearance 0.03 mm"
 
 
@@ -127,7 +127,7 @@ def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
     )
     pin = fused(stud(3.0, 4.9), cylinder((0.0, 0.0, 4.9), 2.0, 5.0))
     found, path = proposal(hinge(lever, pin), tmp_path)
-    place = found_places(found)[0]
+    place = found_features(found)[0]
     assert place.radii == "radii 3.04 and 3, 2.03 and 2"
     assert place.sizes.startswith("clearance 0.03 (the least of 0.04 and 0.03, for all rings), axial play")
     lines = path.read_text("utf-8").splitlines()
@@ -138,7 +138,7 @@ def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
 def test_a_loose_pin_says_what_to_write(tmp_path):
     """Hole and pin of a joint that is not proposed, as a person can write them."""
     found, path = proposal(hinge(plate(3.5)), tmp_path)
-    [said] = [place.sizes for place in found_places(found) if place.kind == "no joint"]
+    [said] = [place.sizes for place in found_features(found) if place.kind == "no joint"]
     bearing, journal = re.search("write one with (bearing = .*), (journal = .*)", said).groups()
     text = path.read_text("utf-8").replace("# fixed = true", "fixed = true").replace("# density", "density")
     joint = ["[joints.loose]", 'type = "clearance_cylindrical"', bearing, journal, 'radial_clearance = "as drawn"']

@@ -8,9 +8,9 @@ import pytest
 from engine import check, load_mechanism
 from engine.assembly import assemble
 from engine.cad import read_step
+from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.found_places import found_places
-from engine.cad_import.names_of_before import named_as_before, named_as_written
+from engine.cad_import.previous_names import named_as_before, named_as_written
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 from tests.engine.cad import stops
 from tests.engine.cad.step_files import box
@@ -56,7 +56,7 @@ def test_all_that_are_drawn_and_no_others(drawn):
     for name, gap in gaps.items():
         assert gap == pytest.approx(wanted[name], abs=2e-3 if name == "ellipse" else 1e-9), name
     assert not found.joints
-    assert [place.text for place in found_places(found) if place.kind == "no joint"] == [
+    assert [place.text for place in found_features(found) if place.kind == "no joint"] == [
         "no joint 1: pin of loose-mover in loose-frame, the radii differ by 0.5 mm; allowed: up to 0.3; if it is a"
         ' joint, write one with bearing = { body = "loose-frame", hole = { radius = 3.5, near = [0.0, 0.0, 2.5] } },'
         ' journal = { body = "loose-mover", pin = { radius = 3.0, near = [0.2, 0.0, 2.5] } }'

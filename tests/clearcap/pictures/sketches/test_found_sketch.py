@@ -7,7 +7,7 @@ import pytest
 
 from clearcap.pictures.sketches.found_sketch import MOST_NAMED, place_lines, sketch_found, view_of
 from clearcap.pictures.style import FORCE, INK
-from engine.cad_import.found_places import found_places
+from engine.cad_import.found_features import found_features
 from tests.clearcap.import_page.conftest import latch  # noqa: F401
 from tests.engine.cad.latch import CRANK, RADII, ROCKER, ROCKER_FOOT
 
@@ -19,7 +19,7 @@ NAMES = ["base-crank", "base-rocker", "crank-coupler", "rocker-coupler", "stop-1
 
 @pytest.fixture
 def places(latch):  # noqa: F811
-    return found_places(latch)
+    return found_features(latch)
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.cad_import.found_features import found_features, part_text
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.found_places import found_places, part_text
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 
 pytestmark = pytest.mark.processes
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.processes
 
 @pytest.fixture
 def places(latch):
-    return found_places(latch)
+    return found_features(latch)
 
 
 def test_names_are_those_of_the_file(latch, places):
@@ -57,7 +57,7 @@ def test_what_is_no_joint_is_numbered(latch):
         replace(face, radius=3.2) if face.radius == pytest.approx(3.0) and not face.hollow else face
         for face in latch.assembly.faces
     ]
-    places = found_places(find_geometry(replace(latch.assembly, faces=tuple(faces))))
+    places = found_features(find_geometry(replace(latch.assembly, faces=tuple(faces))))
     refused = [place for place in places if place.kind == "no joint"]
     assert [place.name for place in refused] == ["1", "2"]
     assert refused[0].text.startswith("no joint 1: pin of base in crank, the pin is 0.15 mm larger in radius")
@@ -75,5 +75,5 @@ def test_no_play_has_no_sign(latch):
     """A difference of two equal numbers is 0, not a little less."""
     joint = latch.joints[0]
     flanges = tuple(replace(flange, play=-1e-15) for flange in joint.flanges)
-    place = found_places(replace(latch, joints=(replace(joint, flanges=flanges),)))[0]
+    place = found_features(replace(latch, joints=(replace(joint, flanges=flanges),)))[0]
     assert place.sizes.endswith("axial play 0, 0 mm")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.cad_import.found_geometry import FoundStop, find_geometry
-from engine.cad_import.names_of_before import named_as_before, named_as_written, renamed_parts
+from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 
 pytestmark = pytest.mark.processes

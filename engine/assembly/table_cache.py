@@ -29,7 +29,7 @@ class TablesRead:
         return MethodType(getattr(Mechanism, name), self)
 
 
-def remembered(build: Callable[..., Result]) -> Callable[..., Result]:
+def cached(build: Callable[..., Result]) -> Callable[..., Result]:
     """Let a function return an earlier result if it would build the same one again.
 
     ``build`` must be a function of a mechanism and of results of other such functions, and of nothing else. An earlier

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from engine import load_mechanism, simulate
 from engine.assembly import Assembly, assemble
 from engine.assembly.joints import without_play
-from engine.assembly.remembered import remembered
+from engine.assembly.table_cache import cached
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, get_value, library_names, set_values
 from engine.mechanism.keys.values import settable_keys
@@ -156,7 +156,7 @@ def test_only_what_was_read_decides():
     """A result is kept while the tables that it read are the same, also those that a method of the mechanism read."""
     built = []
 
-    @remembered
+    @cached
     def frictions(mechanism: Mechanism, factor: object) -> list[float]:
         built.append(mechanism)
         return [mechanism.contact_law(joint)[0] for joint in mechanism.joints.values()]

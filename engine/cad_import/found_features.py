@@ -14,7 +14,7 @@ from engine.cad_import.proposed_text import value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FoundPlace:
+class FoundFeature:
     """A feature found between two parts; lengths in mm, in the frame of the assembly."""
 
     kind: Literal["joint", "no joint", "facing"]
@@ -49,7 +49,7 @@ def part_text(part: CadPart) -> str:
     return f"part {part.name}: {volume:.6g} mm3, {part.material.name if part.material else 'no material'}"
 
 
-def found_places(found: FoundGeometry) -> list[FoundPlace]:
+def found_features(found: FoundGeometry) -> list[FoundFeature]:
     """Return all features found: joints, then pairs that are not joints, then candidates for stops, each in order."""
     faces = {face.number: face for face in found.assembly.faces}
     joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
@@ -57,13 +57,13 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
     return [*joints, *refused, *map(_stop, found.stops)]
 
 
-def _joint(joint: FoundJoint) -> FoundPlace:
+def _joint(joint: FoundJoint) -> FoundFeature:
     pin, first = joint.pin, joint.pin.seats[0]
     plays = ", ".join(f"{round(flange.play, 9) + 0.0:.4g}" for flange in joint.flanges)  # avoids -0
     axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
     radii = [f"{seat.hole_radius:.6g} and {seat.pin_radius:.6g}" for seat in pin.seats]
     least = least_clearance(pin)
-    return FoundPlace(
+    return FoundFeature(
         kind="joint",
         name=joint.name,
         parts=(pin.journal, pin.bearing),
@@ -76,9 +76,9 @@ def _joint(joint: FoundJoint) -> FoundPlace:
     )
 
 
-def _ball(found: FoundBall) -> FoundPlace:
+def _ball(found: FoundBall) -> FoundFeature:
     ball = found.ball
-    return FoundPlace(
+    return FoundFeature(
         kind="joint",
         name=found.name,
         parts=(ball.ball_part, ball.socket_part),
@@ -91,11 +91,11 @@ def _ball(found: FoundBall) -> FoundPlace:
     )
 
 
-def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
+def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundFeature:
     hole, pin = faces[miss.hole], faces[miss.pin]
     written = f"bearing = {value(side(found, hole))}, journal = {value(side(found, pin))}"
     otherwise = f"; if it is a joint, write one with {written}" if miss.may_be_one else ""
-    return FoundPlace(
+    return FoundFeature(
         kind="no joint",
         name=str(number),
         parts=(pin.part, hole.part),
@@ -107,9 +107,9 @@ def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int
     )
 
 
-def _stop(stop: FoundStop) -> FoundPlace:
+def _stop(stop: FoundStop) -> FoundFeature:
     pair = stop.pair
-    return FoundPlace(
+    return FoundFeature(
         kind="facing",
         name=stop.name,
         parts=pair.parts,
