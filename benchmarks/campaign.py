@@ -18,7 +18,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.machine import processor_s
-from campaign.cluster.local import cores
+from campaign.processes import cores
 
 if TYPE_CHECKING:
     from multiprocessing.sharedctypes import Synchronized

@@ -53,7 +53,7 @@ def most_memory_mib() -> float:
 
 def description() -> dict[str, Any]:
     """Return a description of the machine used for the measurement."""
-    from campaign.cluster.local import cores
+    from campaign.processes import cores
     from engine import build_id
 
     return {

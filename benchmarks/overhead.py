@@ -14,9 +14,9 @@ from typing import Any
 
 from benchmarks.machine import processor_s
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.local import cores
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
+from campaign.processes import cores
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 

@@ -22,8 +22,9 @@ from distributed.utils import silence_logging_cmgr
 
 from campaign.cluster.batch_systems import batch_jobs, kubernetes_resource
 from campaign.cluster.cluster import KINDS, NEEDED, Cluster, configured, security
-from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_client
+from campaign.cluster.local import SETTINGS, interrupts_held, local_client
 from campaign.errors import SpecError, UnreachableError
+from campaign.processes import cores
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ with certificates that exist only in memory and only during the run, and no HTTP
 """
 
 import logging
-import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -62,11 +61,6 @@ CLOSED = {
 # modules that workers of this machine load while the coordinator is still planning; given by name, because this
 # package does not import `campaign.worker`
 PRELOAD = {"distributed.worker.preload": [NO_DASHBOARD, "campaign.worker.preload"]}
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 @contextmanager

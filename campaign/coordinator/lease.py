@@ -13,10 +13,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from campaign.errors import CampaignError, StoreError
+from campaign.processes import process_space, started
 from campaign.store import Store
 from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
@@ -157,7 +157,7 @@ def judge_life(
     if lease is None:
         return SignOfLife(None, None, now, False)
     token = str(lease.get("token"))
-    if lease.get("host") == _host():
+    if lease.get("host") == process_space():
         return SignOfLife(token, None, now, _lives(lease))
     if earlier is None or earlier.token != token:
         return SignOfLife(token, heartbeat, now, None)
@@ -195,45 +195,14 @@ def is_alive(
 def is_coordinated(store: Store, campaign_id: str) -> bool:
     """Return at once whether the lease of a campaign is held by a process that is not known to have ended."""
     lease = store.read_json(campaign_id, LEASE)
-    return lease is not None and (lease.get("host") != _host() or _lives(lease))
+    return lease is not None and (lease.get("host") != process_space() or _lives(lease))
 
 
 def _lives(lease: dict[str, Any]) -> bool:
     """Return whether the holder of a lease on this machine is alive, and not another process with the same id."""
-    return lease.get("started") is not None and lease.get("started") == _started(lease.get("pid"))
+    return lease.get("started") is not None and lease.get("started") == started(lease.get("pid"))
 
 
 def this_process() -> dict[str, Any]:
     """Return data that identify this process among those of all machines."""
-    return {"name": socket.gethostname(), "host": _host(), "pid": os.getpid(), "started": _started(os.getpid())}
-
-
-def _host() -> str:
-    """Return an identifier that two processes share exactly if they are in the same PID namespace."""
-    try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-        return f"{boot} {os.stat('/proc/self/ns/pid').st_ino}"
-    except OSError:  # not Linux
-        return socket.gethostname()
-
-
-def _started(pid: Any) -> str | None:
-    """Return when a process started, in clock ticks since boot; None if it has ended or is a zombie."""
-    try:
-        fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
-        return None if fields[0] in "ZX" else fields[19]  # fields 3 and 22 of proc(5): state, starttime
-    except FileNotFoundError:
-        return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
-    except (OSError, ValueError, TypeError, IndexError, OverflowError):
-        return None
-
-
-def _alive_without_proc(pid: Any) -> str | None:
-    """Return a fixed word for a living process, on systems without /proc."""
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return None
-    except PermissionError:
-        return "alive"
-    return "alive"
+    return {"name": socket.gethostname(), "host": process_space(), "pid": os.getpid(), "started": started(os.getpid())}

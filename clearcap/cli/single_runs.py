@@ -204,8 +204,8 @@ def polarisation(
     json: Json = False,
 ) -> None:
     """Draw where each journal lies in its bearing at the end of the runs, and the direction in which it presses."""
-    from campaign.cluster.local import cores
     from campaign.errors import CampaignError
+    from campaign.processes import cores
     from campaign.spec.load import load_campaign
     from clearcap.cli.output_files import PLOTS, check_output, replacing
     from clearcap.pictures.polarisation import plot_polarisation

@@ -1,8 +1,9 @@
 """The settings of a server."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from campaign.processes import cores
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 PORT = 8700
@@ -70,7 +71,7 @@ class Settings:
             return None
         if "--workers" in self.coordinate:
             return int(self.coordinate[self.coordinate.index("--workers") + 1])
-        return None if "--cluster" in self.coordinate else len(os.sched_getaffinity(0))
+        return None if "--cluster" in self.coordinate else cores()
 
     @property
     def address(self) -> str:

@@ -19,6 +19,7 @@ import time
 from functools import cache
 from pathlib import Path
 
+from campaign.processes import process_space, started
 from engine.platform.regular_file import UnfitFile, read_regular_file
 
 RECENT = 2.0  # s; no file system has coarser timestamps
@@ -191,15 +192,13 @@ class LocalFolder:
 @cache
 def _process_space() -> str:
     """Return an id of the PID namespace: this machine since its last boot, or a container on it."""
-    boot = Path("/proc/sys/kernel/random/boot_id")
-    identity = f"{socket.gethostname()} {boot.read_text()}{os.stat('/proc/self/ns/pid').st_ino}"
-    return hashlib.sha256(identity.encode()).hexdigest()[:12]
+    return hashlib.sha256(f"{socket.gethostname()} {process_space()}".encode()).hexdigest()[:12]
 
 
 def _writer_is_gone(temporary: str) -> bool:
     """Return whether the process that began a temporary file was in this PID namespace and has ended."""
     writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", temporary)
-    return writer is not None and writer[1] == _process_space() and not os.path.exists(f"/proc/{writer[2]}")
+    return writer is not None and writer[1] == _process_space() and started(writer[2]) is None
 
 
 def _write_temporary(path: str, content: bytes) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadFace, Millimetres
 from engine.cad.findings.facing_planes import contains
-from engine.cad.findings.pins_in_holes import PinInHole
+from engine.cad.findings.pins_in_holes import MOST_EXCESS, PinInHole
 from engine.cad.geometry import perpendicular
 
 MOST_PLAY = 1.0
@@ -95,7 +95,7 @@ def _radii(assembly: CadAssembly, joint: PinInHole, faces: tuple[CadFace, CadFac
     about = [
         edge.radius
         for edge, each in zip(edges, away, strict=True)
-        if np.linalg.norm(each - (each @ joint.axis) * joint.axis) <= joint.radial_clearance + 0.12
+        if np.linalg.norm(each - (each @ joint.axis) * joint.axis) <= joint.radial_clearance + MOST_EXCESS
     ]
     between = np.linspace(hole, _WIDEST * hole, _RADII)[1:].tolist()
     return sorted([*((r, _SHRUNK * r) for r in about), *((r, r) for r in between)], reverse=True)

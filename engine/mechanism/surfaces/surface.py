@@ -10,6 +10,7 @@ from engine.arrays import Array
 from engine.mechanism.base import PositiveLength, TableModel, refuse
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.patches import (
+    MOST_OF_RADIUS,
     THIRDS,
     MeetingEdges,
     default_depth,
@@ -202,8 +203,8 @@ class FreeFormSurface(TableModel):
         most = largest_depth(top)
         if self.depth > most:
             raise refuse(
-                f"the back of the plate would fold; allowed: up to {most:.4g}, {0.9:g} of the least radius with which "
-                "the surface turns away from its normals; make it smaller",
+                f"the back of the plate would fold; allowed: up to {most:.4g}, {MOST_OF_RADIUS:g} of the least radius "
+                "with which the surface turns away from its normals; make it smaller",
                 key="depth",
                 value=self.depth,
             )

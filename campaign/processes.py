@@ -1,0 +1,45 @@
+"""The processes of this machine or container: their cores, and which is which, for leases and unfinished files."""
+
+import os
+import socket
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    # macOS has no affinity
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def process_space() -> str:
+    """Return an identifier that that processes share exactly if they are in one PID namespace of one boot."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        return f"{boot} {os.stat('/proc/self/ns/pid').st_ino}"
+    except OSError:  # not Linux
+        return socket.gethostname()
+
+
+def started(pid: Any) -> str | None:
+    """Return when a process of this space started, in clock ticks since boot; None if it has ended or is a zombie."""
+    try:
+        fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
+        return None if fields[0] in "ZX" else fields[19]  # fields 3 and 22 of proc(5): state, starttime
+    except FileNotFoundError:
+        return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
+    except (OSError, ValueError, TypeError, IndexError, OverflowError):
+        return None
+
+
+def _alive_without_proc(pid: Any) -> str | None:
+    """Return a fixed word for a living process, on systems without /proc."""
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return None
+    except PermissionError:
+        return "alive"
+    return "alive"
