@@ -6,6 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+PROC = Path("/proc")  # of Linux
+
 
 def cores() -> int:
     """Return the number of cores that this process may use."""
@@ -17,8 +19,8 @@ def cores() -> int:
 def process_space() -> str:
     """Return an identifier that that processes share exactly if they are in one PID namespace of one boot."""
     try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-        return f"{boot} {os.stat('/proc/self/ns/pid').st_ino}"
+        boot = (PROC / "sys/kernel/random/boot_id").read_text().strip()
+        return f"{boot} {(PROC / 'self/ns/pid').stat().st_ino}"
     except OSError:  # not Linux
         return socket.gethostname()
 
@@ -26,10 +28,10 @@ def process_space() -> str:
 def started(pid: Any) -> str | None:
     """Return when a process of this space started, in clock ticks since boot; None if it has ended or is a zombie."""
     try:
-        fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
+        fields = (PROC / f"{int(pid)}/stat").read_text().rpartition(")")[2].split()
         return None if fields[0] in "ZX" else fields[19]  # fields 3 and 22 of proc(5): state, starttime
     except FileNotFoundError:
-        return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
+        return _alive_without_proc(pid) if not (PROC / "self/stat").exists() else None
     except (OSError, ValueError, TypeError, IndexError, OverflowError):
         return None
 

@@ -16,7 +16,6 @@ import socket
 import stat
 import tempfile
 import time
-from functools import cache
 from pathlib import Path
 
 from campaign.processes import process_space, started
@@ -189,7 +188,6 @@ class LocalFolder:
         return True
 
 
-@cache
 def _process_space() -> str:
     """Return an id of the PID namespace: this machine since its last boot, or a container on it."""
     return hashlib.sha256(f"{socket.gethostname()} {process_space()}".encode()).hexdigest()[:12]
