@@ -12,7 +12,7 @@ from reporting.comparison import Comparison, compare
 from reporting.errors import ReportError
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
-from reporting.product.product_yield import ProductYield, product_yield
+from reporting.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.rounding import leveled_samples

@@ -14,7 +14,6 @@ from reporting.capability.summary import Capability, capability
 from reporting.capability.target_indices import TargetIndices, target_indices
 from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
-from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -29,6 +28,7 @@ from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
+from reporting.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 
 # Share out of limits of a centred normal response with Cp 1.33.
 CLAIM_PPM = 64.0

@@ -1,12 +1,21 @@
-"""The service behind the HTTP calls: the store, the server's own database, and its background tasks."""
+"""The service behind the HTTP calls: the store, the server's own database, its coordinator and background tasks."""
 
 import asyncio
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 
+from campaign.environment import STORE
+from campaign.safe_path import python_environment
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker
@@ -22,7 +31,6 @@ from clearcap.web.answers.job_limits import JobLimits
 from clearcap.web.answers.job_pool import JobPool
 from clearcap.web.answers.query_service import QueryService
 from clearcap.web.answers.response_cache import ResponseCache, SingleFlight
-from clearcap.web.coordinator_child import CoordinatorChild
 from clearcap.web.jobs.mechanisms import engine_is_compiled, warm_up_try_out
 from clearcap.web.settings import Settings
 from clearcap.web.signing_service import SigningService
@@ -32,6 +40,12 @@ from clearcap.web.watch.watcher import Watcher
 from clearcap.web.watch.workload import Workload
 from clearcap.web.webhooks.webhook_repository import CampaignEvent, WebhookRepository, campaign_events
 from clearcap.web.webhooks.webhook_sender import WebhookSender
+
+logger = logging.getLogger(__name__)
+FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next
+SOUND_AFTER = 60.0  # s of run time after which the end of a coordinator no longer counts as a failed start
+END_WITHIN = 30.0  # s
+
 
 KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
 
@@ -157,3 +171,69 @@ def open_service(settings: Settings) -> Service:
     except BaseException:
         database.close()
         raise
+
+
+class CoordinatorChild:
+    """Keep ``clearcap coordinate`` running, which computes every campaign queued in the store, of other users too.
+
+    If another coordinator already serves the store, that one does the work, and this one waits until it ends. The
+    coordinator ends with its server, even if the server is killed, so stopping a server stops all its computations.
+    """
+
+    def __init__(self, store: Store, options: Sequence[str]) -> None:
+        self._words = [sys.executable, "-P", "-m", "clearcap", "coordinate", "--parent", str(os.getpid()), *options]
+        # the URL may hold credentials, and other users of the machine can see a command line
+        self._environment = {**python_environment(), STORE: store.files.full_url}
+        self._over = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._keep_alive, name="coordinator", daemon=True)
+
+    def start(self) -> None:
+        """Start the coordinator."""
+        self._thread.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the coordinator runs now."""
+        process = self._process
+        return process is not None and process.poll() is None
+
+    def stop(self) -> None:
+        """Shut the coordinator down; the rows it has computed are in the store."""
+        self._over.set()
+        process = self._process
+        if process is not None and process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.wait(END_WITHIN)
+            except subprocess.TimeoutExpired:
+                logger.warning("the coordinator (process %d) did not end within %g s", process.pid, END_WITHIN)
+                process.kill()
+                process.wait()
+        if self._thread.is_alive():
+            self._thread.join(END_WITHIN)
+
+    def _keep_alive(self) -> None:
+        """Restart the coordinator whenever it has ended; double the pause after each early end."""
+        pause = FIRST_PAUSE
+        while not self._over.is_set():
+            begin = time.monotonic()
+            self._process = subprocess.Popen(
+                # in a session of its own, because Ctrl-C in a terminal must reach the server only, which then stops it
+                self._words,
+                stdin=subprocess.DEVNULL,
+                cwd=os.sep,
+                env=self._environment,
+                start_new_session=True,
+            )
+            if self._over.is_set():  # the server ended while the coordinator started
+                self._process.send_signal(signal.SIGTERM)
+            status = self._process.wait()
+            if self._over.is_set():
+                return
+            lasted = time.monotonic() - begin
+            pause = FIRST_PAUSE if lasted > SOUND_AFTER else min(2.0 * pause, LONGEST_PAUSE)
+            logger.warning(
+                "the coordinator ended with status %d after %.0f s; starts again in %g s", status, lasted, pause
+            )
+            self._over.wait(pause)

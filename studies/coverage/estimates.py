@@ -17,10 +17,10 @@ from reporting.capability.shares import nonconforming
 from reporting.capability.summary import NOT_NORMAL, capability
 from reporting.capability.target_indices import target_indices
 from reporting.capability.verdict import class_of, index_of_share
-from reporting.content.tolerance_intervals import tolerance_intervals
-from reporting.product.product_yield import product_yield
+from reporting.product_yield import product_yield
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
+from reporting.tolerance_intervals import tolerance_intervals
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import (
     CONFIDENCE,

@@ -13,7 +13,7 @@ from campaign.environment import numerical
 from campaign.worker.messages import CampaignAddress
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from clearcap.web.answers.job_process import job_environment
-from clearcap.web.coordinator_child import CoordinatorChild
+from clearcap.web.web_service import CoordinatorChild
 from engine.cad import step_reader
 from tests.campaign import fake_engine
 from tests.clearcap.web.answers.strange_jobs import environment

@@ -13,7 +13,7 @@ from clearcap.web.http.authentication import Engineer, TheService
 from clearcap.web.http.problems import Refusal, described
 from clearcap.web.web_service import Service
 from clearcap.web.webhooks.webhook_repository import Delivery, Webhook
-from clearcap.web.webhooks.webhook_target import LONGEST_URL, target_addresses, webhook_target
+from clearcap.web.webhooks.webhook_sender import LONGEST_URL, target_addresses, webhook_target
 
 router = calls("webhooks")
 MOST_WEBHOOKS = 50  # of a user

@@ -41,9 +41,9 @@ def main():
     start_alike = SimpleNamespace(**{**vars(subprocess), "Popen": _start})
     submit.subprocess = start_alike
     if "serve" in sys.argv:
-        from clearcap.web import coordinator_child
+        from clearcap.web import web_service
 
-        coordinator_child.subprocess = start_alike
+        web_service.subprocess = start_alike
     simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))
     coordinate.coordinate = partial(coordinate.coordinate, simulate=simulate)
     submit.submit = partial(submit.submit, simulate=simulate)

@@ -11,7 +11,7 @@ from itertools import count, cycle
 
 import httpx
 
-from clearcap.client.event_stream import events_in
+from clearcap.client.remote_server import events_in
 
 API = "/api/v1"
 PAUSE = 0.5  # s, between two tries, and between two entries

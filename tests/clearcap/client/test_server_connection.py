@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from clearcap.client.event_stream import events_in, progress_events
+from clearcap.client.remote_server import events_in, progress_events
 from clearcap.client.server_connection import ServerConnection, checked_address, checked_token
 from tests.each import each
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reporting.rare.directions import directions
+from reporting.rare.aim import directions
 
 
 def around(*centres, n=400, d=2, seed=1):

@@ -6,8 +6,7 @@ from scipy import stats
 
 from reporting import capability
 from reporting.shape.fitting import fit_families
-from reporting.shape.nonnormal import ENDS, empirical_indices, fitted_indices
-from reporting.shape.order_statistics import FEWEST, empirical_percentiles
+from reporting.shape.nonnormal import ENDS, FEWEST, empirical_indices, empirical_percentiles, fitted_indices
 
 SET_A = 10 + 0.5 * stats.norm.ppf((np.arange(1, 51) - 0.5) / 50)
 SET_B = np.exp(1.9 + 0.25 * stats.norm.ppf((np.arange(1, 61) - 0.5) / 60))

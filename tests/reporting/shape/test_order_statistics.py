@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.nonnormal import ENDS, empirical_indices
-from reporting.shape.order_statistics import FEWEST, interval_of_quantiles, quantile_interval
+from reporting.shape.nonnormal import ENDS, FEWEST, empirical_indices, interval_of_quantiles, quantile_interval
 
 
 @pytest.mark.parametrize(("n", "share"), [(60, 0.5), (500, 0.1), (3000, 0.99865), (40_000, 0.00135)])

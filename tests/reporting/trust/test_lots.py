@@ -85,7 +85,7 @@ def test_failed_runs_keep_the_lots_of_the_others() -> None:
 
 def analysis_lower_of_independent(analysis) -> float:
     """Return the lower bound of the yield of the whole product for as many independent samples."""
-    from reporting.product.product_yield import count_yield
+    from reporting.product_yield import count_yield
 
     counted = analysis.product.with_failures
     return count_yield(counted.conforming, counted.n, 0.95).lower

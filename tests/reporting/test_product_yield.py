@@ -9,7 +9,7 @@ import pytest
 
 from reporting import ResponseSpec
 from reporting.capability.shares import weighted_share_interval
-from reporting.product.product_yield import dependence, product_yield, response_losses
+from reporting.product_yield import dependence, product_yield, response_losses
 from reporting.render.html import render_html
 from reporting.samples import read_samples
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by

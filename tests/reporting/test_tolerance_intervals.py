@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.content.tolerance_intervals import (
+from reporting.shape.normality import Normality, normality
+from reporting.tolerance_intervals import (
     CONTENTS,
     confidence_of_blocks,
     fewest_runs,
@@ -13,7 +14,6 @@ from reporting.content.tolerance_intervals import (
     tolerance_intervals,
     two_sided_order_interval,
 )
-from reporting.shape.normality import Normality, normality
 from tests.reporting.synthetic import analysis_of, drawn_by
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy import stats
 
-from reporting.content.normal_factors import one_sided_factor, two_sided_factor
+from reporting.tolerance_intervals import one_sided_factor, two_sided_factor
 from tests.each import each
 
 # ISO 16269-6:2014, annex F: factors of m samples of n values each, rounded up. (content, confidence, n, m): k.

@@ -1,1 +1,0 @@
-"""Statistical tolerance intervals: limits that contain a stated share of production, with a stated confidence."""

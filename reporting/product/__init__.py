@@ -1,1 +1,0 @@
-"""Yield of the whole product (all limits kept together), and the causes of its loss."""
