@@ -101,11 +101,16 @@ def number(value: float | None, digits: int = 5) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+LOGGED = ("campaign", "clearcap")  # packages whose log is shown
+
+
 def show_logs() -> None:
-    """Print the log of `campaign`, warnings of libraries and the traceback of a bug on standard error as messages."""
-    logger = logging.getLogger("campaign")
-    logger.addHandler(_MessageHandler())
-    logger.setLevel(logging.INFO)
+    """Print our log, warnings of libraries and the traceback of a bug on standard error as messages."""
+    handler = _MessageHandler()
+    for package in LOGGED:
+        logger = logging.getLogger(package)
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
     logging.lastResort = _MessageHandler(logging.WARNING)
     sys.excepthook = _print_bug
 

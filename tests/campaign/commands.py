@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from clearcap.cli import main
+from clearcap.cli.output import LOGGED
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,10 +33,11 @@ def clearcap_here(capsys, monkeypatch, *words):
 @contextmanager
 def _logging_kept():
     """Take back what the command sets for its whole process."""
-    logger = logging.getLogger("campaign")
-    handlers, level = logger.handlers[:], logger.level
+    loggers = [logging.getLogger(name) for name in LOGGED]
+    before = [(logger, logger.handlers[:], logger.level) for logger in loggers]
     try:
         yield
     finally:
-        logger.handlers[:] = handlers
-        logger.setLevel(level)
+        for logger, handlers, level in before:
+            logger.handlers[:] = handlers
+            logger.setLevel(level)

@@ -126,7 +126,7 @@ def test_no_process_shows_the_password(tmp_path):
     with ftp_server(tmp_path / "served") as url:
         environment = {**os.environ, STORE: url, "PYTHONPATH": str(ROOT)}
         run = partial(subprocess.run, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600)
-        command = [sys.executable, "-m", "campaign"]
+        command = [sys.executable, "-m", "clearcap"]
         submitted = run([*command, "submit", "demo.toml", "--workers", "1", "--json"])
         assert submitted.returncode == 0, submitted.stderr
         pid = json.loads(submitted.stdout)["pid"]

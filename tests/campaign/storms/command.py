@@ -27,7 +27,7 @@ def wrong_clock(file, right=time.time):
 
 def _start(words, **how):
     """Start another ``clearcap`` as this one is."""
-    return subprocess.Popen([__spec__.name if word == "campaign" else word for word in words], **how)
+    return subprocess.Popen([__spec__.name if word == "clearcap" else word for word in words], **how)
 
 
 def main():

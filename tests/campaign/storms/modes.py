@@ -14,7 +14,7 @@ from tests.campaign.storms.cluster import start_cluster
 from tests.campaign.storms.server import new_token, signable_campaign
 from tests.campaign.storms.visitors import Visitors
 
-STAND_IN, ENGINE = "tests.campaign.storms.command", "campaign"
+STAND_IN, ENGINE = "tests.campaign.storms.command", "clearcap"
 ANOTHER_MACHINE = ("unshare", "--pid", "--fork", "--kill-child", "--mount-proc")  # by all that a process can see
 BATCH = 6
 AGAIN = 3.0  # s, after which a campaign is submitted again that nobody computes any more

@@ -19,7 +19,7 @@ from tests.campaign.storms.supervisor import Supervisor, processes, words
 from tests.campaign.storms.visitors import Visitors
 
 COORDINATES = {"run", "resume", "coordinate"}
-COMMANDS = {"campaign", "tests.campaign.storms.command"}
+COMMANDS = {"clearcap", "tests.campaign.storms.command"}
 JOBS = "clearcap.web.answers.job_child"  # in the command line of the processes in which a server computes
 
 

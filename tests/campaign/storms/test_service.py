@@ -42,7 +42,7 @@ def test_service_in_a_storm(tmp_path):
         first = clearcap("submit", str(tmp_path / "before.toml"), "--batch-size", "5", "--queue-only")
         assert first["driver"] == "none"
         address = start_cluster(supervisor, tmp_path)
-        supervisor.add("coordinator", "campaign", "coordinate", "--store", store.url, "--scheduler", address)
+        supervisor.add("coordinator", "clearcap", "coordinate", "--store", store.url, "--scheduler", address)
         until(lambda: _rows(store, first) > 20, lambda: supervisor.said("coordinator"))
         second = clearcap("submit", str(tmp_path / "meanwhile.toml"), "--batch-size", "5", "--scheduler", address)
         assert second["driver"] in ("service", "coordinator")

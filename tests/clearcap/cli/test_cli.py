@@ -22,11 +22,13 @@ import campaign.coordinator.submit
 from campaign.coordinator.coordinate import coordinate
 from campaign.row_build import short_build
 from clearcap.cli import app, main
+from clearcap.cli.output import LOGGED
 from engine import read_trajectory
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap, clearcap_here
 from tests.each import each
 from tests.engine.kernels.surface_shapes import sphere_octant
+from tests.house import modules
 
 BAD_INPUT = {
     "unknown campaign": (["run", "c61"], "did you mean 'c60'?"),
@@ -376,3 +378,9 @@ def test_a_step_longer_than_the_horizon_is_refused(capsys, monkeypatch):
     code, _, said = clearcap_here(capsys, monkeypatch, "simulate", "c60", "--step", "1000")
     assert code == 2
     assert "simulation.step = 1000 ms: longer than simulation.horizon = 200 ms" in said
+
+
+def test_what_our_packages_log_is_shown():
+    """A module that logs is of a package whose log the command prints; the engine's compiler warns."""
+    logging = {name for name, path in modules().items() if "getLogger(__name__)" in path.read_text()}
+    assert {name.split(".")[0] for name in logging if not name.startswith("engine.jit.")} == set(LOGGED)

@@ -29,7 +29,7 @@ def compiled_in(folder, warm_up=strange_jobs.compile_slowly):
 
 def test_one_process_compiles_while_jobs_are_refused(tmp_path, caplog):
     """The others load what it has compiled; afterwards jobs are answered."""
-    caplog.set_level(logging.INFO, "campaign")
+    caplog.set_level(logging.INFO, "clearcap")
 
     async def ask(pool):
         with pytest.raises(EngineCompiling, match=r"\d+ s\b") as refused:

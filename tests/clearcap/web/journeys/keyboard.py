@@ -5,7 +5,11 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from selenium.common.exceptions import JavascriptException, StaleElementReferenceException
+from selenium.common.exceptions import (
+    ElementNotInteractableException,
+    JavascriptException,
+    StaleElementReferenceException,
+)
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
@@ -34,6 +38,9 @@ return {{title: document.title, headings: document.querySelectorAll('h1').length
 """
 REFUSED = "Failed to load resource: the server responded with a status of 4"
 DRAWN = "return [...document.images].every(i => i.complete && i.naturalWidth > 0)"
+
+
+PAGE_IS_REPLACED = (ElementNotInteractableException, JavascriptException, StaleElementReferenceException)
 
 
 class Keyboard:
@@ -101,7 +108,7 @@ class Keyboard:
         def found() -> Any:
             try:
                 return holds()
-            except (StaleElementReferenceException, JavascriptException):  # the page is being replaced
+            except PAGE_IS_REPLACED:
                 return None
 
         return until(found, lambda: f"{what}: not on {self.path}, which shows:\n{self.text}")
