@@ -89,10 +89,7 @@ def read(connection):
         return ""
 
 
+VERBS = {verb.__name__: verb for verb in (compute, submit, submit_slowly, run_as_told, reach, knock)}
+
 if __name__ == "__main__":
-    json.dump(
-        {f.__name__: f for f in (compute, submit, submit_slowly, run_as_told, reach, knock)}[sys.argv[1]](
-            *sys.argv[2:]
-        ),
-        sys.stdout,
-    )
+    json.dump(VERBS[sys.argv[1]](*sys.argv[2:]), sys.stdout)
