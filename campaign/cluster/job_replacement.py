@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from distributed import Status
+from distributed import Scheduler, SchedulerPlugin, Status
 
 from campaign.errors import UnreachableError
 
@@ -147,22 +147,20 @@ class JobReplacement:
         self._ids: dict[str, str] = {}  # of the last job of each name
         self._since: dict[str, float] = {}  # when each name's job was first seen [s]
         self._queued: set[str] = set()  # names whose present job has been in the queue
-        self._joined: set[str] = set()  # names whose present job has had a worker
+        self._joined: set[str] = set()  # names of all workers that have joined since their present job is known
         self._in_vain = 0
         self._not_before = 0.0  # when the next job may be submitted [s]
         self._told: dict[str, str] = {}  # id of each waiting job and the reason that was said
+
+    def worker_joined(self, name: str) -> None:
+        """Take note of a worker of a job; the workers of one job are numbered."""
+        self._joined.add(name)
 
     def check(self) -> None:
         """Compare the jobs with the queue once, and submit those that are missing."""
         queued = self._queue(self._kind)
         now = self._clock()
-        present = {name: str(job.job_id) for name, job in list(self._jobs.workers.items()) if job.job_id}
-        for name, job in present.items():
-            if self._ids.get(name) != job:
-                self._ids[name], self._since[name] = job, now
-                self._queued.discard(name)
-                self._joined.discard(name)
-        self._joined |= self._names_with_workers() & self._ids.keys()
+        present = self._known(now)
         # dask forgets a job whose worker is gone
         missing = [name for name in list(self._jobs.worker_spec) if name in self._ids and name not in present]
         if queued is not None:
@@ -174,16 +172,27 @@ class JobReplacement:
             self._count(name, now)
         if self.failure is None and self._ended and now >= self._not_before:
             self._submit()
+            self._known(now)
+
+    def _known(self, now: float) -> dict[str, str]:
+        """Return the id of each name's job, and forget what was known of the one before it."""
+        present = {name: str(job.job_id) for name, job in list(self._jobs.workers.items()) if job.job_id}
+        for name, job in present.items():
+            if self._ids.get(name) != job:
+                self._ids[name], self._since[name] = job, now
+                self._queued.discard(name)
+        return present
 
     @property
     def _ended(self) -> list[str]:
         """Names without a job."""
         return [name for name in list(self._jobs.worker_spec) if name not in self._jobs.workers]
 
-    def _names_with_workers(self) -> set[str]:
-        """Return the names of the jobs that have a worker; the workers of one job are numbered."""
-        known = {str(worker["name"]) for worker in list(self._jobs.scheduler_info["workers"].values())}
-        return {name for name in self._ids if any(each == name or each.startswith(f"{name}-") for each in known)}
+    def _has_joined(self, name: str) -> bool:
+        """Return whether a job has had a worker, and forget it."""
+        workers = {each for each in list(self._joined) if each == name or each.startswith(f"{name}-")}
+        self._joined -= workers
+        return bool(workers)
 
     def _count(self, name: str, now: float) -> None:
         """Forget a job that has ended, and how many have now ended in vain."""
@@ -191,7 +200,7 @@ class JobReplacement:
         forgotten = self._jobs.workers.pop(name, None)
         if forgotten is not None:
             forgotten.status = Status.closed  # what dask's cluster expects of its jobs when it is closed
-        if name in self._joined:
+        if self._has_joined(name):
             self._in_vain = 0
             logger.warning("job %s has ended; another one takes its place", job)
             return
@@ -226,10 +235,22 @@ class JobReplacement:
                 logger.warning("job %s waits in the queue: %s", job, entry.reason or entry.state)
 
 
+class _Joins(SchedulerPlugin):
+    """Tells of each worker that joins a scheduler: one may have left again at the next check."""
+
+    def __init__(self, replacement: JobReplacement) -> None:
+        self._replacement = replacement
+
+    def add_worker(self, scheduler: Scheduler, worker: str) -> None:
+        """Tell the name of a worker at an address."""
+        self._replacement.worker_joined(str(scheduler.workers[worker].name))
+
+
 @contextmanager
 def jobs_replaced(jobs: Any, kind: str, interval: float = CHECK_INTERVAL) -> Iterator[JobReplacement]:
     """Replace the jobs that end while the block runs; if that fails, end the cluster, and raise UnreachableError."""
     replacement, ended = JobReplacement(jobs, kind), threading.Event()
+    jobs.scheduler.add_plugin(_Joins(replacement))
 
     def watch() -> None:
         while not ended.wait(interval):

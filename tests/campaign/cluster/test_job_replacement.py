@@ -26,7 +26,7 @@ class Jobs:
 
     def __init__(self, count, processes=1):
         self.worker_spec = {f"SLURMCluster-{i}": {} for i in range(count)}
-        self.workers, self.scheduler_info, self.queue = {}, {"workers": {}}, {}
+        self.workers, self.queue = {}, {}
         self.submitted, self.processes, self.refuses = 0, processes, None
         self._correct_state()
 
@@ -44,16 +44,10 @@ class Jobs:
             job.job_id = str(self.submitted)
             self.queue[job.job_id] = RUNNING
 
-    def join(self, name):
+    def join(self, kept, name):
         """Let the workers of a job join."""
         for i in range(self.processes):
-            known = name if self.processes == 1 else f"{name}-{i}"
-            self.scheduler_info["workers"][f"tls://{known}"] = {"name": known}
-
-    def leave(self):
-        """Let all workers leave, and their jobs with them."""
-        self.scheduler_info["workers"].clear()
-        self.queue.clear()
+            kept.worker_joined(name if self.processes == 1 else f"{name}-{i}")
 
 
 class Clock:
@@ -84,12 +78,12 @@ def test_jobs_whose_workers_had_joined_are_replaced_at_once(clock, processes):
     kept = replacement(jobs, clock)
     for round_ in range(20):
         for name in jobs.workers:
-            jobs.join(name)
+            jobs.join(kept, name)
         clock.now += VISIBLE_WITHIN + 1
         kept.check()
         assert jobs.submitted == 3 * (round_ + 1)
         ended = list(jobs.workers.values())
-        jobs.leave()
+        jobs.queue.clear()
         kept.check()
         assert len(jobs.queue) == 3
         assert {job.status for job in ended} == {Status.closed}
@@ -100,9 +94,8 @@ def test_a_job_that_dask_has_forgotten_is_submitted_again(clock):
     """Dask forgets a job some seconds after its worker is gone."""
     jobs = Jobs(2)
     kept = replacement(jobs, clock)
-    jobs.join("SLURMCluster-0")
+    jobs.join(kept, "SLURMCluster-0")
     kept.check()
-    jobs.scheduler_info["workers"].clear()
     del jobs.workers["SLURMCluster-0"], jobs.queue["1"]
     kept.check()
     assert (jobs.submitted, kept.failure) == (3, None)
@@ -140,7 +133,7 @@ def test_jobs_that_end_in_vain_are_given_up(clock, caplog):
     kept = replacement(jobs, clock)
     times = []
     for _ in range(10_000):
-        jobs.leave()
+        jobs.queue.clear()
         before = jobs.submitted
         kept.check()
         times += [clock.now] * (jobs.submitted - before)
@@ -161,10 +154,10 @@ def test_one_that_works_ends_the_count(clock):
     for _ in range(3):
         for in_vain in [True] * (MOST_IN_VAIN - 1) + [False]:
             if not in_vain:
-                jobs.join("SLURMCluster-0")
+                jobs.join(kept, "SLURMCluster-0")
             clock.now += 1000
             kept.check()
-            jobs.leave()
+            jobs.queue.clear()
             kept.check()
             clock.now += 1000
             kept.check()
@@ -175,10 +168,10 @@ def test_a_refused_job_ends_it(clock):
     """As at the first submission: the words of the batch system."""
     jobs = Jobs(1)
     kept = replacement(jobs, clock)
-    jobs.join("SLURMCluster-0")
+    jobs.join(kept, "SLURMCluster-0")
     clock.now += 100
     kept.check()
-    jobs.leave()
+    jobs.queue.clear()
     jobs.refuses = "QOSMaxSubmitJobPerUserLimit"
     kept.check()
     assert "QOSMaxSubmitJobPerUserLimit" in str(kept.failure)
