@@ -21,6 +21,7 @@ import dask
 from distributed import Client, Security, Status
 
 from campaign.cluster.cluster import NEEDED, Cluster, Tls, security
+from campaign.cluster.job_replacement import jobs_replaced
 from campaign.cluster.local import CLOSED, NO_DASHBOARD, SETTINGS, interrupts_held
 from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
@@ -47,7 +48,8 @@ def batch_jobs(cluster: Cluster) -> Iterator[Client]:
             with interrupts_held():
                 client = Client(jobs, set_as_default=False)  # type: ignore[no-untyped-call]  # annotated in parts
             try:
-                yield client
+                with jobs_replaced(jobs, cluster.kind):
+                    yield client
             finally:
                 client.close()  # type: ignore[no-untyped-call]
         finally:

@@ -18,8 +18,18 @@ scratch=$(mktemp -d "$HOME/.clearcap-job.XXXXXX")
 file=$scratch/scheduler.json
 
 network=(--protocol tls)
+listening=(--protocol tls)
 if [ -n "${CLEARCAP_INTERFACE:-}" ]; then
     network+=(--interface "$CLEARCAP_INTERFACE")
+    # not its name: dask scheduler refuses an interface beside a protocol
+    address=$("$(dirname "$(command -v dask)")/python" -c '
+import sys
+from distributed.utils import get_ip_interface
+try:
+    print(get_ip_interface(sys.argv[1]))
+except ValueError as error:
+    sys.exit(f"CLEARCAP_INTERFACE: {error}")' "$CLEARCAP_INTERFACE")
+    listening=(--host "tls://$address")
 fi
 closed=(--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.disable_dashboard)
 
@@ -48,8 +58,9 @@ finish() {
 trap finish EXIT
 trap 'exit 143' TERM
 
-dask scheduler --port 0 "${network[@]}" "${as_scheduler[@]}" "${closed[@]}" --scheduler-file "$file" &
-pids+=($!)
+dask scheduler --port 0 "${listening[@]}" "${as_scheduler[@]}" "${closed[@]}" --scheduler-file "$file" &
+scheduler=$!
+pids+=("$scheduler")
 
 case $system in
     slurm)
@@ -78,5 +89,12 @@ esac
 
 clearcap run "$CAMPAIGN" --store "$STORE" --scheduler "$file" \
     --tls-ca "$tls/ca.pem" --tls-cert "$tls/client.pem" --tls-key "$tls/client.key" &
-pids+=($!)
-wait $!
+campaign=$!
+pids+=("$campaign")
+status=0
+wait -n "$scheduler" "$campaign" || status=$?
+if kill -0 "$campaign" 2>/dev/null; then
+    echo "allocation.sh: dask scheduler has ended with status $status; see its message above" >&2
+    exit 1
+fi
+wait "$campaign"

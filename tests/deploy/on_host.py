@@ -4,6 +4,7 @@ import json
 import socket
 import ssl
 import sys
+from functools import partial
 
 import campaign.cluster.connect
 from campaign.cluster.cluster import Cluster, Tls
@@ -22,6 +23,14 @@ def compute(address, url, campaign_id):
 def submit(kind, workers, url, campaign_id):
     """Compute a planned campaign by jobs of a batch system."""
     return _compute(Cluster(kind=kind, workers=int(workers)), int(workers), url, campaign_id)
+
+
+def submit_slowly(kind, workers, seconds, url, campaign_id):
+    """Compute a planned campaign by jobs of a batch system, of runs that take so long."""
+    store = open_store(url)
+    simulate = partial(fake_engine.takes, float(seconds))
+    outcome = coordinate(store, store.plan(campaign_id), Cluster(kind=kind, workers=int(workers)), simulate=simulate)
+    return {"batches": sorted(outcome.survey.parts)}
 
 
 def run_as_told(campaign_id, *words):
@@ -80,7 +89,7 @@ def read(connection):
         return ""
 
 
+VERBS = {verb.__name__: verb for verb in (compute, submit, submit_slowly, run_as_told, reach, knock)}
+
 if __name__ == "__main__":
-    json.dump(
-        {f.__name__: f for f in (compute, submit, run_as_told, reach, knock)}[sys.argv[1]](*sys.argv[2:]), sys.stdout
-    )
+    json.dump(VERBS[sys.argv[1]](*sys.argv[2:]), sys.stdout)

@@ -1,13 +1,17 @@
 """The scripts of batch systems are accepted by the tools that read them, and keep what is promised of them."""
 
+import json
 import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from campaign.cluster.tls_certificates import make_certificates
 from tests.deploy.descriptors import DEPLOY, check_dask, documents, needs, output
 from tests.each import each
 
@@ -118,7 +122,8 @@ def allocation(tmp_path, system, **environment):
     for name in ("dask", "clearcap", "srun", "oarsh", "pbs_tmrsh"):
         recorder = binaries / name
         record = f"printf '%s\\n' \"{name} $*\" >> '{tmp_path}/calls'"
-        recorder.write_text(f"#!/bin/sh\n{record}\n" + ("sleep 1\n" if name == "clearcap" else ""))
+        lasts = {"clearcap": "sleep 1\n", "dask": "exec sleep 600\n"}  # a scheduler outlives its campaign
+        recorder.write_text(f"#!/bin/sh\n{record}\n{lasts.get(name, '')}")
         recorder.chmod(0o755)
     nodes = tmp_path / "nodes"
     nodes.write_text("b\na\nb\na\n")
@@ -135,7 +140,7 @@ def allocation(tmp_path, system, **environment):
 )
 def test_allocation(tmp_path, system, launchers):
     """One scheduler, one campaign, and workers launched once on each node, all with certificates."""
-    calls = allocation(tmp_path, system, CLEARCAP_INTERFACE="ib0")
+    calls = allocation(tmp_path, system)
     assert sorted(call.split()[0] for call in calls) == sorted(["clearcap", "dask", *launchers])
     for call in calls:
         if call.startswith("clearcap"):
@@ -145,10 +150,59 @@ def test_allocation(tmp_path, system, launchers):
         role = "scheduler" if call.startswith("dask") else "worker"
         assert f"--tls-key={tmp_path}/.clearcap/tls/{role}.key" in call
         assert (f" {DEPLOY}/batch/on_node.sh dask worker " in call) == (role == "worker")
-        assert "--protocol tls --interface ib0" in call
+        assert "--protocol tls " in call
         assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.disable_dashboard" in call
     if system != "slurm":
         assert [call.split()[1] for call in calls if call.split()[0] in launchers] == ["a", "b"]
+
+
+SEES_IT = """\
+#!/bin/sh
+# clearcap run CAMPAIGN --store STORE --scheduler FILE ...
+until [ -s "$6" ]; do sleep 0.1; done
+cp "$6" '{seen}'
+"""
+
+
+def scheduled(tmp_path, **environment):
+    """Run allocation.sh with the real ``dask``; return how it ends, and the address that the campaign was given."""
+    binaries, seen = tmp_path / "bin", tmp_path / "seen.json"
+    binaries.mkdir()
+    (binaries / "clearcap").write_text(SEES_IT.format(seen=seen))
+    (binaries / "srun").write_text("#!/bin/sh\nexec sleep 600\n")
+    for command in binaries.iterdir():
+        command.chmod(0o755)
+    path = f"{binaries}:{Path(sys.executable).parent}:/usr/bin:/bin"
+    given = {"PATH": path, "HOME": str(tmp_path), "USER": "me", "CAMPAIGN": "c60", "STORE": "/runs"}
+    command = ["bash", DEPLOY / "batch/allocation.sh", "slurm"]
+    done = subprocess.run(command, env=given | environment, capture_output=True, text=True)
+    return done, json.loads(seen.read_text())["address"] if seen.exists() else None
+
+
+@pytest.mark.processes
+def test_the_scheduler_listens_where_it_is_told(tmp_path):
+    """On the address of the interface, by TLS, as the installed dask understands it."""
+    make_certificates(tmp_path / ".clearcap/tls", 2)
+    done, address = scheduled(tmp_path, CLEARCAP_INTERFACE="lo")
+    assert done.returncode == 0, done.stderr
+    assert address.startswith("tls://127.0.0.1:")
+
+
+@pytest.mark.processes
+def test_an_interface_that_is_not_there(tmp_path):
+    """Nothing is started; the message names those that are."""
+    done, address = scheduled(tmp_path, CLEARCAP_INTERFACE="none0")
+    assert (done.returncode, address) == (1, None)
+    assert "CLEARCAP_INTERFACE" in done.stderr
+    assert "'lo'" in done.stderr
+
+
+@pytest.mark.processes
+def test_a_scheduler_that_cannot_start_ends_the_job(tmp_path):
+    """At once, with its own message: without certificates the campaign would wait for it in vain."""
+    done, address = scheduled(tmp_path)
+    assert (done.returncode, address) == (1, None)
+    assert "dask scheduler has ended" in done.stderr
 
 
 @pytest.mark.parametrize("system", ["slurm", "oar", "pbs"])

@@ -4,6 +4,7 @@ import json
 import os
 import stat
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -92,4 +93,37 @@ def test_workers_as_jobs(run, tmp_path):
     assert json.loads(told)["batches"] == list(range(len(plan.batches)))
     assert rows(store, plan).equals(computed_here(tmp_path))
     assert not list(shared.iterdir())
+    until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)
+
+
+def test_jobs_that_end_are_replaced(run, tmp_path):
+    """All jobs are cancelled by somebody, three times, each time after some rows are stored: it is completed."""
+    store, plan = planned(tmp_path, "shared")
+    shared = tmp_path / "private"
+    shared.mkdir()
+    job = {"CORES": "1", "MEMORY": "1GB", "SHARED_TEMP_DIRECTORY": str(shared), "LOG_DIRECTORY": str(tmp_path)}
+    words = ("submit_slowly", "slurm", "2", "0.5", store.url, plan.campaign_id)
+
+    def parts():
+        return len(store.survey(plan).parts)
+
+    with ThreadPoolExecutor(1) as pool:
+        told = pool.submit(
+            run,
+            *(sys.executable, "-m", "tests.deploy.on_host", *words),
+            DASK_CONFIG=str(DEPLOY / "jobqueue.yaml"),
+            DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT="1s",
+            **{f"DASK_JOBQUEUE__SLURM__{key}": value for key, value in job.items()},
+        )
+        seen = set()
+        for _ in range(3):
+            before = parts()
+            until(lambda before=before: told.done() or parts() > before, "no part comes", pause=0.2)
+            seen |= set(run("squeue", "--noheader", "--format=%i").split())
+            run("scancel", "--user=root")
+        said = told.result()
+    assert len(seen) > 2
+    assert f'"batches": {list(range(len(plan.batches)))}' in said
+    assert "another one takes its place" in said
+    assert rows(store, plan).equals(computed_here(tmp_path))
     until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)

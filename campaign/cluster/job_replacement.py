@@ -1,0 +1,274 @@
+"""Jobs of a batch system that end are replaced: by a walltime, the lifetime of a worker, `scancel`, or a lost node.
+
+dask-jobqueue (0.9) submits each job once. Its adaptive scaling notices a lost job only if a worker of it had joined,
+and not by name where a job has several workers; a job that ends before it starts a worker, or that waits in the queue
+for ever, it never sees. So the queue itself is asked. A batch system that does not answer proves nothing: then all jobs
+count as alive.
+"""
+
+import getpass
+import json
+import logging
+import re
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from distributed import Scheduler, SchedulerPlugin, Status
+
+from campaign.errors import UnreachableError
+
+logger = logging.getLogger(__name__)
+
+CHECK_INTERVAL = 10.0  # s; the commands of a busy batch system take seconds, and its admins count them
+VISIBLE_WITHIN = 30.0  # s after its submission a job has been in the queue, whatever the batch system caches
+ANSWER_WITHIN = 60.0  # s
+MOST_IN_VAIN = 5  # jobs in a row that end before a worker of theirs has joined
+LONGEST_PAUSE = 300.0  # s before a job is submitted after some that ended in vain
+PENDING_AFTER = 60.0  # s after which it is said why a job waits
+LAST_LINES = 5  # of the log of a job
+
+
+# the words of SLURM, OAR and PBS
+_WAITING = ("PENDING", "CONFIGURING", "REQUEUED", "WAITING", "HOLD", "TOLAUNCH", "Q", "H", "W")
+
+
+@dataclass(frozen=True)
+class QueuedJob:
+    """What a batch system says of a job that has not ended."""
+
+    state: str  # in its own words: ``PENDING``, ``Running``, ``Q``
+    reason: str = ""  # why it waits; empty if it runs, or if the batch system does not say
+
+    @property
+    def waits(self) -> bool:
+        """Whether the job has not begun."""
+        return self.state.upper() in (
+            "PENDING",
+            "CONFIGURING",
+            "REQUEUED",
+            "WAITING",
+            "HOLD",
+            "TOLAUNCH",
+            "Q",
+            "H",
+            "W",
+        )
+
+
+def _slurm(answer: str) -> dict[str, QueuedJob]:
+    """Return the jobs in lines of ``squeue``: id, state and reason, apart by ``|``."""
+    fields = (line.strip().split("|", 2) for line in answer.splitlines() if line.count("|") >= 2)
+    return {job: QueuedJob(state, "" if reason == "None" else reason) for job, state, reason in fields}
+
+
+def _oar(answer: str) -> dict[str, QueuedJob]:
+    """Return the jobs in the JSON of ``oarstat``, which says nothing at all where there are none."""
+    jobs: dict[str, Any] = json.loads(answer) if answer.strip() else {}
+    ended = ("Terminated", "Error")
+    return {
+        job: QueuedJob(entry["state"], str(entry.get("message") or ""))
+        for job, entry in jobs.items()
+        if entry["state"] not in ended
+    }
+
+
+def _pbs(answer: str) -> dict[str, QueuedJob]:
+    """Return the jobs in the table of ``qstat -u``: the id is in the first column, the state in the last but one."""
+    rows = (line.split() for line in answer.splitlines() if re.match(r"\d+", line))
+    # C and F: completed and finished jobs, which stay in the table for a while
+    return {row[0]: QueuedJob(row[-2]) for row in rows if len(row) > 2 and row[-2] not in ("C", "F")}
+
+
+# the command, to which the user's name is added, and the reader of its answer
+_QUEUES: dict[str, tuple[tuple[str, ...], Callable[[str], dict[str, QueuedJob]]]] = {
+    "slurm": (("squeue", "--noheader", "--format=%i|%T|%r", "--user"), _slurm),
+    "oar": (("oarstat", "--json", "--user"), _oar),
+    "pbs": (("qstat", "-u"), _pbs),
+}
+
+
+def queued_jobs(kind: str) -> dict[str, QueuedJob] | None:
+    """Return this user's jobs that have not ended, by the number in their id; None if the batch system does not say."""
+    command, read = _QUEUES[kind]
+    try:
+        words = [*command, getpass.getuser()]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=ANSWER_WITHIN, check=True)
+        return {number(job): entry for job, entry in read(done.stdout).items()}
+    except (OSError, subprocess.SubprocessError, ValueError, KeyError, TypeError) as error:
+        logger.info("%s: %s", " ".join(command), error)
+        return None
+
+
+def number(job: str) -> str:
+    """Return the number in the id of a job: PBS appends the name of its server, and some commands shorten that."""
+    found = re.match(r"\d+", job)
+    return found[0] if found else job
+
+
+def last_lines(kind: str, job: str) -> str:
+    """Return the last lines of a job's log, and how it ended, as far as the batch system says so."""
+    if kind != "slurm":
+        return ""
+    try:
+        words = ["scontrol", "show", "job", "--oneliner", job]
+        said = subprocess.run(words, capture_output=True, text=True, timeout=ANSWER_WITHIN, check=True).stdout
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    facts = dict(re.findall(r"(\w+)=(\S+)", said))
+    ending = f"{facts.get('JobState', 'ended')}, exit code {facts.get('ExitCode', 'unknown')}"
+    try:
+        log = Path(facts.get("StdErr") or facts.get("StdOut") or "").read_text(errors="replace").splitlines()
+    except OSError:
+        log = []
+    return "; ".join([ending, *log[-LAST_LINES:]])
+
+
+class JobReplacement:
+    """Keep as many jobs of a `dask_jobqueue` cluster queued or running as it was scaled to.
+
+    ``failure`` is what ended it: jobs that end in vain, again and again, or a batch system that refuses new ones.
+    """
+
+    def __init__(
+        self,
+        jobs: Any,
+        kind: str,
+        queue: Callable[[str], dict[str, QueuedJob] | None] = queued_jobs,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.failure: UnreachableError | None = None
+        self._jobs, self._kind, self._queue, self._clock = jobs, kind, queue, clock
+        self._ids: dict[str, str] = {}  # of the last job of each name
+        self._since: dict[str, float] = {}  # when each name's job was first seen [s]
+        self._queued: set[str] = set()  # names whose present job has been in the queue
+        self._joined: set[str] = set()  # names of all workers that have joined since their present job is known
+        self._in_vain = 0
+        self._not_before = 0.0  # when the next job may be submitted [s]
+        self._told: dict[str, str] = {}  # id of each waiting job and the reason that was said
+
+    def worker_joined(self, name: str) -> None:
+        """Take note of a worker of a job; the workers of one job are numbered."""
+        self._joined.add(name)
+
+    def check(self) -> None:
+        """Compare the jobs with the queue once, and submit those that are missing."""
+        queued = self._queue(self._kind)
+        now = self._clock()
+        present = self._known(now)
+        # dask forgets a job whose worker is gone
+        missing = [name for name in list(self._jobs.worker_spec) if name in self._ids and name not in present]
+        if queued is not None:
+            self._tell_waiting(queued, now)
+            gone = {name for name, job in present.items() if number(job) not in queued}
+            self._queued |= present.keys() - gone
+            missing += [name for name in gone if name in self._queued or now - self._since[name] > VISIBLE_WITHIN]
+        for name in missing:
+            self._count(name, now)
+        if self.failure is None and self._ended and now >= self._not_before:
+            self._submit()
+            self._known(now)
+
+    def _known(self, now: float) -> dict[str, str]:
+        """Return the id of each name's job, and forget what was known of the one before it."""
+        present = {name: str(job.job_id) for name, job in list(self._jobs.workers.items()) if job.job_id}
+        for name, job in present.items():
+            if self._ids.get(name) != job:
+                self._ids[name], self._since[name] = job, now
+                self._queued.discard(name)
+        return present
+
+    @property
+    def _ended(self) -> list[str]:
+        """Names without a job."""
+        return [name for name in list(self._jobs.worker_spec) if name not in self._jobs.workers]
+
+    def _has_joined(self, name: str) -> bool:
+        """Return whether a job has had a worker, and forget it."""
+        workers = {each for each in list(self._joined) if each == name or each.startswith(f"{name}-")}
+        self._joined -= workers
+        return bool(workers)
+
+    def _count(self, name: str, now: float) -> None:
+        """Forget a job that has ended, and how many have now ended in vain."""
+        job = self._ids.pop(name)
+        forgotten = self._jobs.workers.pop(name, None)
+        if forgotten is not None:
+            forgotten.status = Status.closed  # what dask's cluster expects of its jobs when it is closed
+        if self._has_joined(name):
+            self._in_vain = 0
+            logger.warning("job %s has ended; another one takes its place", job)
+            return
+        self._in_vain += 1
+        said = last_lines(self._kind, job)
+        logger.warning("job %s ended before a worker of it had joined%s", job, f" ({said})" if said else "")
+        self._not_before = now + min(CHECK_INTERVAL * 2.0 ** (self._in_vain - 1), LONGEST_PAUSE)
+        if self._in_vain >= MOST_IN_VAIN:
+            self.failure = UnreachableError(
+                f"--cluster {self._kind}: {self._in_vain} jobs in a row ended before a worker of theirs had joined; the"
+                f" last one was {job}{f' ({said})' if said else ''}; see the logs of these jobs"
+            )
+
+    def _submit(self) -> None:
+        """Submit a job for each name that has none."""
+        try:
+            self._jobs.sync(self._jobs._correct_state)
+        except (RuntimeError, OSError) as error:
+            for job in self._jobs.workers.values():
+                if job.job_id is None:
+                    job.status = Status.failed
+            self.failure = UnreachableError(f"--cluster {self._kind}: the batch system refused a job: {error}")
+
+    def _tell_waiting(self, queued: dict[str, QueuedJob], now: float) -> None:
+        """Say of each job that waits for long why it does, and again when the reason changes."""
+        for name, job in self._ids.items():
+            entry = queued.get(number(job))
+            if entry is None or not entry.waits or now - self._since[name] < PENDING_AFTER:
+                continue
+            if self._told.get(job) != entry.reason:
+                self._told[job] = entry.reason
+                logger.warning("job %s waits in the queue: %s", job, entry.reason or entry.state)
+
+
+class _Joins(SchedulerPlugin):
+    """Tells of each worker that joins a scheduler: one may have left again at the next check."""
+
+    def __init__(self, replacement: JobReplacement) -> None:
+        self._replacement = replacement
+
+    def add_worker(self, scheduler: Scheduler, worker: str) -> None:
+        """Tell the name of a worker at an address."""
+        self._replacement.worker_joined(str(scheduler.workers[worker].name))
+
+
+@contextmanager
+def jobs_replaced(jobs: Any, kind: str, interval: float = CHECK_INTERVAL) -> Iterator[JobReplacement]:
+    """Replace the jobs that end while the block runs; if that fails, end the cluster, and raise UnreachableError."""
+    replacement, ended = JobReplacement(jobs, kind), threading.Event()
+    jobs.scheduler.add_plugin(_Joins(replacement))
+
+    def watch() -> None:
+        while not ended.wait(interval):
+            try:
+                replacement.check()
+            except Exception:  # the next check may do better; rows are computed meanwhile
+                if not ended.is_set():
+                    logger.exception("jobs could not be checked")
+            if replacement.failure is not None:
+                jobs.close()  # so that the coordinator stops waiting for workers
+                return
+
+    thread = threading.Thread(target=watch, name="job replacement", daemon=True)
+    thread.start()
+    try:
+        yield replacement
+    finally:
+        ended.set()
+        thread.join()
+        if replacement.failure is not None:
+            raise replacement.failure

@@ -1,0 +1,228 @@
+"""Jobs that end are replaced; what a batch system says of its queue; when it is given up."""
+
+import json
+import logging
+from itertools import pairwise
+from types import SimpleNamespace
+
+import pytest
+from distributed import Status
+
+from campaign.cluster.job_replacement import (
+    _QUEUES,
+    MOST_IN_VAIN,
+    PENDING_AFTER,
+    VISIBLE_WITHIN,
+    JobReplacement,
+    QueuedJob,
+    number,
+)
+
+RUNNING = QueuedJob("RUNNING")
+
+
+class Jobs:
+    """A cluster of dask-jobqueue, and the queue of its batch system; ``processes`` workers a job."""
+
+    def __init__(self, count, processes=1):
+        self.worker_spec = {f"SLURMCluster-{i}": {} for i in range(count)}
+        self.workers, self.queue = {}, {}
+        self.submitted, self.processes, self.refuses = 0, processes, None
+        self._correct_state()
+
+    def sync(self, function):
+        """Call what dask would call in its event loop."""
+        return function()
+
+    def _correct_state(self):
+        """Submit what is missing."""
+        for name in self.worker_spec.keys() - self.workers.keys():
+            self.workers[name] = job = SimpleNamespace(job_id=None, status=Status.running)
+            if self.refuses:
+                raise RuntimeError(self.refuses)
+            self.submitted += 1
+            job.job_id = str(self.submitted)
+            self.queue[job.job_id] = RUNNING
+
+    def join(self, kept, name):
+        """Let the workers of a job join."""
+        for i in range(self.processes):
+            kept.worker_joined(name if self.processes == 1 else f"{name}-{i}")
+
+
+class Clock:
+    """Seconds that a test moves."""
+
+    now = 1000.0
+
+    def __call__(self):
+        """Return the time."""
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    """Return a clock."""
+    return Clock()
+
+
+def replacement(jobs, clock, queue=None):
+    """Return what replaces jobs of this queue."""
+    return JobReplacement(jobs, "slurm", queue or (lambda _: dict(jobs.queue)), clock)
+
+
+@pytest.mark.parametrize("processes", [1, 4])
+def test_jobs_whose_workers_had_joined_are_replaced_at_once(clock, processes):
+    """A walltime, a lifetime, scancel, a lost node: as often as it happens."""
+    jobs = Jobs(3, processes)
+    kept = replacement(jobs, clock)
+    for round_ in range(20):
+        for name in jobs.workers:
+            jobs.join(kept, name)
+        clock.now += VISIBLE_WITHIN + 1
+        kept.check()
+        assert jobs.submitted == 3 * (round_ + 1)
+        ended = list(jobs.workers.values())
+        jobs.queue.clear()
+        kept.check()
+        assert len(jobs.queue) == 3
+        assert {job.status for job in ended} == {Status.closed}
+    assert kept.failure is None
+
+
+def test_a_job_that_dask_has_forgotten_is_submitted_again(clock):
+    """Dask forgets a job some seconds after its worker is gone."""
+    jobs = Jobs(2)
+    kept = replacement(jobs, clock)
+    jobs.join(kept, "SLURMCluster-0")
+    kept.check()
+    del jobs.workers["SLURMCluster-0"], jobs.queue["1"]
+    kept.check()
+    assert (jobs.submitted, kept.failure) == (3, None)
+
+
+def test_a_new_job_need_not_be_in_the_queue_at_once(clock):
+    """Batch systems answer from a cache."""
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock, lambda _: {})
+    kept.check()
+    clock.now += VISIBLE_WITHIN - 1
+    kept.check()
+    assert jobs.submitted == 1
+    clock.now += 2
+    kept.check()
+    assert jobs.submitted == 1  # it ended in vain: after a pause
+    clock.now += 1000
+    kept.check()
+    assert jobs.submitted == 2
+
+
+def test_a_batch_system_that_does_not_answer_proves_nothing(clock):
+    """Not one job more is submitted, however long."""
+    jobs = Jobs(2)
+    kept = replacement(jobs, clock, lambda _: None)
+    for _ in range(10):
+        clock.now += 1000
+        kept.check()
+    assert jobs.submitted == 2
+
+
+def test_jobs_that_end_in_vain_are_given_up(clock, caplog):
+    """Later and later, and after five in a row the campaign ends with the reason; rows are kept."""
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock)
+    times = []
+    for _ in range(10_000):
+        jobs.queue.clear()
+        before = jobs.submitted
+        kept.check()
+        times += [clock.now] * (jobs.submitted - before)
+        clock.now += 10
+        if kept.failure:
+            break
+    assert jobs.submitted == MOST_IN_VAIN
+    pauses = [b - a for a, b in pairwise(times)]
+    assert pauses == sorted(pauses)
+    assert f"{MOST_IN_VAIN} jobs in a row" in str(kept.failure)
+    assert caplog.text.count("ended before a worker of it had joined") == MOST_IN_VAIN
+
+
+def test_one_that_works_ends_the_count(clock):
+    """Four in vain, one with a worker, four in vain: nobody gives up."""
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock)
+    for _ in range(3):
+        for in_vain in [True] * (MOST_IN_VAIN - 1) + [False]:
+            if not in_vain:
+                jobs.join(kept, "SLURMCluster-0")
+            clock.now += 1000
+            kept.check()
+            jobs.queue.clear()
+            kept.check()
+            clock.now += 1000
+            kept.check()
+    assert kept.failure is None
+
+
+def test_a_refused_job_ends_it(clock):
+    """As at the first submission: the words of the batch system."""
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock)
+    jobs.join(kept, "SLURMCluster-0")
+    clock.now += 100
+    kept.check()
+    jobs.queue.clear()
+    jobs.refuses = "QOSMaxSubmitJobPerUserLimit"
+    kept.check()
+    assert "QOSMaxSubmitJobPerUserLimit" in str(kept.failure)
+    assert {job.status for job in jobs.workers.values()} == {Status.failed}
+
+
+def test_why_a_job_waits_is_said_once(clock, caplog):
+    """And again when the reason changes; not of one that has only just been submitted."""
+    caplog.set_level(logging.WARNING)
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock)
+    for reason in ("Priority", "Priority", "Resources"):
+        jobs.queue["1"] = QueuedJob("PENDING", reason)
+        kept.check()
+        clock.now += PENDING_AFTER + 1
+        kept.check()
+    assert [record.getMessage() for record in caplog.records] == [
+        "job 1 waits in the queue: Priority",
+        "job 1 waits in the queue: Resources",
+    ]
+
+
+ANSWERS = {
+    "slurm": "17|PENDING|Resources\n18|RUNNING|None\n19_3|COMPLETING|None\n",
+    "oar": json.dumps(
+        {
+            "4711": {"state": "Waiting", "message": "FIFO scheduling OK", "owner": "me"},
+            "4712": {"state": "Running", "message": None},
+            "4713": {"state": "Terminated", "message": ""},
+        }
+    ),
+    "pbs": """
+server:
+                                                                 Req'd  Req'd   Elap
+Job ID               Username Queue    Jobname    SessID NDS TSK Memory Time  S Time
+-------------------- -------- -------- ---------- ------ --- --- ------ ----- - -----
+101.server           me       workq    dask-worke    --    1  16   32gb 01:00 Q   --
+102.server           me       workq    dask-worke  12345   1  16   32gb 01:00 R 00:10
+103.server           me       workq    dask-worke  12346   1  16   32gb 01:00 C 00:59
+""",
+}
+MEANT = {
+    "slurm": {"17": (True, "Resources"), "18": (False, ""), "19": (False, "")},
+    "oar": {"4711": (True, "FIFO scheduling OK"), "4712": (False, "")},
+    "pbs": {"101": (True, ""), "102": (False, "")},
+}
+
+
+@pytest.mark.parametrize("kind", ANSWERS)
+def test_what_the_batch_systems_say(kind):
+    """Jobs that have ended are left out; nothing at all is an empty queue."""
+    read = _QUEUES[kind][1]
+    assert {number(job): (entry.waits, entry.reason) for job, entry in read(ANSWERS[kind]).items()} == MEANT[kind]
+    assert read("") == {}
