@@ -36,7 +36,7 @@ class Jobs:
 
     def _correct_state(self):
         """Submit what is missing."""
-        for name in self.worker_spec.keys() - self.workers.keys():
+        for name in [name for name in self.worker_spec if name not in self.workers]:
             self.workers[name] = job = SimpleNamespace(job_id=None, status=Status.running)
             if self.refuses:
                 raise RuntimeError(self.refuses)
