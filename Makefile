@@ -117,7 +117,7 @@ lock: $(TOOLS)/uv ## lock the newest versions of all packages: those that a clus
 
 release: $(TOOLS)/uv ## VERSION=1.2.3: set it, write the notes, build wheel, source distribution and list of packages into dist/
 	test -n "$(VERSION)"
-	$(TOOLS)/uv version --quiet --frozen --no-sync "$(VERSION)"
+	$(TOOLS)/uv version --quiet --frozen "$(VERSION)"
 	$(TOOLS)/towncrier build --yes --version "$(VERSION)"
 	rm -rf dist
 	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(TOOLS)/uv build --quiet --out-dir dist
