@@ -105,7 +105,7 @@ def test_notes_of_changes():
         kind["directory"] for kind in tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["towncrier"]["type"]
     }
     notes = [path.name for path in (ROOT / "changelog").iterdir() if path.name != "README.md"]
-    assert [name for name in notes if not re.fullmatch(rf"[a-z0-9-]+\.({'|'.join(kinds)})\.md", name)] == []
+    assert [name for name in notes if not re.fullmatch(rf"\+[a-z0-9-]+\.({'|'.join(kinds)})\.md", name)] == []
 
 
 def test_make_targets():
