@@ -21,6 +21,7 @@ from campaign.coordinator.lease import (
     take_lease,
     this_process,
 )
+from campaign.processes import started
 from campaign.store import open_store
 from campaign.store.layout import LEASE
 from tests.until import until
@@ -28,6 +29,7 @@ from tests.until import until
 HELD = """
 import sys, time
 from campaign.coordinator.lease import hold_lease
+from campaign.processes import started
 from campaign.store import open_store
 with hold_lease(open_store(sys.argv[1]), "demo"):
     print("held", flush=True)
@@ -84,7 +86,7 @@ def test_killed_holder_is_known_at_once(store, other):
     with pytest.raises(LeaseHeld):
         take_lease(store, "demo")
     other.kill()
-    until(lambda: leases._started(other.pid) is None, "the holder still runs")
+    until(lambda: started(other.pid) is None, "the holder still runs")
     assert not is_coordinated(store, "demo")
     slept = []
     take_lease(store, "demo", pause=slept.append)
