@@ -17,7 +17,7 @@ def cores() -> int:
 
 @cache
 def process_space() -> str:
-    """Return an identifier that that processes share exactly if they are in one PID namespace of one boot."""
+    """Return an identifier that processes share exactly if they are in one PID namespace of one boot."""
     try:
         boot = (PROC / "sys/kernel/random/boot_id").read_text().strip()
         return f"{boot} {(PROC / 'self/ns/pid').stat().st_ino}"

@@ -28,11 +28,10 @@ logger = logging.getLogger(__name__)
 CHECK_INTERVAL = 10.0  # s; the commands of a busy batch system take seconds, and its admins count them
 VISIBLE_WITHIN = 30.0  # s after its submission a job has been in the queue, whatever the batch system caches
 ANSWER_WITHIN = 60.0  # s
-MOST_IN_VAIN = 5  # jobs in a row that end before a worker of theirs has joined
+MOST_IN_VAIN = 5  # times in a row that jobs end before a worker of theirs has joined
 LONGEST_PAUSE = 300.0  # s before a job is submitted after some that ended in vain
 PENDING_AFTER = 60.0  # s after which it is said why a job waits
 LAST_LINES = 5  # of the log of a job
-
 
 # the words of SLURM, OAR and PBS
 _WAITING = ("PENDING", "CONFIGURING", "REQUEUED", "WAITING", "HOLD", "TOLAUNCH", "Q", "H", "W")
@@ -48,17 +47,7 @@ class QueuedJob:
     @property
     def waits(self) -> bool:
         """Whether the job has not begun."""
-        return self.state.upper() in (
-            "PENDING",
-            "CONFIGURING",
-            "REQUEUED",
-            "WAITING",
-            "HOLD",
-            "TOLAUNCH",
-            "Q",
-            "H",
-            "W",
-        )
+        return self.state.upper() in _WAITING
 
 
 def _slurm(answer: str) -> dict[str, QueuedJob]:
@@ -129,6 +118,11 @@ def last_lines(kind: str, job: str) -> str:
     return "; ".join([ending, *log[-LAST_LINES:]])
 
 
+def _jobs(ids: list[str]) -> str:
+    """Return jobs in words."""
+    return f"job {ids[0]}" if len(ids) == 1 else f"jobs {', '.join(ids)}"
+
+
 class JobReplacement:
     """Keep as many jobs of a `dask_jobqueue` cluster queued or running as it was scaled to.
 
@@ -168,8 +162,8 @@ class JobReplacement:
             gone = {name for name, job in present.items() if number(job) not in queued}
             self._queued |= present.keys() - gone
             missing += [name for name in gone if name in self._queued or now - self._since[name] > VISIBLE_WITHIN]
-        for name in missing:
-            self._count(name, now)
+        if missing:
+            self._count(missing, now)
         if self.failure is None and self._ended and now >= self._not_before:
             self._submit()
             self._known(now)
@@ -194,24 +188,31 @@ class JobReplacement:
         self._joined -= workers
         return bool(workers)
 
-    def _count(self, name: str, now: float) -> None:
-        """Forget a job that has ended, and how many have now ended in vain."""
-        job = self._ids.pop(name)
-        forgotten = self._jobs.workers.pop(name, None)
-        if forgotten is not None:
-            forgotten.status = Status.closed  # what dask's cluster expects of its jobs when it is closed
-        if self._has_joined(name):
+    def _count(self, names: list[str], now: float) -> None:
+        """Forget the jobs that have ended, and count how often in a row none of them has had a worker.
+
+        Times, not jobs, are counted: all jobs that wait may be cancelled at once, and that is no reason to give up.
+        """
+        ended = {name: self._ids.pop(name) for name in names}
+        for name in names:
+            if forgotten := self._jobs.workers.pop(name, None):
+                forgotten.status = Status.closed  # what dask's cluster expects of its jobs when it is closed
+        worked = [job for name, job in ended.items() if self._has_joined(name)]
+        in_vain = [job for job in ended.values() if job not in worked]
+        if worked:
             self._in_vain = 0
-            logger.warning("job %s has ended; another one takes its place", job)
+            logger.warning("%s ended, and will be replaced", _jobs(worked))
+        if not in_vain:
             return
-        self._in_vain += 1
-        said = last_lines(self._kind, job)
-        logger.warning("job %s ended before a worker of it had joined%s", job, f" ({said})" if said else "")
-        self._not_before = now + min(CHECK_INTERVAL * 2.0 ** (self._in_vain - 1), LONGEST_PAUSE)
+        self._in_vain += not worked
+        said = last_lines(self._kind, in_vain[-1])
+        why = f" (the last one: {said})" if said else ""
+        logger.warning("%s ended before a worker had joined%s", _jobs(in_vain), why)
+        self._not_before = now + min(CHECK_INTERVAL * 2.0 ** max(self._in_vain - 1, 0), LONGEST_PAUSE)
         if self._in_vain >= MOST_IN_VAIN:
             self.failure = UnreachableError(
-                f"--cluster {self._kind}: {self._in_vain} jobs in a row ended before a worker of theirs had joined; the"
-                f" last one was {job}{f' ({said})' if said else ''}; see the logs of these jobs"
+                f"--cluster {self._kind}: {MOST_IN_VAIN} times in a row jobs ended before a worker had joined, at last"
+                f" {_jobs(in_vain)}{why}; see the logs of these jobs"
             )
 
     def _submit(self) -> None:

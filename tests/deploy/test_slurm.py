@@ -124,6 +124,6 @@ def test_jobs_that_end_are_replaced(run, tmp_path):
         said = told.result()
     assert len(seen) > 2
     assert f'"batches": {list(range(len(plan.batches)))}' in said
-    assert "another one takes its place" in said
+    assert "ended, and will be replaced" in said
     assert rows(store, plan).equals(computed_here(tmp_path))
     until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)

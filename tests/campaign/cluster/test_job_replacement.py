@@ -2,6 +2,7 @@
 
 import json
 import logging
+import threading
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -15,8 +16,10 @@ from campaign.cluster.job_replacement import (
     VISIBLE_WITHIN,
     JobReplacement,
     QueuedJob,
+    jobs_replaced,
     number,
 )
+from campaign.errors import UnreachableError
 
 RUNNING = QueuedJob("RUNNING")
 
@@ -143,8 +146,38 @@ def test_jobs_that_end_in_vain_are_given_up(clock, caplog):
     assert jobs.submitted == MOST_IN_VAIN
     pauses = [b - a for a, b in pairwise(times)]
     assert pauses == sorted(pauses)
-    assert f"{MOST_IN_VAIN} jobs in a row" in str(kept.failure)
-    assert caplog.text.count("ended before a worker of it had joined") == MOST_IN_VAIN
+    assert f"{MOST_IN_VAIN} times in a row" in str(kept.failure)
+    assert caplog.text.count("ended before a worker had joined") == MOST_IN_VAIN
+
+
+def test_many_jobs_that_are_cancelled_at_once_are_submitted_again(clock):
+    """As by an admin, before they began: that happened once, not as often as there were jobs."""
+    jobs = Jobs(2 * MOST_IN_VAIN)
+    kept = replacement(jobs, clock)
+    kept.check()
+    jobs.queue.clear()
+    kept.check()
+    clock.now += 1000
+    kept.check()
+    assert (len(jobs.queue), kept.failure) == (2 * MOST_IN_VAIN, None)
+
+
+def test_the_cluster_is_closed_when_jobs_are_given_up(monkeypatch):
+    """So that nobody waits for workers; the block ends with the reason, whatever it raises itself."""
+    jobs, failure, closed, plugins, joined = Jobs(1), UnreachableError("no more"), threading.Event(), [], []
+    jobs.scheduler, jobs.close = SimpleNamespace(add_plugin=plugins.append), closed.set
+    monkeypatch.setattr(JobReplacement, "check", lambda self: setattr(self, "failure", failure))
+    monkeypatch.setattr(JobReplacement, "worker_joined", lambda _, name: joined.append(name))
+
+    def compute():
+        with jobs_replaced(jobs, "slurm", interval=0.001):
+            plugins[0].add_worker(SimpleNamespace(workers={"tls://x": SimpleNamespace(name="a-0")}), "tls://x")
+            assert closed.wait(600)
+            raise OSError("the connection is lost")
+
+    with pytest.raises(UnreachableError, match="no more"):
+        compute()
+    assert joined == ["a-0"]
 
 
 def test_one_that_works_ends_the_count(clock):
