@@ -32,7 +32,7 @@ _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1
 def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Sequence[str] = ()) -> str:
     """Return the text of a mechanism file; `file` is the path of the CAD file relative to it.
 
-    `unloaded` is the result of `engine.cad_import.proposed_mechanism.unloaded_directions` for the text without it.
+    `unloaded` is the result of `unloaded_directions` for the text without it.
     """
     assembly = found.assembly
     lines = [

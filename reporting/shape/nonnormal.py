@@ -8,8 +8,7 @@
 - Empirical percentiles (Cnpk): quantiles of the values themselves, at the ranks ``p (n + 1)`` (R's type 6).
 
 Intervals of the fitted methods cover all families that the values do not rule out
-(`reporting.shape.supported_indices`). Those of the empirical method follow from exact intervals of the percentiles
-(`reporting.shape.nonnormal`).
+(`reporting.shape.supported_indices`). Those of the empirical method follow from exact intervals of the percentiles.
 """
 
 import math

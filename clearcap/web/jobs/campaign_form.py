@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Distribution, Variable
 from campaign.plan import dump_spec
-from campaign.spec.campaign_file import CampaignSpec, Response, Stop
+from campaign.spec.campaign_file import Response, Stop
 from campaign.spec.named_files import GivenFiles
 from campaign.spec.write import campaign_text
 from campaign.store import Store, open_store
@@ -202,8 +202,3 @@ def _mechanism(store: Store, source: CampaignSource, tables: Tables) -> Tables |
         "benches": {key: bench.title for key, bench in benches.items()},
         "presets": {key: preset.title for key, preset in presets.items()},
     }
-
-
-def top_descriptions() -> dict[str, str]:
-    """Return the description of each top-level key of a campaign file."""
-    return {key: field.description or "" for key, field in CampaignSpec.model_fields.items()}
