@@ -20,12 +20,12 @@ from benchmarks.made_up_campaigns import made_up_campaign
 from campaign.plan import Plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
-from clearcap.web.answers.exported_rows import RowSelection, export_rows
+from clearcap.questions.exported_rows import RowSelection, export_rows
+from clearcap.questions.mechanisms import MechanismSource, simulate_once
 from clearcap.web.answers.job_pool import JobPool
 from clearcap.web.answers.job_process import job_environment
 from clearcap.web.answers.queries import AskedRows, advice_answer, histogram_answer, what_if_answer
 from clearcap.web.answers.query_service import QueryService, rows_version
-from clearcap.web.jobs.mechanisms import MechanismSource, simulate_once
 from engine import warm_up
 from engine.platform.private_folder import private_folder
 

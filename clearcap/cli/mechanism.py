@@ -50,7 +50,7 @@ def show(
 ) -> None:
     """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
     from campaign.errors import SpecError
-    from clearcap.questions.mechanism_summary import mechanism_summary
+    from clearcap.questions.mechanisms import mechanism_summary
     from engine.mechanism import settable_keys
 
     if pattern and not keys:
@@ -96,7 +96,7 @@ def show(
 @mechanism_app.command()
 def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
-    from clearcap.questions.mechanism_summary import converted_surfaces, geometry_lines, mechanism_warnings
+    from clearcap.questions.mechanisms import converted_surfaces, geometry_lines, mechanism_warnings
     from engine.cad_import.proposed_text import questions_of_file
     from engine.preflight.start_gaps import with_start_gaps
 

@@ -126,20 +126,17 @@ def advise(
     Exit status 1 if a variable has no answer, or there is no set that reaches the targets; a message then says which
     and why. The other answers are printed all the same.
     """
-    from dataclasses import asdict
-
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
     from clearcap.questions.cost_file import read_costs
-    from clearcap.questions.tolerances import advice_document, advice_of, cheapest_tolerances
+    from clearcap.questions.tolerances import advice_document, advice_of, allocation_document, cheapest_tolerances
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
-    document = {"campaign": plan.campaign_id, "store": opened.url}
     if cost is None:
         advised = advice_of(opened, plan)
         if json:
-            print_json({**document, **advice_document(advised)})
+            print_json(advice_document(plan, opened.url, advised))
         else:
             _print_advice(advised)
         if advised.note:
@@ -149,7 +146,7 @@ def advise(
         return
     proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
     if json:
-        print_json({**document, "allocation": asdict(proposal)})
+        print_json(allocation_document(plan, opened.url, proposal))
     else:
         _print_allocation(proposal)
     if proposal.refusal:

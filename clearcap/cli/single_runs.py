@@ -107,8 +107,9 @@ def _check_every(every: int | None, files: RunFiles) -> None:
 def _print_run(run: "Run", files: dict[str, str], json: bool) -> None:
     """Print the results of the run and the written files."""
     if json:
-        results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
-        print_json({**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
+        from clearcap.questions.mechanisms import run_document
+
+        print_json({**run_document(run), "files": files})
         return
     print_text(f"{run.status}{': ' if run.message else ''}{run.message}")
     if run.status != "ok" and run.measured:
@@ -157,21 +158,20 @@ def replay(
     """Repeat one run of a campaign in this process, and compare it with its stored row, bit for bit."""
     from campaign.row_build import differences
     from campaign.store import open_store
-    from clearcap.questions.replayed import check_sample, replay_sample
+    from clearcap.questions.samples import plan_with, replay_sample
 
     opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
-    check_sample(plan, sample)
+    plan = plan_with(opened, opened.find(campaign), sample)
     files = RunFiles(trajectory, plot, animation)
     files.check()
     if different := differences(plan.row_build):
         say(f"the campaign was computed with another build of clearcap, so numbers may differ: {different}")
     with files.recording() as motion:
-        replayed = replay_sample(opened, plan, sample, motion, halved=halved)
+        replayed = replay_sample(opened, plan.campaign_id, sample, motion, halved=halved)
     if json:
-        print_json(replayed.document())
+        print_json(replayed.model_dump())
     else:
-        _print_replayed(plan, replayed.again.row, replayed.again.same, "repeat" if halved else "row")
+        _print_replayed(plan, replayed.row, replayed.same, "repeat" if halved else "row")
     if replayed.is_broken:
         raise typer.Exit(1)
 
@@ -209,7 +209,7 @@ def polarisation(
     from campaign.spec.load import load_campaign
     from clearcap.cli.output_files import PLOTS, check_output, replacing
     from clearcap.pictures.polarisation import plot_polarisation
-    from clearcap.questions.journal_positions import campaign_journal_positions
+    from clearcap.questions.mechanisms import campaign_journal_positions
 
     check_output("polarisation", picture, PLOTS)
     loaded = load_campaign(campaign, samples=samples)

@@ -23,7 +23,8 @@ from campaign.plan import Plan
 from campaign.resolution import resolution
 from campaign.row_build import differences
 from campaign.spec.campaign_file import CampaignSpec, Response
-from campaign.store import Store
+from campaign.store import Store, open_store
+from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import STATE, STOPPED, SUBMISSION
 from campaign.store.naming import store_option
 from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
@@ -31,7 +32,7 @@ from campaign.store.store import report_folder
 from campaign.version import clearcap_version
 from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.questions.fixed_assumptions import fixed_assumptions
-from clearcap.questions.mechanism_summary import geometry_provenance
+from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.spreads import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
@@ -74,6 +75,14 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
+
+
+def written_report(
+    store: str, campaign: str, against: str | None = None, kinds: Collection[str] = USUAL
+) -> dict[str, str]:
+    """Write a report as `report` does, as a job, which gets the address of the store."""
+    opened = open_store(store, QUICK)
+    return report(opened, opened.plan(campaign), kinds=kinds, against=against)
 
 
 def analysis(store: Store, plan: Plan) -> Analysis:

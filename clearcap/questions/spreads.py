@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from campaign.inputs.distributions import Continuous, Distribution
 from campaign.spec.campaign_file import CampaignSpec
-from clearcap.questions.changed_distributions import change_distributions
+from clearcap.questions.whatif import change_distributions
 from engine import MechanismError, check
 from engine.arrays import Array
 from engine.mechanism import Mechanism

@@ -13,9 +13,9 @@ from campaign.inputs.distributions import Distribution
 from campaign.plan import Plan
 from campaign.samples import Limits, SampleColumns, independent_samples, limits_of, lots_of
 from campaign.store import Store
-from clearcap.questions.changed_distributions import check_drawn
 from clearcap.questions.cost_file import Cost, Costs
 from clearcap.questions.spreads import Spreads
+from clearcap.questions.whatif import check_drawn
 from engine.arrays import Array
 from reporting import ReportError, capability
 from reporting.capability.verdict import CAPABLE
@@ -111,9 +111,11 @@ def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp])
     return {name: samples[name][rows] for name in plan.spec.variables}
 
 
-def advice_document(advised: ToleranceAdvice) -> dict[str, Any]:
+def advice_document(plan: Plan, store_url: str, advised: ToleranceAdvice) -> dict[str, Any]:
     """Return the advice as data, as ``clearcap advise --json`` and the web service write it."""
     return {
+        "campaign": plan.campaign_id,
+        "store": store_url,
         "advice": [asdict(each) for each in advised.growth],
         "kept": advised.kept,
         "below": {each.response: [asdict(a) for a in each.alone] for each in advised.shortfalls},
@@ -121,6 +123,11 @@ def advice_document(advised: ToleranceAdvice) -> dict[str, Any]:
         "remedies": {each.response: each.text for each in advised.shortfalls},
         "note": advised.note,
     }
+
+
+def allocation_document(plan: Plan, store_url: str, proposal: Allocation) -> dict[str, Any]:
+    """Return the cheapest tolerances as ``clearcap advise --cost FILE --json`` and the web service write them."""
+    return {"campaign": plan.campaign_id, "store": store_url, "allocation": asdict(proposal)}
 
 
 def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[str, dict[str, float]]:

@@ -19,6 +19,7 @@ from campaign.safe_path import python_environment
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker
+from clearcap.questions.mechanisms import engine_is_compiled, warm_up_try_out
 from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.company_login import CompanyLogin
 from clearcap.web.access.credentials import Sessions, Tokens
@@ -31,7 +32,6 @@ from clearcap.web.answers.job_limits import JobLimits
 from clearcap.web.answers.job_pool import JobPool
 from clearcap.web.answers.query_service import QueryService
 from clearcap.web.answers.response_cache import ResponseCache, SingleFlight
-from clearcap.web.jobs.mechanisms import engine_is_compiled, warm_up_try_out
 from clearcap.web.settings import Settings
 from clearcap.web.signing_service import SigningService
 from clearcap.web.watch.counted_status import CountedStatuses

@@ -13,8 +13,8 @@ from campaign import compiling
 from campaign.compiling import announced_compilation, compile_engine
 from campaign.spec import load
 from campaign.spec.load import load_campaign
-from clearcap.questions import mechanism_summary
-from clearcap.questions.mechanism_summary import mechanism_warnings
+from clearcap.questions import mechanisms
+from clearcap.questions.mechanisms import mechanism_warnings
 from engine import load_mechanism, missing_kernels, warm_up
 from engine.jit import CACHE_FOLDER
 from tests.campaign.commands import ROOT
@@ -104,7 +104,7 @@ def compiled(monkeypatch):
     happened = []
     monkeypatch.setattr(compiling, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
     monkeypatch.setattr(compiling, "warm_up", lambda: happened.append("compiled"))
-    for module in (load, mechanism_summary):
+    for module in (load, mechanisms):
         monkeypatch.setattr(module, "check", lambda *_: happened.append("checked"))
     return happened
 

@@ -82,7 +82,7 @@ def hostile(faked, folder_of_hostile, tmp_path, monkeypatch):
     monkeypatch.setattr("clearcap.questions.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
     monkeypatch.setattr("clearcap.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
     monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
-    monkeypatch.setattr("clearcap.questions.journal_positions.campaign_journal_positions", lambda *_: [])
+    monkeypatch.setattr("clearcap.questions.mechanisms.campaign_journal_positions", lambda *_: [])
     made, campaign_id = folder_of_hostile
 
     def fresh():

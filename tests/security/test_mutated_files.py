@@ -35,7 +35,7 @@ from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
 from clearcap.cli.overview import _entry
 from clearcap.questions.cost_file import read_costs
-from clearcap.questions.variable_settings import changed_variables
+from clearcap.questions.whatif import changed_variables
 from engine import EngineError, load_mechanism, simulate, warm_up
 from engine.cad.archive import packed
 from engine.cad.occt.shape_distances import measure_distances

@@ -10,11 +10,18 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from campaign.store.mechanism_library import read_mechanism, save_mechanism, saved_mechanisms
+from clearcap.questions.mechanisms import (
+    MechanismSource,
+    animate_once,
+    check_text,
+    describe,
+    draw_mechanism,
+    simulate_once,
+)
 from clearcap.web.api.calls import calls
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.problems import Refusal, described
 from clearcap.web.http.responses import TAGGED, tagged
-from clearcap.web.jobs.mechanisms import MechanismSource, animate_once, check_text, describe, draw, simulate_once
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
@@ -106,7 +113,7 @@ async def mechanism_picture(
 ) -> Response:
     """Draw a mechanism at its start, with what its responses measure."""
     source = await source_of(service, name, bench=bench)
-    return tagged(request, await service.kept(who.name, draw, source), "image/svg+xml")
+    return tagged(request, await service.kept(who.name, draw_mechanism, source), "image/svg+xml")
 
 
 @mechanisms_router.put("/mechanisms/{name}", responses=described(409))

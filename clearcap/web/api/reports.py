@@ -10,11 +10,11 @@ from starlette.responses import Response
 
 from campaign.store.files.files import TEMPORARY
 from campaign.store.store import comparisons, report_folder
+from clearcap.questions.report import written_report
 from clearcap.web.api.calls import PATTERN, TheCampaign, calls, the_campaign
 from clearcap.web.http.authentication import Asking, Engineer, TheService
 from clearcap.web.http.problems import Refusal, described
 from clearcap.web.http.responses import TAGGED, tagged
-from clearcap.web.jobs.written_reports import written_report
 from clearcap.web.web_service import Service
 
 router = calls("reports")

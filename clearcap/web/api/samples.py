@@ -8,18 +8,22 @@ from pydantic import BaseModel, Field
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.responses import Response, StreamingResponse
 
-from campaign.json_values import json_values
-from campaign.plan import Plan
-from campaign.store import Store
-from campaign.worker.row import stored_row
-from clearcap.questions.replayed import check_sample
+from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
+from clearcap.questions.samples import (
+    ReplayedSample,
+    SamplePage,
+    StoredSample,
+    draw_sample,
+    plan_with,
+    replay_document,
+    sample_motion,
+    stored_sample,
+)
 from clearcap.web.access import Principal
-from clearcap.web.answers.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
 from clearcap.web.api.calls import TheCampaign, calls
 from clearcap.web.http.authentication import Asking, TheService, Viewer
 from clearcap.web.http.problems import Refusal, described
 from clearcap.web.http.responses import TAGGED, tagged
-from clearcap.web.jobs.samples import draw_sample, replay_document, sample_motion
 from clearcap.web.web_service import Service
 
 MOST_COLUMNS = 1000
@@ -98,27 +102,6 @@ def _sent(service: Service, who: Principal, pieces: Iterator[bytes]) -> AsyncIte
     return sent()
 
 
-class ListedSample(BaseModel):
-    """A sample in a list."""
-
-    sample: int
-    status: str = Field(examples=["ok"])
-    message: str
-    responses: dict[str, float | None] = Field(description="Null where the run has no value")
-    margin: float | None = Field(
-        description="Smallest distance of a response from its limit, in its standard deviations"
-    )
-    nearest: str | None = Field(description="The response whose limit is nearest")
-
-
-class SamplePage(BaseModel):
-    """Some samples of a campaign."""
-
-    samples: list[ListedSample]
-    total: int = Field(description="Samples with this status", examples=[12])
-    next: int | None = Field(description="Cursor of the next page; null on the last one")
-
-
 class SampleQuestion(BaseModel):
     """The filter, order and page of a list of samples."""
 
@@ -126,30 +109,6 @@ class SampleQuestion(BaseModel):
     status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one failed status", examples=["ok"])
     cursor: int = Field(0, ge=0, le=10**9, description="From the page before")
     limit: int = Field(ON_A_PAGE, ge=1, le=MOST_ON_A_PAGE)
-
-
-class StoredSample(BaseModel):
-    """A sample as stored."""
-
-    campaign: str
-    sample: int
-    status: str = Field(examples=["ok"])
-    message: str
-    variables: dict[str, float]
-    responses: dict[str, float | None] = Field(description="Null where the run has no value")
-    units: dict[str, str] = Field(description="Of variables, responses and the certificate")
-    certificate: dict[str, Any] = Field(description="The certificate of the run")
-
-
-class ReplayedSample(BaseModel):
-    """A sample that was computed again."""
-
-    campaign: str
-    sample: int
-    row: dict[str, Any] = Field(description="What was computed now")
-    stored: dict[str, Any] | None = Field(description="What the store has; null if it has no row of this sample")
-    same: bool | None = Field(description="Whether both agree, bit for bit; null if the store has no row")
-    differences: str = Field(description="How this program differs from the one that computed the campaign")
 
 
 @router.get("/campaigns/{campaign}/samples", responses=described(*TAGGED, 404, 409), response_model=SamplePage)
@@ -168,32 +127,17 @@ async def list_samples(
 @router.get("/campaigns/{campaign}/samples/{sample}", responses=described(404))
 def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> StoredSample:
     """Show a sample: its variables, its responses, and its certificate."""
-    store = service.store
-    plan = _plan_with(store, campaign, sample)
-    row = stored_row(store, plan, sample)
-    if row is None:
+    found = stored_sample(service.store, campaign, sample)
+    if found is None:
         raise Refusal(404, f"sample {sample} of {campaign}: not computed yet, or its part is broken")
-    row = json_values(row)
-    fields = {field.name: field for field in plan.schema}
-    units = {name: (field.metadata or {}).get(b"unit", b"").decode() for name, field in fields.items()}
-    told = {"sample", "status", "message", *plan.spec.variables, *plan.mechanism.responses}
-    return StoredSample(
-        campaign=campaign,
-        sample=sample,
-        status=row["status"],
-        message=row["message"],
-        variables={name: row[name] for name in plan.spec.variables},
-        responses={name: row[name] for name in plan.mechanism.responses},
-        units={name: unit for name, unit in units.items() if unit not in ("", "1")},
-        certificate={name: row[name] for name in plan.schema.names if name not in told},
-    )
+    return found
 
 
 @router.post("/campaigns/{campaign}/samples/{sample}/replay", responses=described(404, 409))
 async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> ReplayedSample:
     """Compute a sample again and compare it bit for bit with its row; return the document of `clearcap replay`."""
     store = service.store
-    await run_in_threadpool(_plan_with, store, campaign, sample)
+    await run_in_threadpool(plan_with, store, campaign, sample)
     content = await service.pool.data(who.name, replay_document, store.files.full_url, campaign, sample)
     return ReplayedSample.model_validate(content)
 
@@ -206,7 +150,7 @@ async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again and draw its curves over time."""
     store = service.store
-    await run_in_threadpool(_plan_with, store, campaign, sample)
+    await run_in_threadpool(plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "svg")
     return tagged(request, content, "image/svg+xml")
 
@@ -219,7 +163,7 @@ async def plot(request: Request, service: TheService, campaign: TheCampaign, who
 async def motion(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again and draw its motion."""
     store = service.store
-    await run_in_threadpool(_plan_with, store, campaign, sample)
+    await run_in_threadpool(plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
     return tagged(request, content, "image/gif")
 
@@ -239,12 +183,5 @@ async def motion_data(
 async def motion_of(service: Service, campaign: str, who: Principal, sample: int) -> bytes:
     """Return the motion of a sample, a `clearcap.pictures.moving_drawing.MovingDrawing`, as JSON."""
     store = service.store
-    await run_in_threadpool(_plan_with, store, campaign, sample)
+    await run_in_threadpool(plan_with, store, campaign, sample)
     return await service.kept(who.name, sample_motion, store.files.full_url, campaign, sample)  # type: ignore[arg-type]
-
-
-def _plan_with(store: Store, campaign: str, sample: int) -> Plan:
-    """Return the plan of a campaign; raise SpecError if it does not have the sample."""
-    plan = store.plan(campaign)
-    check_sample(plan, sample)
-    return plan

@@ -16,14 +16,20 @@ from starlette.responses import Response
 from campaign.coordinator.state import STATES
 from campaign.spec.named_files import MOST_FILES
 from campaign.store.labels import LabelChange
+from clearcap.questions.submissions import (
+    CampaignSource,
+    CheckedCampaign,
+    SubmittedCampaign,
+    check_campaign_text,
+    extend_campaign,
+    submit_text,
+)
 from clearcap.web.access import Principal
 from clearcap.web.access.request_keys import RequestKeys
 from clearcap.web.api.calls import PREFIX, TheCampaign, calls
 from clearcap.web.http.authentication import CSRF_FIELD, FORMS, Engineer, TheService
 from clearcap.web.http.problems import Refusal, described
-from clearcap.web.jobs.campaigns import CampaignSource, check_campaign_text, extend_campaign, submit_text
 from clearcap.web.web_service import Service
-from reporting import format_numbers
 
 LONGEST_TEXT = 2**20  # characters
 MOST_FIELDS = 60
@@ -40,7 +46,6 @@ lower = 0.01
 upper = 0.13
 """
 router = calls("campaigns")
-REPEATED_TIMES = 2.0  # duration of a repeat, which has half the step, relative to that of its run
 UNFINISHED = ("queued", "running", "interrupted")
 
 
@@ -174,42 +179,6 @@ PostedCampaign = Annotated[CampaignRequest, Depends(posted_campaign)]
 assert set(UNFINISHED) <= set(STATES)
 
 
-class RunCost(BaseModel):
-    """The cost of a campaign."""
-
-    runs: int = Field(description="Samples, and those of them that are repeated with half the step", examples=[515])
-    seconds_per_run: float | None = Field(description="Of one worker; null if it is not known", examples=[0.03])
-    workers: int | None = Field(description="Those of this server; null if others compute", examples=[2])
-    seconds: float | None = Field(description="All runs on these workers, or on one", examples=[8.0])
-    text: str = Field(description="The same in words", examples=["515 runs, about 8 s on 2 workers"])
-
-
-class CheckedCampaign(BaseModel):
-    """A campaign without faults."""
-
-    campaign: str = Field(description="The id that it would have", examples=["demo-0a1b2c3d4e"])
-    exists: bool = Field(description="The store has it already")
-    name: str
-    title: str
-    mechanism: str
-    samples: int
-    variables: list[str]
-    responses: list[str]
-    cautions: list[str] = Field(description="What looks wrong, but can be computed")
-    cost: RunCost
-
-
-class SubmittedCampaign(BaseModel):
-    """A campaign that is in the store."""
-
-    campaign: str = Field(description="Its id", examples=["demo-0a1b2c3d4e"])
-    is_new: bool = Field(description="It was not in the store before")
-    owner: str = Field(description="Whose it is", examples=["eva"])
-    samples: int
-    cost: RunCost
-    note: str = ""
-
-
 _MADE: dict[int | str, dict[str, Any]] = {
     200: {"model": SubmittedCampaign, "description": "The store already had it"},
     201: {"headers": {"Location": {"schema": {"type": "string"}, "description": "The campaign"}}},
@@ -219,15 +188,8 @@ _MADE: dict[int | str, dict[str, Any]] = {
 @router.post("/checks/campaign", openapi_extra=POSTED, responses=described(409, 415))
 async def check_campaign(service: TheService, who: Engineer, wanted: PostedCampaign) -> CheckedCampaign:
     """Check the text of a campaign; return its cautions and cost, or its faults with key and line as a problem."""
-    return await checked(service, who, wanted)
-
-
-async def checked(
-    service: Service, who: Principal, wanted: CampaignRequest, *, tries_runs: bool = False
-) -> CheckedCampaign:
-    """Check a campaign; with `tries_runs`, simulate some runs to estimate its cost."""
-    found = await service.pool.data(who.name, check_campaign_text, source_of_request(service, wanted), tries_runs)
-    return CheckedCampaign(**found, cost=cost_of(service, found))
+    found = await service.pool.data(who.name, check_campaign_text, source_of_request(service, wanted))
+    return CheckedCampaign.model_validate(found)
 
 
 @router.post(
@@ -296,8 +258,10 @@ async def extend(service: TheService, campaign: TheCampaign, who: Engineer, want
 
 async def extended(service: Service, campaign: str, who: Principal, samples: int) -> SubmittedCampaign:
     """Submit a campaign with more samples; raise the errors of `submitted`."""
-    address, most = service.store.files.full_url, service.settings.limits.samples
-    return await _made(service, who, extend_campaign, address, campaign, samples, most, who.name)
+    settings, address = service.settings, service.store.files.full_url
+    return await _made(
+        service, who, extend_campaign, address, campaign, samples, settings.limits.samples, who.name, settings.workers
+    )
 
 
 async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> SubmittedCampaign:
@@ -310,10 +274,7 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
     finally:
         service.submitting[who.name] -= 1
     await service.watcher.list_campaigns(made["campaign"])
-    note = "" if made["is_new"] else f"the store already had it; its owner is {made['owner'] or 'nobody'}"
-    if made["is_new"] and made["reuse"] and job is extend_campaign:
-        note = f"all rows are computed again: {made['reuse']}"
-    return SubmittedCampaign(**{**made, "cost": cost_of(service, made), "note": note})
+    return SubmittedCampaign.model_validate(made)
 
 
 async def _check_unfinished(service: Service, who: Principal) -> None:
@@ -333,22 +294,9 @@ async def _check_unfinished(service: Service, who: Principal) -> None:
 
 def source_of_request(service: Service, wanted: CampaignRequest) -> CampaignSource:
     """Return the source of a posted campaign for a job."""
-    address, most = service.store.files.full_url, service.settings.limits.samples
-    return CampaignSource(address, wanted.text, wanted.files, wanted.samples, wanted.seed, most)
-
-
-def cost_of(service: Service, size: dict[str, Any]) -> RunCost:
-    """Return the cost of a campaign from the size that a job returned."""
-    samples, share, each = size["samples"], size["repeats"], size["seconds_per_run"]
-    runs, workers = samples + round(samples * share), service.settings.workers
-    words = f"{format_numbers.grouped(runs)} runs"
-    if each is None:
-        seconds, words = None, f"{words}; how long one takes is not known yet"
-    else:
-        seconds = each * samples * (1.0 + REPEATED_TIMES * share) / (workers or 1)
-        where = f"on {workers or 1} worker{'' if workers in (1, None) else 's'}"
-        words = f"{words}, about {format_numbers.duration(seconds)} {where}"
-    return RunCost(runs=runs, seconds_per_run=each, workers=workers, seconds=seconds, text=words)
+    settings, address = service.settings, service.store.files.full_url
+    most, workers = settings.limits.samples, settings.workers
+    return CampaignSource(address, wanted.text, wanted.files, wanted.samples, wanted.seed, most, workers)
 
 
 def _status(made: SubmittedCampaign) -> int:

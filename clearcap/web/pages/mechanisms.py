@@ -13,6 +13,7 @@ from starlette.responses import RedirectResponse, Response
 from campaign.errors import CampaignError
 from campaign.spec.result_columns import certificate_units
 from campaign.store.mechanism_library import SavedMechanism, read_mechanism, saved_mechanisms
+from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once
 from clearcap.web.access import Principal, Role
 from clearcap.web.api.mechanisms import (
     LONGEST_TEXT,
@@ -28,7 +29,6 @@ from clearcap.web.api.mechanisms import (
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.problems import Refusal, refusal_of
 from clearcap.web.http.responses import tagged
-from clearcap.web.jobs.mechanisms import MechanismSource, describe, titles, try_once
 from clearcap.web.pages.rendering import marked_lines, page, unix_lines
 from clearcap.web.web_service import Service
 from engine import EngineError
@@ -171,7 +171,7 @@ def _editor(
 
 
 async def described_mechanism(service: Service, who: Principal, source: MechanismSource) -> dict[str, Any]:
-    """Return the description of a mechanism, see `clearcap.web.jobs.mechanisms.describe`; recent ones are cached."""
+    """Return the description of a mechanism, see `clearcap.questions.mechanisms.describe`; recent ones are cached."""
     content: dict[str, Any] = json.loads(await service.kept(who.name, describe, source))  # type: ignore[arg-type]
     return content
 

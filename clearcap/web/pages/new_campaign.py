@@ -22,10 +22,10 @@ from campaign.store.mechanism_library import saved_mechanisms
 from clearcap.web.access import Principal
 from clearcap.web.api.calls import PATTERN
 from clearcap.web.api.questions import Settings
-from clearcap.web.api.submissions import LONGEST_TEXT, CampaignRequest, cost_of, source_of_request, submitted
+from clearcap.web.api.submissions import LONGEST_TEXT, CampaignRequest, source_of_request, submitted
 from clearcap.web.http.authentication import Engineer, TheService
 from clearcap.web.http.problems import Refusal, refusal_of
-from clearcap.web.jobs.campaign_form import (
+from clearcap.web.pages.campaign_form import (
     LIMITS,
     PARAMETERS,
     STATISTICS,
@@ -96,7 +96,7 @@ class CampaignForm:
     """The fields of a campaign's form, with the faults of each.
 
     The arguments are results of `tables_of`, `clearcap.web.http.problems.faults_of` and
-    `clearcap.web.jobs.campaign_form.composed`.
+    `clearcap.web.pages.campaign_form.composed`.
     """
 
     def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:
@@ -310,7 +310,6 @@ async def _shown(
     refusal = Refusal(status, found["detail"], found["faults"]) if found["detail"] else None
     saved = await run_in_threadpool(saved_mechanisms, service.store)
     values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"]}
-    values["cost"] = cost_of(service, found["checked"]) if found["checked"] else None
     values["lines"] = marked_lines(draft.text, found["faults"])
     # of a draft that is shown as it was sent, form and text count as changed until one is derived from the other
     values["form_was"] = draft.form_was if is_as_sent else digest(_as_sent_again(form))

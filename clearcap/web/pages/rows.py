@@ -11,13 +11,13 @@ from starlette.responses import RedirectResponse, Response
 
 from campaign.errors import CampaignError, StoreError
 from campaign.run_status import FailedStatus
+from clearcap.questions.exported_rows import FORMATS
+from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample
 from clearcap.web.access import Principal
-from clearcap.web.answers.exported_rows import FORMATS
 from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.queries import OK, SORTS, STATUSES
 from clearcap.web.api.calls import PATTERN, PREFIX, TheCampaign, the_campaign
 from clearcap.web.api.reports import report_files, write_comparison
-from clearcap.web.api.samples import ENDINGS, ReplayedSample, Sample, SampleQuestion, motion_of, replay, show_sample
+from clearcap.web.api.samples import ENDINGS, Sample, SampleQuestion, motion_of, replay, show_sample
 from clearcap.web.http.authentication import Asking, Engineer, TheService, Viewer
 from clearcap.web.http.problems import refusal_of
 from clearcap.web.pages.campaigns import frame

@@ -13,7 +13,7 @@ from campaign.coordinator.submit import plan_campaign
 from campaign.plan import Plan, make_plan
 from campaign.spec.load import load_campaign
 from clearcap.cli import app
-from clearcap.questions.mechanism_summary import geometry_provenance
+from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.report import provenance
 from engine import load_mechanism
 from engine.jit import CACHE_FOLDER

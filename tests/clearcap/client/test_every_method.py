@@ -10,7 +10,7 @@ import clearcap
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from clearcap.client.remote_server import RemoteServer
-from clearcap.questions.mechanism_summary import mechanism_summary
+from clearcap.questions.mechanisms import mechanism_summary
 from clearcap.web.access import Role
 from engine import load_mechanism, simulate
 from engine.mechanism import library_names

@@ -7,7 +7,7 @@ from PIL import Image
 from campaign.spec.load import load_campaign
 from clearcap.pictures.play import JournalPositions, journal_positions, merge_runs
 from clearcap.pictures.polarisation import mean_direction, plot_polarisation
-from clearcap.questions.journal_positions import campaign_journal_positions
+from clearcap.questions.mechanisms import campaign_journal_positions
 from engine import Recording, read_trajectory, simulate
 from tests.engine.small import made, shipped
 

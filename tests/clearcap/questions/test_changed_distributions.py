@@ -9,8 +9,7 @@ from scipy import stats
 
 from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import draw
-from clearcap.questions.changed_distributions import change_distributions, samples_worth
-from clearcap.questions.variable_settings import changed_variables
+from clearcap.questions.whatif import change_distributions, changed_variables, samples_worth
 from reporting.tolerance.reweighting import Change, weights
 
 _DISTRIBUTION = TypeAdapter(Variable)

@@ -21,8 +21,7 @@ from clearcap.cli import app
 from clearcap.questions.cost_file import read_costs
 from clearcap.questions.report import report
 from clearcap.questions.tolerances import advice_of, cheapest_tolerances
-from clearcap.questions.variable_settings import changed_variables
-from clearcap.questions.whatif import what_if
+from clearcap.questions.whatif import changed_variables, what_if
 from reporting import capability
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed

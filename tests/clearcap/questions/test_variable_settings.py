@@ -6,7 +6,7 @@ import pytest
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS
-from clearcap.questions.variable_settings import changed_variables
+from clearcap.questions.whatif import changed_variables
 from tests.each import each
 
 STANDS_ALONE = {"poisson": "rate", "geometric": "probability", "empirical": "values"}

@@ -9,8 +9,8 @@ import pytest
 
 from campaign.errors import SpecError
 from campaign.store.rows import ROW_GROUP
-from clearcap.web.answers import exported_rows
-from clearcap.web.answers.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
+from clearcap.questions import exported_rows
+from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
 
 
 def read(kind, content):

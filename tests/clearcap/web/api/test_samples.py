@@ -8,8 +8,8 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
-from clearcap.questions.replayed import replay_sample
-from clearcap.web.answers.exported_rows import FORMATS
+from clearcap.questions.exported_rows import FORMATS
+from clearcap.questions.samples import replay_sample
 from engine import load_mechanism, read_trajectory
 
 pytestmark = pytest.mark.processes
@@ -145,7 +145,7 @@ def test_motion_of_a_sample(get, explored, computing_service, tmp_path):
     assert {body["name"] for body in motion["bodies"]} == set(load_mechanism("c60").bodies)
     assert frames["time"] == sorted(frames["time"])
     store = computing_service[0].store
-    replay_sample(store, store.plan(explored[2]), 3, tmp_path / "motion.h5")
+    replay_sample(store, explored[2], 3, tmp_path / "motion.h5")
     assert frames["time"][-1] == pytest.approx(read_trajectory(tmp_path / "motion.h5").time[-1], rel=1e-5)
     assert all(len(body["places"]) == len(frames["time"]) for body in frames["bodies"])
     assert get("samples/3/motion.json", campaign=explored[2]).headers["etag"] == answer.headers["etag"]

@@ -17,7 +17,7 @@ from OCP.TopAbs import TopAbs_State
 from scipy.spatial.transform import Rotation
 
 from clearcap.cli import main
-from clearcap.questions.mechanism_summary import geometry_lines, geometry_provenance
+from clearcap.questions.mechanisms import geometry_lines, geometry_provenance
 from engine import MechanismError, load_mechanism
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from

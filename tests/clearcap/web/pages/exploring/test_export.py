@@ -8,7 +8,7 @@ from html import unescape
 import pyarrow as pa
 import pytest
 
-from clearcap.web.answers.exported_rows import FORMATS
+from clearcap.questions.exported_rows import FORMATS
 
 pytestmark = pytest.mark.processes
 

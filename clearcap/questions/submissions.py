@@ -1,13 +1,15 @@
-"""Jobs that check a campaign's text, estimate its cost, plan it in the store, or extend a stored campaign.
+"""Check a campaign's text, estimate its cost, plan it in the store, or extend a stored campaign.
 
-Posted content is never used as a path: texts and the files that they name come with the call, and a mechanism saved in
-the store is read by its name.
+The functions are also jobs of a server: they get the address of a store and return plain data. Posted content is never
+used as a path: texts and the files that they name come with the call; a saved mechanism is read by its name.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
+
+from pydantic import BaseModel, Field
 
 from campaign.coordinator.run_time import known_seconds_per_run, seconds_per_run
 from campaign.coordinator.state import state_of, write_state
@@ -26,6 +28,45 @@ from campaign.store.mechanism_library import read_mechanism
 from engine import simulate
 from engine.mechanism import library_names
 from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
+from reporting import format_numbers
+
+REPEATED_TIMES = 2.0  # duration of a repeat, which has half the step, relative to that of its run
+
+
+class RunCost(BaseModel):
+    """The cost of a campaign."""
+
+    runs: int = Field(description="Samples, and those of them that are repeated with half the step", examples=[515])
+    seconds_per_run: float | None = Field(description="Of one worker; null if it is not known", examples=[0.03])
+    workers: int | None = Field(description="Those of this server; null if others compute", examples=[2])
+    seconds: float | None = Field(description="All runs on these workers, or on one", examples=[8.0])
+    text: str = Field(description="The same in words", examples=["515 runs, about 8 s on 2 workers"])
+
+
+class CheckedCampaign(BaseModel):
+    """A campaign without faults."""
+
+    campaign: str = Field(description="The id that it would have", examples=["demo-0a1b2c3d4e"])
+    exists: bool = Field(description="The store has it already")
+    name: str
+    title: str
+    mechanism: str
+    samples: int
+    variables: list[str]
+    responses: list[str]
+    cautions: list[str] = Field(description="What looks wrong, but can be computed")
+    cost: RunCost
+
+
+class SubmittedCampaign(BaseModel):
+    """A campaign that is in the store."""
+
+    campaign: str = Field(description="Its id", examples=["demo-0a1b2c3d4e"])
+    is_new: bool = Field(description="It was not in the store before")
+    owner: str = Field(description="Whose it is", examples=["eva"])
+    samples: int
+    cost: RunCost
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -38,6 +79,7 @@ class CampaignSource:
     samples: int | None = None  # replaces that of the text, as does the seed
     seed: int | None = None
     most_samples: int = 100_000_000  # largest number of samples that is accepted
+    workers: int | None = None  # those of this server; None if others compute
 
     def load(self, store: Store) -> Campaign:
         """Return the checked campaign; raise SpecError with its faults if it is invalid."""
@@ -66,38 +108,37 @@ def check_size(spec: CampaignSpec, most: int) -> None:
 
 
 def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dict[str, Any]:
-    """Check a campaign, and estimate its cost from runs in the store or, with `tries_runs`, from a few runs of its own.
+    """Return the `CheckedCampaign`, with the cost of runs in the store or, with `tries_runs`, of a few of its own.
 
-    Keys: ``campaign`` (the id that it would have), ``exists`` (in the store), ``name``, ``title``, ``mechanism``,
-    ``samples``, ``repeats`` (share of the samples), ``variables`` and ``responses`` (names), ``cautions``, and
-    ``seconds_per_run`` (None if it is not known). Raises SpecError with the faults of the text.
+    Raises SpecError with the faults of the text.
     """
     store = open_store(source.store, QUICK)
     campaign = source.load(store)
     plan, spec = make_plan(campaign), campaign.spec
     seconds = seconds_per_run(plan, simulate) if tries_runs else known_seconds_per_run(store, plan)
-    return {
-        **_size(plan, seconds),
-        "exists": plan.campaign_id in store.campaigns(),
-        "name": spec.name,
-        "title": spec.title or spec.name,
-        "mechanism": spec.mechanism,
-        "variables": list(spec.variables),
-        "responses": list(spec.responses),
-        "cautions": [str(caution) for caution in campaign_cautions(campaign)],
-    }
+    return CheckedCampaign(
+        campaign=plan.campaign_id,
+        exists=plan.campaign_id in store.campaigns(),
+        name=spec.name,
+        title=spec.title or spec.name,
+        mechanism=spec.mechanism,
+        samples=spec.samples,
+        variables=list(spec.variables),
+        responses=list(spec.responses),
+        cautions=[str(caution) for caution in campaign_cautions(campaign)],
+        cost=run_cost(plan, seconds, source.workers),
+    ).model_dump()
 
 
 def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[str, Any]:
-    """Plan a campaign in the store and queue it, without simulating anything; an existing campaign stays unchanged.
-
-    Keys: ``campaign``, ``is_new``, ``owner``, ``samples``, ``repeats``, ``seconds_per_run``, ``reuse``.
-    """
+    """Plan a campaign in the store and queue it, without simulating anything; an existing campaign stays unchanged."""
     store = open_store(source.store, QUICK)
-    return _submitted(store, source.load(store), labels, by)
+    return _submitted(store, source.load(store), labels, by, source.workers).model_dump()
 
 
-def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: str) -> dict[str, Any]:
+def extend_campaign(
+    store: str, campaign_id: str, samples: int, most: int, by: str, workers: int | None
+) -> dict[str, Any]:
     """Plan and queue a campaign with the same spec but more samples; rows that the store has are reused.
 
     `samples` is the total and at most `most`; the user `by` becomes the owner. The result is that of `submit_text`.
@@ -117,21 +158,41 @@ def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: s
         raise SpecError(f"samples = {samples}: campaign {campaign_id} cannot have so many: {error}") from error
     check_size(spec, most)
     labels = LabelChange(add=read_labels(opened, campaign_id).tags)
-    return _submitted(opened, Campaign(spec, plan.mechanism), labels, by)
+    made = _submitted(opened, Campaign(spec, plan.mechanism), labels, by, workers)
+    anew = sampler_named(spec.sampler).not_extendable
+    if made.is_new and anew:
+        made.note = f"all rows are computed again: {anew}"
+    return made.model_dump()
 
 
-def _submitted(store: Store, campaign: Campaign, labels: LabelChange, by: str) -> dict[str, Any]:
-    """Plan a campaign, queue it if it is not queued yet, and return the document of `submit_text`."""
+def _submitted(
+    store: Store, campaign: Campaign, labels: LabelChange, by: str, workers: int | None
+) -> SubmittedCampaign:
+    """Plan a campaign, and queue it if it is not queued yet."""
     is_new = make_plan(campaign).campaign_id not in store.campaigns()
     plan = submit(store, campaign, labels=labels, tries_runs=False, by=by)
     if state_of(store, plan.campaign_id)["state"] == "planned":  # the process that planned it was killed
         write_state(store, plan.campaign_id, "queued")
     owner = read_labels(store, plan.campaign_id).owner
-    reuse = sampler_named(campaign.spec.sampler).not_extendable or ""
-    return {**_size(plan, known_seconds_per_run(store, plan)), "is_new": is_new, "owner": owner, "reuse": reuse}
+    return SubmittedCampaign(
+        campaign=plan.campaign_id,
+        is_new=is_new,
+        owner=owner,
+        samples=plan.spec.samples,
+        cost=run_cost(plan, known_seconds_per_run(store, plan), workers),
+        note="" if is_new else f"the store already had it; its owner is {owner or 'nobody'}",
+    )
 
 
-def _size(plan: Plan, seconds: float | None) -> dict[str, Any]:
-    """Return the id of a campaign and the numbers that determine its cost."""
-    samples = plan.spec.samples
-    return {"campaign": plan.campaign_id, "samples": samples, "repeats": plan.repeats, "seconds_per_run": seconds}
+def run_cost(plan: Plan, seconds_per_run: float | None, workers: int | None) -> RunCost:
+    """Return the cost of a campaign's runs on some workers; None for one of unknown speed."""
+    samples, share = plan.spec.samples, plan.repeats
+    runs = samples + round(samples * share)
+    seconds, words = None, f"{format_numbers.grouped(runs)} runs"
+    if seconds_per_run is None:
+        words = f"{words}; how long one takes is not known yet"
+    else:
+        seconds = seconds_per_run * samples * (1.0 + REPEATED_TIMES * share) / (workers or 1)
+        where = f"on {workers or 1} worker{'' if workers in (1, None) else 's'}"
+        words = f"{words}, about {format_numbers.duration(seconds)} {where}"
+    return RunCost(runs=runs, seconds_per_run=seconds_per_run, workers=workers, seconds=seconds, text=words)

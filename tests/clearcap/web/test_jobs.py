@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
 from clearcap.cli import app
-from clearcap.web.jobs import mechanisms
-from clearcap.web.jobs.mechanisms import MechanismSource, animate_once, check_text, simulate_once
-from clearcap.web.jobs.samples import replay_document
-from clearcap.web.jobs.written_reports import written_report
+from clearcap.questions import mechanisms
+from clearcap.questions.mechanisms import MechanismSource, animate_once, check_text, simulate_once
+from clearcap.questions.report import written_report
+from clearcap.questions.samples import replay_document
 from engine import MechanismError, simulate
 from engine.mechanism import library_names
 from tests.campaign.driving import computed

@@ -19,9 +19,9 @@ from campaign.spec.write import campaign_text
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.mechanism_library import read_mechanism
-from clearcap.questions.variable_settings import changed_variables
+from clearcap.questions.submissions import CampaignSource, check_campaign_text
+from clearcap.questions.whatif import changed_variables
 from clearcap.web.http.problems import faults_of
-from clearcap.web.jobs.campaigns import CampaignSource, check_campaign_text
 from engine import EngineError
 from engine.mechanism import library_names
 from engine.mechanism.keys.values import settable_numbers

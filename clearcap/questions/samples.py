@@ -1,0 +1,218 @@
+"""Questions about the samples of a campaign: a list, a stored row, its repetition, its curves and its motion."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from pydantic import BaseModel, Field
+
+from campaign.errors import SpecError
+from campaign.json_values import json_values
+from campaign.plan import Plan
+from campaign.row_build import differences
+from campaign.run_status import FailedStatus
+from campaign.samples import limits_of
+from campaign.store import Store, open_store
+from campaign.store.files.retry_policy import QUICK
+from campaign.worker.row import repeated_sample, stored_row
+from engine import Trajectory, read_trajectory
+from engine.arrays import Array
+
+SORTS = ("margin", "sample")
+OK, FAILED = "ok", "failed"
+STATUSES = (OK, FAILED, *FailedStatus)  # "failed" stands for all that are not ok
+ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds
+
+
+class ListedSample(BaseModel):
+    """A sample in a list."""
+
+    sample: int
+    status: str = Field(examples=["ok"])
+    message: str
+    responses: dict[str, float | None] = Field(description="Null where the run has no value")
+    margin: float | None = Field(
+        description="Smallest distance of a response from its limit, in its standard deviations"
+    )
+    nearest: str | None = Field(description="The response whose limit is nearest")
+
+
+class SamplePage(BaseModel):
+    """Some samples of a campaign."""
+
+    samples: list[ListedSample]
+    total: int = Field(description="Samples with this status", examples=[12])
+    next: int | None = Field(description="Cursor of the next page; null on the last one")
+
+
+class StoredSample(BaseModel):
+    """A sample as stored."""
+
+    campaign: str
+    sample: int
+    status: str = Field(examples=["ok"])
+    message: str
+    variables: dict[str, float]
+    responses: dict[str, float | None] = Field(description="Null where the run has no value")
+    units: dict[str, str] = Field(description="Of variables, responses and the certificate")
+    certificate: dict[str, Any] = Field(description="The certificate of the run")
+
+
+class ReplayedSample(BaseModel):
+    """A sample that was computed again."""
+
+    campaign: str
+    sample: int
+    row: dict[str, Any] = Field(description="What was computed now")
+    stored: dict[str, Any] | None = Field(description="What the store has; null if it has no row of this sample")
+    same: bool | None = Field(description="Whether both agree, bit for bit; null if the store has no row")
+    differences: str = Field(description="How this program differs from the one that computed the campaign")
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the rows differ although the program is the same."""
+        return self.same is False and not self.differences
+
+
+def list_samples(store: Store, plan: Plan, sort: str, status: str | None, cursor: int, count: int) -> SamplePage:
+    """Return `count` samples of a campaign after the first `cursor`, of one of `STATUSES` or, for None, of all.
+
+    `sort` is ``margin``, smallest first and samples without a margin last, or ``sample``, by number. The margin is the
+    smallest distance of a response from its limit, in standard deviations of that response over the samples, negative
+    outside the limits; without a response that has a limit and a value it is NaN.
+    """
+    if sort not in SORTS:
+        raise SpecError(f"sort = {sort!r:.40}; allowed: {', '.join(SORTS)}")
+    if status is not None and status not in STATUSES:
+        raise SpecError(f"status = {status!r:.40}; allowed: {', '.join(STATUSES)}")
+    names = list(plan.mechanism.responses)
+    table = pa.concat_tables(store.stream(plan, ["sample", "status", "message", *names]))
+    margin, nearest = _margins(plan, {name: table[name].to_numpy() for name in names})
+    wanted = np.flatnonzero(_having(table, status))
+    if sort == "margin":
+        wanted = wanted[np.argsort(margin[wanted], kind="stable")]  # NaN comes last
+    chosen = wanted[cursor : cursor + count]
+    samples = [
+        ListedSample(
+            **{key: row[key] for key in ("sample", "status", "message")},
+            responses={name: row[name] for name in names},
+            margin=float(margin[at]),
+            nearest=names[nearest[at]] if np.isfinite(margin[at]) else None,
+        )
+        for at, row in zip(chosen, table.take(pa.array(chosen)).to_pylist(), strict=True)
+    ]
+    following = cursor + count if cursor + count < wanted.size else None
+    return SamplePage(samples=samples, total=int(wanted.size), next=following)
+
+
+def _having(table: pa.Table, status: str | None) -> Any:
+    """Return a boolean mask of the rows with a status, shape (n,)."""
+    if status is None:
+        return np.ones(table.num_rows, bool)
+    found = table["status"].to_numpy() == (OK if status == FAILED else status)
+    return ~found if status == FAILED else found
+
+
+def _margins(plan: Plan, values: Mapping[str, Array]) -> tuple[Array, Any]:
+    """Return the smallest distance of each sample from a limit [sigmas], and the index of the response, both (n,)."""
+    distances = []
+    for name, (lsl, usl) in limits_of(plan).items():
+        x = values[name]
+        finite = x[np.isfinite(x)]
+        sigma = float(finite.std(ddof=1)) if finite.size > 1 else 0.0
+        below = np.full(x.size, np.inf) if lsl is None else x - lsl
+        above = np.full(x.size, np.inf) if usl is None else usl - x
+        least = np.minimum(below, above)
+        distances.append(np.where(np.isfinite(least), least / sigma, np.inf) if sigma > 0 else np.full(x.size, np.inf))
+    stacked = np.array(distances)
+    least = stacked.min(axis=0)
+    return np.where(np.isfinite(least), least, np.nan), stacked.argmin(axis=0)
+
+
+def plan_with(store: Store, campaign: str, sample: int) -> Plan:
+    """Return the plan of a campaign; raise SpecError if it does not have the sample."""
+    plan = store.plan(campaign)
+    if not 0 <= sample < plan.spec.samples:
+        raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
+    return plan
+
+
+def stored_sample(store: Store, campaign: str, sample: int) -> StoredSample | None:
+    """Return a sample as stored; None if it is not computed yet, or its part is broken."""
+    plan = plan_with(store, campaign, sample)
+    found = stored_row(store, plan, sample)
+    if found is None:
+        return None
+    row = json_values(found)
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in plan.schema}
+    told = {"sample", "status", "message", *plan.spec.variables, *plan.mechanism.responses}
+    return StoredSample(
+        campaign=campaign,
+        sample=sample,
+        status=row["status"],
+        message=row["message"],
+        variables={name: row[name] for name in plan.spec.variables},
+        responses={name: row[name] for name in plan.mechanism.responses},
+        units={name: unit for name, unit in units.items() if unit not in ("", "1")},
+        certificate={name: row[name] for name in plan.schema.names if name not in told},
+    )
+
+
+def replay_sample(
+    store: Store, campaign: str, sample: int, motion: Path | None = None, *, halved: bool = False
+) -> ReplayedSample:
+    """Compute a sample again in this process, and compare it with its stored row, bit for bit.
+
+    `motion` names an HDF5 file to write its motion to; `halved` computes its repeat with half the step instead. Raises
+    SpecError if the campaign has no such sample, and the errors of `engine.simulate`.
+    """
+    plan = plan_with(store, campaign, sample)
+    again = repeated_sample(store, plan, sample, motion, halved=halved)
+    return ReplayedSample(
+        campaign=plan.campaign_id, sample=sample, **asdict(again), differences=differences(plan.row_build)
+    )
+
+
+# -- jobs, which get the address of a store ---------------------------------------------------------------------------
+
+
+def replay_document(store: str, campaign: str, sample: int) -> dict[str, Any]:
+    """Return the document of ``clearcap replay --json``."""
+    return replay_sample(open_store(store, QUICK), campaign, sample).model_dump()
+
+
+def draw_sample(store: str, campaign: str, sample: int, kind: str) -> bytes:
+    """Repeat a sample and return a picture of it: ``svg``, its curves over time, or ``gif``, its motion."""
+    from clearcap.pictures.animation import animate
+    from clearcap.pictures.run_figure import plot_run
+
+    with _repeated(store, campaign, sample) as recorded, TemporaryDirectory(prefix="clearcap-") as folder:
+        picture = Path(folder, f"picture.{kind}")
+        if kind == "gif":
+            animate(recorded, picture, ANIMATION_FRAMES)
+        else:
+            plot_run(recorded, picture)
+        return picture.read_bytes()
+
+
+def sample_motion(store: str, campaign: str, sample: int) -> dict[str, Any]:
+    """Repeat a sample and return its motion, a `MovingDrawing`; see `draw_sample` for the parameters."""
+    from clearcap.pictures.moving_drawing import moving_drawing
+    from clearcap.pictures.scene import scene_of
+
+    with _repeated(store, campaign, sample) as recorded:
+        return asdict(moving_drawing(scene_of(recorded, ANIMATION_FRAMES), recorded))
+
+
+@contextmanager
+def _repeated(store: str, campaign: str, sample: int) -> Iterator[Trajectory]:
+    """Repeat a sample and yield its trajectory, whose file exists only in the block."""
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion = Path(folder, "motion.h5")
+        replay_sample(open_store(store, QUICK), campaign, sample, motion)
+        yield read_trajectory(motion)
