@@ -14,6 +14,7 @@ from pathlib import Path
 
 from engine.platform.build import LIBRARIES, engine_sources, hash_sources
 
+DISTRIBUTIONS = Path(__file__).parents[1] / "reporting" / "distributions"
 SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
@@ -23,12 +24,13 @@ def row_build() -> str:
     """Return the build of this installation.
 
     Two machines with the same build and type of processor compute the same row. It consists of hashes of the sources of
-    `engine` and `campaign`, and versions of Python and the numerical libraries: ``engine 5d0e..., campaign 9ab1...,
-    python 3.11.7, numpy 2.4.1, ...``.
+    `engine`, `campaign` and the distributions, and versions of Python and the numerical libraries: ``engine 5d0e...,
+    campaign 9ab1..., distributions 77c0..., python 3.11.7, numpy 2.4.1, ...``.
     """
     ingredients = {
         "engine": engine_sources(),
         "campaign": hash_sources(Path(__file__).parent, SOURCES),
+        "distributions": hash_sources(DISTRIBUTIONS),
         "python": platform.python_version(),
         **{name: version(name) for name in (*LIBRARIES, "scipy")},
     }
@@ -48,7 +50,7 @@ def differences(planned: str) -> str:
     words = []
     for name in {**there, **here}:
         if there.get(name) != here.get(name):
-            what = f"sources of {name}" if name in ("engine", "campaign") else name
+            what = f"sources of {name}" if name in ("engine", "campaign", "distributions") else name
             words.append(f"{what} {here.get(name, 'none')} here, {there.get(name, 'none')} in the plan")
     return "; ".join(words)
 

@@ -184,9 +184,9 @@ def _scaled(old: Continuous, scale: float) -> Continuous | None:
         table["tolerance"] *= scale
     elif table["distribution"] == "exponential":
         table = {key: x for key, x in table.items() if key not in ("mean", "std")}
-        table["scale"] = old.parent_moments()[1] * scale
+        table["scale"] = old.parent().moments()[1] * scale
     elif has_moments:
-        mean, std = old.parent_moments()
+        mean, std = old.parent().moments()
         table = {key: x for key, x in table.items() if key not in _NATURAL} | {"mean": mean, "std": std * scale}
     elif scale > 1:
         return None

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import gammaincinv, ndtr
 
 from reporting.arrays import Array
@@ -103,6 +102,8 @@ def flat_bound(count: int, n: int, draws: Draws) -> float:
 
     if excess(0.0) <= 0.0:
         return 1.0
+    from scipy.optimize import brentq  # takes 0.4 s, which `import reporting` avoids
+
     return float(ndtr(-brentq(excess, 0.0, 8 * FARTHEST)))
 
 

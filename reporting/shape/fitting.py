@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
 from reporting.capability.moments import ROUNDING, series
+from reporting.distributions.families import FAMILIES, Family, Scaled, Theta
 from reporting.shape import atoms
 from reporting.shape.atoms import Atom, Ties
 from reporting.shape.binned_sample import BinnedSample, anderson_darling, bin_sample, distance
-from reporting.shape.family.families import FAMILIES, Family, Scaled, Theta
-from reporting.shape.family.maximum_likelihood import covariance, curvature, maximise
 from reporting.shape.goodness import LEAST_P, PRACTICAL, bootstrap, tail_misfit
+from reporting.shape.maximum_likelihood import covariance, curvature, maximise
 
 SEARCHED, JUDGED = 600, 4000
 # Values needed for each parameter.
@@ -44,7 +44,7 @@ AIC_SUPPORT = 3.84 + AIC_MARGIN
 class Fit:
     """A family fitted to the values."""
 
-    family: str  # key in `reporting.shape.family.families.FAMILIES`
+    family: str  # key in `reporting.distributions.families.FAMILIES`
     title: str  # the name in words
     # In the unit of the values. Those of a power transformation and of the beta distribution refer to ``(x - shift) /
     # scale``; shift and scale are then included.
@@ -193,7 +193,7 @@ class Fitting:
         with np.errstate(all="ignore"):  # a search may pass through parameters whose likelihood overflows
             theta: Theta | None = self._moments(family, shift, scale)
             if theta is None:
-                theta = maximise(loglik, family.start(self.few.scaled(shift, scale)))
+                theta = maximise(loglik, family.start((self.few.values - shift) / scale, self.few.weights))
             if theta is None:
                 return "no maximum of the likelihood was found"
             parameters = family.in_units(theta, shift, scale)

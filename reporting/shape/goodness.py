@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import betaincinv
 
 from reporting.arrays import Array
-from reporting.shape.family.distributions import ClosedForm, Parameter
-from reporting.shape.family.families import Scaled, Theta
+from reporting.distributions.families import Scaled, Theta
+from reporting.distributions.forms import ClosedForm, Parameter
 
 # A fit with a p-value below this is not used.
 LEAST_P = 0.01

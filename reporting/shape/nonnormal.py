@@ -24,8 +24,8 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval, OpenInterval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
-from reporting.shape.family.distributions import Parameter
-from reporting.shape.family.families import FAMILIES, Scaled
+from reporting.distributions.families import FAMILIES, Scaled
+from reporting.distributions.forms import Parameter
 from reporting.shape.fitting import Fit, distribution
 
 # ln 0.025 / ln 0.99865.

@@ -10,11 +10,11 @@ from scipy.special import ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
+from reporting.distributions.families import FAMILIES
 from reporting.shape.binned_sample import BinnedSample
-from reporting.shape.family.families import FAMILIES
-from reporting.shape.family.maximum_likelihood import curvature
 from reporting.shape.fitting import Fit, log_likelihood
 from reporting.shape.goodness import PRACTICAL
+from reporting.shape.maximum_likelihood import curvature
 
 # Number of weighted values that represent the sample.
 BINNED = 240

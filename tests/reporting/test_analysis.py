@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from reporting import ReportError
-from reporting.shape.family.families import FAMILIES
+from reporting.distributions.families import FAMILIES
 from reporting.statuses import STATUSES
 from reporting.tolerance.reweighting import Change
 from tests.each import each

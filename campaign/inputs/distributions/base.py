@@ -1,17 +1,13 @@
-"""What distributions share: their interface, checks of their keys, and functions with the same bits at any length."""
+"""What distributions share: their interface, and checks of their keys."""
 
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
-from scipy.special import exp2, xlogy
 
 from engine.arrays import Array
 from engine.mechanism.base import LARGEST_NUMBER, SMALLEST_NUMBER, Number, PositiveNumber, TableModel
-
-LOG2_E = 1.4426950408889634
-HALF_LOG_TWO_PI = 0.9189385332046728
 
 LowerBound = Annotated[
     Number | None,
@@ -122,23 +118,3 @@ def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: st
     missing = [key for key in group if key not in given]
     if missing:
         raise ValueError(f"{given[0]} is given without {' and '.join(missing)}; give {choices}")
-
-
-# The results of these functions do not depend, bit for bit, on the array's length: they use scipy's special functions,
-# which treat every element alike. NumPy's own ``exp``, ``log`` and ``power`` may use other instructions for the last
-# elements of an array than for the first ones.
-
-
-def exp(x: Any) -> Array:
-    """Return e to the power ``x``; same shape."""
-    return np.asarray(exp2(np.multiply(LOG2_E, x)), dtype=np.float64)
-
-
-def log(x: Any) -> Array:
-    """Return the natural logarithm of ``x`` >= 0, minus infinity at 0; same shape."""
-    return np.asarray(xlogy(1.0, x), dtype=np.float64)
-
-
-def power(x: Any, exponent: float) -> Array:
-    """Return ``x`` >= 0 to the power of a positive exponent; same shape."""
-    return exp(exponent * log(x))

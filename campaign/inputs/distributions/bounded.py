@@ -1,15 +1,15 @@
 """Distributions whose definition includes two ends: uniform, triangular, beta."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
-from campaign.inputs.distributions.base import StandardDeviation, check_order, check_parameter_groups, log
+from campaign.inputs.distributions.base import StandardDeviation, check_order, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
-from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
+from reporting.distributions import forms
+from reporting.distributions.forms import ClosedForm
 
 Within = Annotated[tuple[Number, Number], Field(strict=False)]
 
@@ -26,9 +26,6 @@ class Bounded(Continuous):
     def width(self) -> float:
         """Distance between the ends."""
         return self.upper - self.lower
-
-    def parent_support(self) -> tuple[float, float]:
-        return self.lower, self.upper
 
 
 class Cut(Bounded):
@@ -60,23 +57,8 @@ class Uniform(Bounded):
 
     distribution: Literal["uniform"] = Field(description="Name of the distribution.")
 
-    def parent_cdf(self, x: Array) -> Array:
-        return np.clip((x - self.lower) / self.width, 0.0, 1.0)
-
-    def parent_sf(self, x: Array) -> Array:
-        return np.clip((self.upper - x) / self.width, 0.0, 1.0)
-
-    def parent_ppf(self, p: Array) -> Array:
-        return np.asarray(self.lower + p * self.width)
-
-    def parent_isf(self, q: Array) -> Array:
-        return np.asarray(self.upper - q * self.width)
-
-    def parent_logpdf(self, x: Array) -> Array:
-        return np.where((x >= self.lower) & (x <= self.upper), -np.log(self.width), -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        return 0.5 * (self.lower + self.upper), self.width / float(np.sqrt(12.0))
+    def parent(self) -> ClosedForm:
+        return forms.uniform(self.lower, self.upper)
 
     def words(self) -> str:
         return "uniform"
@@ -97,53 +79,12 @@ class Triangular(Cut):
                 " move the mode or the bounds"
             )
 
-    @property
-    def rise(self) -> float:
-        """Distance from the lower end to the mode."""
-        return self.mode - self.lower
-
-    @property
-    def fall(self) -> float:
-        """Distance from the mode to the upper end."""
-        return self.upper - self.mode
-
-    def parent_cdf(self, x: Array) -> Array:
-        return np.where(np.less(x, self.mode), self._corner(x, self.lower, self.rise), 1.0 - self._right(x))
-
-    def parent_sf(self, x: Array) -> Array:
-        return np.where(np.less(x, self.mode), 1.0 - self._corner(x, self.lower, self.rise), self._right(x))
-
-    def parent_ppf(self, p: Array) -> Array:
-        rising = self.lower + np.sqrt(p * self.width * self.rise)
-        falling = self.upper - np.sqrt((1.0 - p) * self.width * self.fall)
-        return np.where(p * self.width < self.rise, rising, falling)
-
-    def parent_isf(self, q: Array) -> Array:
-        rising = self.lower + np.sqrt((1.0 - q) * self.width * self.rise)
-        falling = self.upper - np.sqrt(q * self.width * self.fall)
-        return np.where(q * self.width > self.fall, rising, falling)
-
-    def parent_logpdf(self, x: Array) -> Array:
-        # a mode at an end leaves a side without width: nothing lies there, and 1 avoids a division by 0
-        left, right = (x - self.lower) / (self.rise or 1.0), (self.upper - x) / (self.fall or 1.0)
-        height = np.where(x < self.mode, left, np.where((x == self.mode) & (self.fall == 0.0), 1.0, right))
-        return log(np.maximum(height, 0.0) * 2.0 / self.width)
-
-    def parent_moments(self) -> tuple[float, float]:
-        mean = (self.lower + self.mode + self.upper) / 3.0
-        return mean, float(np.sqrt((self.rise**2 + self.rise * self.fall + self.fall**2) / 18.0))
+    def parent(self) -> ClosedForm:
+        return forms.triangular(self.lower, self.mode, self.upper)
 
     def words(self) -> str:
         ends = f" of [{self.lower:g}, {self.upper:g}]" if self.within else ""
         return f"triangular{ends}, mode {self.mode:g}"
-
-    def _corner(self, x: Any, end: float, side: float) -> Array:
-        """Return the area of the triangle between an end and ``x``, on its side of the mode."""
-        distance = np.clip(np.abs(x - end) * (np.sign(x - end) == np.sign(self.mode - end)), 0.0, side)
-        return np.asarray(distance * distance / (self.width * (side or 1.0)))
-
-    def _right(self, x: Array) -> Array:
-        return self._corner(x, self.upper, self.fall)
 
 
 class Beta(Cut):
@@ -194,30 +135,8 @@ class Beta(Cut):
         total = mean * (1.0 - mean) / (std * std) - 1.0
         return mean * total, (1.0 - mean) * total
 
-    def parent_cdf(self, x: Array) -> Array:
-        return np.asarray(betainc(*self.exponents, np.clip((x - self.lower) / self.width, 0.0, 1.0)))
-
-    def parent_sf(self, x: Array) -> Array:
-        alpha, beta = self.exponents
-        return np.asarray(betainc(beta, alpha, np.clip((self.upper - x) / self.width, 0.0, 1.0)))
-
-    def parent_ppf(self, p: Array) -> Array:
-        return np.asarray(self.lower + self.width * betaincinv(*self.exponents, p))
-
-    def parent_isf(self, q: Array) -> Array:
-        alpha, beta = self.exponents
-        return np.asarray(self.upper - self.width * betaincinv(beta, alpha, q))
-
-    def parent_logpdf(self, x: Array) -> Array:
-        (alpha, beta), z = self.exponents, np.clip((x - self.lower) / self.width, 0.0, 1.0)
-        inside = xlogy(alpha - 1.0, z) + xlog1py(beta - 1.0, -z) - betaln(alpha, beta) - np.log(self.width)
-        return np.where((x >= self.lower) & (x <= self.upper), inside, -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        alpha, beta = self.exponents
-        total = alpha + beta
-        variance = alpha * beta / (total * total * (total + 1.0))
-        return self.lower + self.width * alpha / total, self.width * float(np.sqrt(variance))
+    def parent(self) -> ClosedForm:
+        return forms.beta(*self.exponents, self.lower, self.upper)
 
     def words(self) -> str:
         alpha, beta = self.exponents

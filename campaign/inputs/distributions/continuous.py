@@ -25,6 +25,7 @@ from scipy.special import ndtri
 from campaign.inputs.distributions.base import TAIL, Distribution, LowerBound, UpperBound, check_order
 from engine.arrays import Array
 from engine.mechanism.base import PositiveNumber, TableModel
+from reporting.distributions.forms import ClosedForm
 
 LARGEST_SHIFT = 6.0  # in standard deviations; without the cut, two in a thousand million would be larger
 LEAST_PROBABILITY = 1e-290  # between the bounds; below it, quantiles lose digits
@@ -67,32 +68,8 @@ class Continuous(Distribution):
     )
 
     @abstractmethod
-    def parent_cdf(self, x: Array) -> Array:
-        """Return the parent's probability of values up to ``x``."""
-
-    @abstractmethod
-    def parent_sf(self, x: Array) -> Array:
-        """Return the parent's probability of values above ``x``, with full relative precision."""
-
-    @abstractmethod
-    def parent_ppf(self, p: Array) -> Array:
-        """Return the parent's value with probability ``p`` below it."""
-
-    @abstractmethod
-    def parent_isf(self, q: Array) -> Array:
-        """Return the parent's value with probability ``q`` above it."""
-
-    @abstractmethod
-    def parent_logpdf(self, x: Array) -> Array:
-        """Return the logarithm of the parent's density at ``x``."""
-
-    @abstractmethod
-    def parent_moments(self) -> tuple[float, float]:
-        """Return the parent's mean and standard deviation."""
-
-    @abstractmethod
-    def parent_support(self) -> tuple[float, float]:
-        """Return the parent's ends; infinite where there is no end."""
+    def parent(self) -> ClosedForm:
+        """Return the distribution before cuts and shifts."""
 
     @abstractmethod
     def words(self) -> str:
@@ -128,9 +105,10 @@ class Continuous(Distribution):
         """Return the quantiles at probabilities ``u`` in production batches with the given shifts."""
         unshifted = isinstance(shift, float) and shift == 0.0
         below, above, probability, from_above = self._unshifted_window if unshifted else self._window(shift)
-        x = self.parent_ppf(below + u * probability)
+        parent = self.parent()
+        x = parent.ppf(below + u * probability)
         if from_above.any():
-            x = np.where(from_above, self.parent_isf(above + (1.0 - u) * probability), x)
+            x = np.where(from_above, parent.isf(above + (1.0 - u) * probability), x)
         return np.clip(np.asarray(x + shift, dtype=np.float64), *self.cut())
 
     def cdf(self, x: Array) -> Array:
@@ -142,13 +120,14 @@ class Continuous(Distribution):
         result, (low, high) = np.full_like(x, -inf), self.cut()
         for shift, share in self._shifts():
             probability = float(self._window(shift)[2])
-            inside = self.parent_logpdf(x - shift) + float(np.log(share / probability))
-            result = np.logaddexp(result, np.where((x >= low) & (x <= high), inside, -inf))
+            with np.errstate(all="ignore"):  # where there is no value
+                inside = self.parent().logpdf(x - shift) + float(np.log(share / probability))
+            result = np.logaddexp(result, np.where((x >= low) & (x <= high) & ~np.isnan(inside), inside, -inf))
         return result
 
     def support(self) -> tuple[float, float]:
         reach = self.batch.reach if self.batch else 0.0
-        (low, high), (lower, upper) = self.parent_support(), self.cut()
+        (low, high), (lower, upper) = self.parent().support, self.cut()
         return max(low - reach, lower), min(high + reach, upper)
 
     def moments(self) -> tuple[float, float]:
@@ -195,9 +174,10 @@ class Continuous(Distribution):
     def _window(self, shift: float | Array) -> Window:
         """Return the probabilities below, above and between the bounds, and whether to count from the upper tail."""
         lower, upper = (np.asarray(bound - shift) for bound in self.cut())
-        below, above = self.parent_cdf(lower), self.parent_sf(upper)
+        parent = self.parent()
+        below, above = np.asarray(parent.cdf(lower)), np.asarray(parent.sf(upper))
         from_above = below > 0.5
-        between: Array = np.where(from_above, self.parent_sf(lower) - above, self.parent_cdf(upper) - below)
+        between = np.where(from_above, parent.sf(lower) - above, parent.cdf(upper) - below)
         return below, above, between, from_above
 
     def _shifts(self) -> Iterator[tuple[float, float]]:
@@ -214,15 +194,16 @@ class Continuous(Distribution):
         below, _, probability, from_above = self._window(shift)
         lower, upper = self.cut()
         x = np.clip(x, lower, upper) - shift
-        above_lower = self.parent_sf(np.asarray(lower - shift))
-        inside = above_lower - self.parent_sf(x) if from_above else self.parent_cdf(x) - below
+        parent = self.parent()
+        inside = parent.sf(np.asarray(lower - shift)) - parent.sf(x) if from_above else parent.cdf(x) - below
         return np.clip(inside / probability, 0.0, 1.0)
 
     def _moments(self, shift: float) -> tuple[float, float]:
         """Return mean and standard deviation in a production batch."""
-        (lowest, highest), (lower, upper) = self.parent_support(), self.cut()
+        parent, (lower, upper) = self.parent(), self.cut()
+        lowest, highest = parent.support
         if lower <= lowest + shift and highest + shift <= upper:  # nothing is cut off
-            mean, std = self.parent_moments()
+            mean, std = parent.moments()
             return mean + shift, std
         low, high = EDGES[:-1], EDGES[1:]
         half = 0.5 * (high - low)
@@ -233,14 +214,14 @@ class Continuous(Distribution):
 
     def _tail(self, v: Array, shift: float, *, upper: bool) -> Array:
         """Return the values with probability ``v`` between them and the lower or the upper end."""
-        below, above, probability, _ = self._window(shift)
+        parent, (below, above, probability, _) = self.parent(), self._window(shift)
         beyond = np.maximum(v * probability, TINIEST)  # 0 would have no finite quantile
         if upper:
             nearer = above <= 0.5
-            x = self.parent_isf(above + beyond) if nearer else self.parent_ppf(below + (1.0 - v) * probability)
+            x = parent.isf(above + beyond) if nearer else parent.ppf(below + (1.0 - v) * probability)
         else:
             nearer = below <= 0.5
-            x = self.parent_ppf(below + beyond) if nearer else self.parent_isf(above + (1.0 - v) * probability)
+            x = parent.ppf(below + beyond) if nearer else parent.isf(above + (1.0 - v) * probability)
         return np.clip(x + shift, *self.cut())
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order, exp, log
+from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
+from reporting.distributions.elementwise import exp, log
 
 LARGEST_COUNT = 10**15  # above it, counts lose their last digit
 ROUNDING = 1e-9  # of a step: a value this close to a bound counts as within it

@@ -2,14 +2,13 @@
 
 from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
-from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions.base import HALF_LOG_TWO_PI, StandardDeviation, check_parameter_groups
+from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
-from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
+from reporting.distributions import forms
+from reporting.distributions.forms import ClosedForm
 
 
 class Normal(Continuous):
@@ -54,28 +53,8 @@ class Normal(Continuous):
                 " move the nominal or the bounds"
             )
 
-    def parent_cdf(self, x: Array) -> Array:
-        return np.asarray(ndtr((x - self.location) / self.scale))
-
-    def parent_sf(self, x: Array) -> Array:
-        return np.asarray(ndtr(-((x - self.location) / self.scale)))
-
-    def parent_ppf(self, p: Array) -> Array:
-        return np.asarray(self.location + self.scale * ndtri(p))
-
-    def parent_isf(self, q: Array) -> Array:
-        return np.asarray(self.location - self.scale * ndtri(q))
-
-    def parent_logpdf(self, x: Array) -> Array:
-        z = (x - self.location) / self.scale
-        with np.errstate(over="ignore"):  # far out, the density is 0
-            return np.asarray(-0.5 * z * z - HALF_LOG_TWO_PI - np.log(self.scale))
-
-    def parent_moments(self) -> tuple[float, float]:
-        return self.location, self.scale
-
-    def parent_support(self) -> tuple[float, float]:
-        return -np.inf, np.inf
+    def parent(self) -> ClosedForm:
+        return forms.normal(self.location, self.scale)
 
     def words(self) -> str:
         origin = "" if self.cpk is None else f" (tolerance {self.tolerance:g}, assumed Cpk {self.cpk:g})"

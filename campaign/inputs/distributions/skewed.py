@@ -7,23 +7,14 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.special import expm1, gammainc, gammaincc, gammainccinv, gammaincinv, log1p, ndtr, ndtri, xlogy
 
-from campaign.inputs.distributions.base import (
-    HALF_LOG_TWO_PI,
-    StandardDeviation,
-    check_parameter_groups,
-    exp,
-    log,
-    power,
-)
+from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
-from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
+from reporting.distributions import forms
+from reporting.distributions.forms import ClosedForm
 
 WIDEST = 1e12  # ratio of std and mean, or its inverse: the square is still far from overflow
-LARGE = 1e4  # shape of a Weibull distribution
-ZETA = (1.6449340668482264, 1.2020569031595942, 1.0823232337111382)  # zeta(2), zeta(3), zeta(4)
 SHAPES = (0.2, 1000.0)  # range of Weibull's shapes that mean and std can give; at its ends std / mean is 15.8, 0.00128
 
 
@@ -67,13 +58,6 @@ class Skewed(Continuous):
         """Standard deviation divided by the mean above the origin, if both are given."""
         return (self.std or 0.0) / self.height
 
-    def above(self, x: Array) -> Array:
-        """Return the distance of ``x`` above the origin, 0 below it."""
-        return np.maximum(x - self.origin, 0.0)
-
-    def parent_support(self) -> tuple[float, float]:
-        return self.origin, np.inf
-
     def named(self, parameters: str) -> str:
         """Return ``parameters``, a distribution in words, followed by the origin if it is not 0."""
         return f"{parameters}, origin {self.origin:g}" if self.origin else parameters
@@ -98,23 +82,8 @@ class Exponential(Skewed):
         """The scale."""
         return self.scale or self.std or self.height
 
-    def parent_cdf(self, x: Array) -> Array:
-        return np.asarray(-expm1(-self.above(x) / self.length))
-
-    def parent_sf(self, x: Array) -> Array:
-        return exp(-self.above(x) / self.length)
-
-    def parent_ppf(self, p: Array) -> Array:
-        return np.asarray(self.origin - self.length * log1p(-p))
-
-    def parent_isf(self, q: Array) -> Array:
-        return np.asarray(self.origin - self.length * log(q))
-
-    def parent_logpdf(self, x: Array) -> Array:
-        return np.where(x >= self.origin, -self.above(x) / self.length - np.log(self.length), -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        return self.origin + self.length, self.length
+    def parent(self) -> ClosedForm:
+        return forms.exponential(self.origin, self.length)
 
     def words(self) -> str:
         return self.named(f"exponential, scale {self.length:g}")
@@ -141,30 +110,8 @@ class Gamma(Skewed):
             return self.shape, self.scale
         return 1.0 / self.variation**2, self.height * self.variation**2
 
-    def parent_cdf(self, x: Array) -> Array:
-        shape, scale = self.parameters
-        return np.asarray(gammainc(shape, self.above(x) / scale))
-
-    def parent_sf(self, x: Array) -> Array:
-        shape, scale = self.parameters
-        return np.asarray(gammaincc(shape, self.above(x) / scale))
-
-    def parent_ppf(self, p: Array) -> Array:
-        shape, scale = self.parameters
-        return np.asarray(self.origin + scale * gammaincinv(shape, p))
-
-    def parent_isf(self, q: Array) -> Array:
-        shape, scale = self.parameters
-        return np.asarray(self.origin + scale * gammainccinv(shape, q))
-
-    def parent_logpdf(self, x: Array) -> Array:
-        (shape, scale), h = self.parameters, self.above(x)
-        density = xlogy(shape - 1.0, h / scale) - h / scale - lgamma(shape) - np.log(scale)
-        return np.where(x >= self.origin, density, -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        shape, scale = self.parameters
-        return self.origin + shape * scale, float(np.sqrt(shape)) * scale
+    def parent(self) -> ClosedForm:
+        return forms.gamma(self.origin, *self.parameters)
 
     def words(self) -> str:
         if self.mean is not None:
@@ -195,35 +142,8 @@ class Lognormal(Skewed):
         variance = float(np.log1p(self.variation**2))
         return float(np.log(self.height)) - 0.5 * variance, float(np.sqrt(variance))
 
-    def _score(self, x: Array) -> Array:
-        mean, std = self.logarithm
-        return np.asarray((log(self.above(x)) - mean) / std)
-
-    def parent_cdf(self, x: Array) -> Array:
-        return np.asarray(ndtr(self._score(x)))
-
-    def parent_sf(self, x: Array) -> Array:
-        return np.asarray(ndtr(-self._score(x)))
-
-    def parent_ppf(self, p: Array) -> Array:
-        mean, std = self.logarithm
-        return self.origin + exp(mean + std * ndtri(p))
-
-    def parent_isf(self, q: Array) -> Array:
-        mean, std = self.logarithm
-        return self.origin + exp(mean - std * ndtri(q))
-
-    def parent_logpdf(self, x: Array) -> Array:
-        h = self.above(x)
-        # below the origin, where the density is replaced, any number that has a logarithm
-        z = self._score(np.where(h > 0.0, x, self.origin + 1.0))
-        density = -0.5 * z * z - HALF_LOG_TWO_PI - np.log(self.logarithm[1]) - log(np.where(h > 0.0, h, 1.0))
-        return np.where(h > 0.0, density, -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        mean, std = self.logarithm
-        height = exp_of(mean + 0.5 * std * std)
-        return self.origin + height, height * float(np.sqrt(np.expm1(std * std)))
+    def parent(self) -> ClosedForm:
+        return forms.lognormal(self.origin, *self.logarithm)
 
     def words(self) -> str:
         if self.mean is not None:
@@ -248,7 +168,7 @@ class Weibull(Skewed):
     def check_mean(self) -> None:
         """Raise ValueError unless a Weibull distribution with this mean and standard deviation exists."""
         super().check_mean()
-        most, least = (_variation(shape) for shape in SHAPES)
+        most, least = (forms.weibull_variation(shape) for shape in SHAPES)
         if self.mean is not None and not least < self.variation < most:
             raise ValueError(
                 f"std = {self.std:g} is {self.variation:.3g} times the mean above the origin, {self.height:g}; allowed"
@@ -264,47 +184,14 @@ class Weibull(Skewed):
         # more halvings than a double has digits: it ends at two neighbouring numbers
         for _ in range(200):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if _variation(middle) > self.variation else (low, middle)
+            low, high = (middle, high) if forms.weibull_variation(middle) > self.variation else (low, middle)
         return low, self.height / exp_of(lgamma(1.0 + 1.0 / low))
 
-    def _hazard(self, x: Array) -> Array:
-        shape, scale = self.parameters
-        return power(self.above(x) / scale, shape)
-
-    def parent_cdf(self, x: Array) -> Array:
-        return np.asarray(-expm1(-self._hazard(x)))
-
-    def parent_sf(self, x: Array) -> Array:
-        return exp(-self._hazard(x))
-
-    def parent_ppf(self, p: Array) -> Array:
-        shape, scale = self.parameters
-        return self.origin + scale * power(-log1p(-p), 1.0 / shape)
-
-    def parent_isf(self, q: Array) -> Array:
-        shape, scale = self.parameters
-        return self.origin + scale * power(-log(q), 1.0 / shape)
-
-    def parent_logpdf(self, x: Array) -> Array:
-        shape, scale = self.parameters
-        density = xlogy(shape - 1.0, self.above(x) / scale) - self._hazard(x) + np.log(shape / scale)
-        return np.where(x >= self.origin, density, -np.inf)
-
-    def parent_moments(self) -> tuple[float, float]:
-        shape, scale = self.parameters
-        height = scale * exp_of(lgamma(1.0 + 1.0 / shape))
-        return self.origin + height, height * _variation(shape)
+    def parent(self) -> ClosedForm:
+        return forms.weibull(self.origin, *self.parameters)
 
     def words(self) -> str:
         if self.mean is not None:
             return self.named(f"Weibull, mean {self.mean:g}, sd {self.std:g}")
         shape, scale = self.parameters
         return self.named(f"Weibull, shape {shape:g}, scale {scale:g}")
-
-
-def _variation(shape: float) -> float:
-    """Return the standard deviation divided by the mean of a Weibull distribution whose origin is 0."""
-    if shape > LARGE:  # the difference below would lose digits: use the series of log gamma at 1
-        x = 1.0 / shape
-        return float(np.sqrt(np.expm1(x * x * (ZETA[0] - 2.0 * ZETA[1] * x + 3.5 * ZETA[2] * x * x))))
-    return float(np.sqrt(np.expm1(lgamma(1.0 + 2.0 / shape) - 2.0 * lgamma(1.0 + 1.0 / shape))))

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import exp
-from campaign.inputs.distributions.base import log as log_of
 from engine.arrays import Array
 from engine.mechanism.base import TableModel
+from reporting.distributions.elementwise import exp
+from reporting.distributions.elementwise import log as log_of
 
 LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves; it limits weights to 20
 LARGEST_SHIFT = 8.0  # standard scores; a little above it, Phi rounds to 1 in double precision

@@ -167,7 +167,7 @@ def test_batches_are_a_mixture(keys):
     low, high = alone.cut()
 
     def share(a, b):
-        return float(alone.parent_cdf(np.asarray(b)) - alone.parent_cdf(np.asarray(a)))
+        return float(alone.parent().cdf(np.asarray(b)) - alone.parent().cdf(np.asarray(a)))
 
     for value, cdf in zip(x, variable.cdf(x), strict=True):
         direct = over_shifts(lambda d, v=value: share(low - d, v - d) / share(low - d, high - d))

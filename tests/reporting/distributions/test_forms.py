@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.family import distributions as shapes
-from reporting.shape.family.families import FAMILIES, Scaled
+from reporting.distributions import forms as shapes
+from reporting.distributions.families import FAMILIES, Scaled
 from tests.each import each
 
 P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
@@ -16,9 +16,11 @@ P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
     [
         (shapes.normal(1.0, 2.0), stats.norm(1, 2)),
         (shapes.lognormal(-0.5, 0.3, 0.4), stats.lognorm(0.4, loc=-0.5, scale=np.exp(0.3))),
-        (shapes.weibull(1.7, 2.0), stats.weibull_min(1.7, scale=2)),
-        (shapes.gamma(3.2, 0.5), stats.gamma(3.2, scale=0.5)),
+        (shapes.weibull(0.0, 1.7, 2.0), stats.weibull_min(1.7, scale=2)),
+        (shapes.gamma(0.0, 3.2, 0.5), stats.gamma(3.2, scale=0.5)),
         (shapes.beta(2.0, 5.0), stats.beta(2, 5)),
+        (shapes.exponential(-1.0, 2.0), stats.expon(-1, 2)),
+        (shapes.log_logistic(0.0, 0.7, 0.3), stats.fisk(1 / 0.3, scale=np.exp(0.7))),
         (shapes.folded_normal(0.8, 0.6), stats.foldnorm(0.8 / 0.6, scale=0.6)),
         (shapes.folded_normal(0.0, 0.6), stats.halfnorm(scale=0.6)),
         (shapes.logistic(1.0, 0.3), stats.logistic(1, 0.3)),
@@ -35,6 +37,7 @@ def test_shapes_are_scipys(shape, known) -> None:
     assert shape.logpdf(z) == pytest.approx(known.logpdf(z), rel=1e-8, abs=1e-8)
     assert shape.cdf(z) == pytest.approx(P, rel=1e-7)
     assert shape.sf(z) == pytest.approx(known.sf(z), rel=1e-6)
+    assert shape.isf(known.sf(z)) == pytest.approx(z, rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize("power", [-0.7, 0.0, 0.5, 1.0, 2.5])
