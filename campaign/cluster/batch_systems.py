@@ -21,7 +21,7 @@ import dask
 from distributed import Client, Security, Status
 
 from campaign.cluster.cluster import NEEDED, Cluster, Tls, security
-from campaign.cluster.job_replacement import jobs_replaced
+from campaign.cluster.job_replacement import JobReplacement, jobs_replaced
 from campaign.cluster.local import CLOSED, NO_DASHBOARD, SETTINGS, interrupts_held
 from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
@@ -34,8 +34,8 @@ _NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload",
 
 
 @contextmanager
-def batch_jobs(cluster: Cluster) -> Iterator[Client]:
-    """Start a scheduler in this process and workers as jobs; yield a client to them, and cancel the jobs at the end.
+def batch_jobs(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement]]:
+    """Start a scheduler in this process and workers as jobs; yield a client and the jobs, and cancel them at the end.
 
     Raises SpecError if the package is missing, or its configuration lacks a required setting; UnreachableError if the
     batch system refuses the jobs, or its commands are not on this machine.
@@ -48,8 +48,8 @@ def batch_jobs(cluster: Cluster) -> Iterator[Client]:
             with interrupts_held():
                 client = Client(jobs, set_as_default=False)  # type: ignore[no-untyped-call]  # annotated in parts
             try:
-                with jobs_replaced(jobs, cluster.kind):
-                    yield client
+                with jobs_replaced(jobs, cluster) as replacement:
+                    yield client, replacement
             finally:
                 client.close()  # type: ignore[no-untyped-call]
         finally:
@@ -81,7 +81,7 @@ def _submit(jobs: Any, cluster: Cluster) -> None:
     """Submit the jobs and wait for the batch system's answer."""
 
     async def answered() -> None:
-        jobs.scale(cluster.workers)
+        jobs.scale(cluster.least)
         await jobs._correct_state()  # scale alone does not wait
 
     with _muted("tornado.application"), _muted("asyncio"):  # they log the same refusal with a traceback
@@ -114,7 +114,7 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     kind = cluster.kind
     jobqueue = _package("dask_jobqueue", "jobqueue", kind)
     if cluster.workers is None:
-        raise SpecError(f"--cluster {kind}: the total number of workers is not given; add --workers N")
+        raise SpecError(f"--cluster {kind}: the total number of workers is not given; add --workers N, or MIN:MAX")
     _needed(kind, "memory")
     made: Any = getattr(jobqueue, _BATCH_SYSTEMS[kind])
     command = made.job_cls.submit_command.split()[0]
@@ -165,7 +165,7 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
         raise SpecError(f"--cluster kubernetes: {NEEDED}, or add --insecure")
     manifest = _manifest()
     if cluster.workers is not None:
-        manifest["spec"]["worker"]["replicas"] = cluster.workers
+        manifest["spec"]["worker"]["replicas"] = cluster.most
     made = objects.new_class("DaskCluster", "kubernetes.dask.org/v1", asyncio=False)
     try:
         resource = made(manifest, namespace=dask.config.get("kubernetes.namespace", None))

@@ -21,6 +21,7 @@ _ROLES = ("client", "scheduler", "worker")
 
 Kind = Literal["local", "slurm", "oar", "pbs", "kubernetes"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+BATCH_SYSTEMS = ("slurm", "oar", "pbs")
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,9 @@ class Cluster:
         None to start workers.
     kind : str
         How workers are started: as processes on this machine, as jobs of a batch system, or in Kubernetes.
-    workers : int or None
-        Number of workers to start; None for one on each core of this machine.
+    workers : int, tuple of two int, or None
+        Number of workers to start; None for one on each core of this machine. Of a batch system, also the least and the
+        largest number: jobs then come and go with the work that is left.
     tls : Tls or None
         Certificates; None for those of dask's configuration.
     insecure : bool
@@ -61,7 +63,7 @@ class Cluster:
 
     scheduler: str | None = None
     kind: Kind = "local"
-    workers: int | None = None
+    workers: int | tuple[int, int] | None = None
     tls: Tls | None = None
     insecure: bool = False
 
@@ -70,6 +72,28 @@ class Cluster:
         """Whether the workers are started as processes on this machine."""
         return self.scheduler is None and self.kind == "local"
 
+    @property
+    def follows_work(self) -> bool:
+        """Whether the number of workers follows the work, between two limits."""
+        return isinstance(self.workers, tuple)
+
+    @property
+    def least(self) -> int | None:
+        """The least number of workers; None for one on each core of this machine."""
+        return self.workers[0] if isinstance(self.workers, tuple) else self.workers
+
+    @property
+    def most(self) -> int | None:
+        """The largest number of workers; None for one on each core of this machine."""
+        return self.workers[1] if isinstance(self.workers, tuple) else self.workers
+
+    @property
+    def workers_text(self) -> str | None:
+        """The number of workers as the option ``--workers`` has it; None without one."""
+        if self.workers is None:
+            return None
+        return ":".join(map(str, self.workers)) if isinstance(self.workers, tuple) else str(self.workers)
+
     def options(self) -> list[str]:
         """Return the equivalent options of the command."""
         words: list[str] = []
@@ -77,13 +101,23 @@ class Cluster:
         for option, value in (
             ("--scheduler", self.scheduler),
             ("--cluster", self.kind if self.kind != "local" else None),
-            ("--workers", self.workers),
+            ("--workers", self.workers_text),
             ("--tls-ca", tls and tls.ca),
             ("--tls-cert", tls and tls.cert),
             ("--tls-key", tls and tls.key),
         ):
             words += [] if value is None else [option, str(value)]
         return [*words, "--insecure"] if self.insecure else words
+
+
+def workers_in(text: str) -> int | tuple[int, int]:
+    """Return the number of workers that a text says, ``8``, or the two limits of it, ``2:64``; SpecError otherwise."""
+    numbers = [int(word) if word.isascii() and word.isdigit() else 0 for word in text.split(":")]
+    if len(numbers) == 1 and numbers[0] > 0:
+        return numbers[0]
+    if len(numbers) == 2 and 0 < numbers[0] <= numbers[1]:
+        return numbers[0], numbers[1]
+    raise SpecError(f"--workers {text}: neither a number nor two with a colon, MIN:MAX; allowed: 8, or 2:64")
 
 
 def security(tls: Tls | None) -> Security | None:

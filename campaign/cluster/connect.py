@@ -21,7 +21,8 @@ from distributed.comm.core import connect as open_comm
 from distributed.utils import silence_logging_cmgr
 
 from campaign.cluster.batch_systems import batch_jobs, kubernetes_resource
-from campaign.cluster.cluster import KINDS, NEEDED, Cluster, configured, security
+from campaign.cluster.cluster import BATCH_SYSTEMS, KINDS, NEEDED, Cluster, configured, security
+from campaign.cluster.job_replacement import JobReplacement
 from campaign.cluster.local import SETTINGS, interrupts_held, local_client
 from campaign.errors import SpecError, UnreachableError
 from campaign.processes import cores
@@ -44,9 +45,14 @@ def check_cluster(cluster: Cluster) -> None:
             f"--scheduler {cluster.scheduler} with --cluster {cluster.kind}: --scheduler uses the workers of a"
             " running scheduler, --cluster starts workers; keep one of them"
         )
+    if cluster.follows_work and cluster.kind not in BATCH_SYSTEMS:
+        raise SpecError(
+            f"--workers {cluster.workers_text}: only jobs of a batch system come and go with the work; give one number,"
+            f" or --cluster {', '.join(BATCH_SYSTEMS)}"
+        )
     if cluster.scheduler is not None and cluster.workers is not None:
         raise SpecError(
-            f"--workers {cluster.workers} with --scheduler {cluster.scheduler}: a running scheduler has its own"
+            f"--workers {cluster.workers_text} with --scheduler {cluster.scheduler}: a running scheduler has its own"
             " workers; leave --workers out"
         )
     if cluster.scheduler is not None and not _is_file(cluster.scheduler):
@@ -54,8 +60,8 @@ def check_cluster(cluster: Cluster) -> None:
 
 
 @contextmanager
-def connect(cluster: Cluster) -> Iterator[Client]:
-    """Start or reach a cluster and yield a dask client to it.
+def connect(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement | None]]:
+    """Start or reach a cluster and yield a dask client to it, and the jobs of a batch system that are its workers.
 
     Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
     is lost, the block can be left as usual, and another call connects again.
@@ -67,19 +73,19 @@ def connect(cluster: Cluster) -> Iterator[Client]:
     check_cluster(cluster)
     if cluster.scheduler is not None:
         with _existing(cluster.scheduler, cluster) as client:
-            yield client
+            yield client, None
     elif cluster.kind == "local":
-        with local_client(cluster.workers or cores(), security(cluster.tls) if cluster.tls else None) as client:
-            yield client
+        with local_client(cluster.most or cores(), security(cluster.tls) if cluster.tls else None) as client:
+            yield client, None
     elif cluster.kind == "kubernetes":
         with (
             kubernetes_resource(cluster) as address,
             client_at(address, None if cluster.insecure else security(cluster.tls), PODS_WITHIN) as client,
         ):
-            yield client
+            yield client, None
     else:
-        with batch_jobs(cluster) as client:
-            yield client
+        with batch_jobs(cluster) as (client, jobs):
+            yield client, jobs
 
 
 @contextmanager

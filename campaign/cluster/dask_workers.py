@@ -16,7 +16,10 @@ from distributed import Client, KilledWorker, get_worker
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
+from campaign.cluster.job_replacement import JobReplacement
+from campaign.cluster.roster import Roster
 from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
+from campaign.waits import Wait
 
 logger = logging.getLogger(__name__)
 
@@ -33,18 +36,20 @@ T = TypeVar("T")
 @contextmanager
 def connect_workers(cluster: Cluster) -> Iterator[Workers]:
     """Start or reach a cluster and yield its workers; raises the same errors as `campaign.cluster.connect.connect`."""
-    with connect(cluster) as client:
-        yield DaskWorkers(client, started_here=cluster.starts_here)
+    with connect(cluster) as (client, jobs):
+        yield DaskWorkers(client, jobs, started_here=cluster.starts_here)
 
 
 class DaskWorkers:
     """The workers that a dask client reaches, which is not closed here; see `campaign.cluster.workers.Workers`.
 
-    If workers that were ``started_here``, as processes of this machine, are all gone, no one else starts new ones.
+    ``jobs`` are those of a batch system that have the workers. If workers that were ``started_here``, as processes of
+    this machine, are all gone, no one else starts new ones.
     """
 
-    def __init__(self, client: Client, *, started_here: bool = False) -> None:
-        self._client = client
+    def __init__(self, client: Client, jobs: JobReplacement | None = None, *, started_here: bool = False) -> None:
+        self._client, self._jobs = client, jobs
+        self._roster = Roster()
         self._started_here = started_here
         self._token = secrets.token_hex(8)  # distinguishes its keys from those of other clients of the scheduler
         self._submitted = 0
@@ -62,8 +67,18 @@ class DaskWorkers:
         return f"scheduler {self._client.scheduler_info(n_workers=0)['address']}"
 
     def count(self) -> int:
-        """Return the number of workers that the scheduler knows, including refused ones."""
-        return len(self._addresses())
+        """Return the number of workers that the scheduler knows and that are not refused."""
+        return len(self._addresses() - self._refused)
+
+    def waits(self) -> list[Wait]:
+        """Return the jobs that wait in a queue, and the workers that were lost in the last minutes."""
+        return [*(self._jobs.waits() if self._jobs else []), *self._roster.waits()]
+
+    def expect(self, calls: int) -> None:
+        """Have a batch system's jobs follow the number of calls, if their number may vary."""
+        if self._jobs:
+            self._jobs.expect(calls)
+            self._roster.release(self._jobs.released)
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Submit a call to the scheduler; refused workers do not get it."""
@@ -102,8 +117,10 @@ class DaskWorkers:
         return None
 
     def refuse(self, call: Future[Any]) -> str:
-        """Submit no more calls to the worker in which this call failed; return its address."""
+        """Submit no more calls to the worker in which this call failed; return its address, only the first time."""
         worker = str(getattr(call.exception(), "worker", ""))
+        if worker in self._refused:
+            return ""
         self._refused.add(worker)
         return worker
 
@@ -136,6 +153,8 @@ class DaskWorkers:
             known = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=ANSWERS_WITHIN)["workers"]
         except (OSError, TimeoutError) as error:
             raise SchedulerLost(f"the scheduler does not answer ({error or type(error).__name__})") from error
+        present = {a: (str(w.get("name", a)), str(w.get("host", a))) for a, w in known.items()}
+        self._roster.look(present, self._refused)
         return {address: worker["last_seen"] for address, worker in known.items()}
 
     def _look(self) -> None:

@@ -1,18 +1,25 @@
-"""Jobs of a batch system that end are replaced: by a walltime, the lifetime of a worker, `scancel`, or a lost node.
+"""Jobs of a batch system: those that end are replaced, whatever ended them, and their number follows the work.
 
 dask-jobqueue (0.9) submits each job once. Its adaptive scaling notices a lost job only if a worker of it had joined,
 and not by name where a job has several workers; a job that ends before it starts a worker, or that waits in the queue
 for ever, it never sees. So the queue itself is asked. A batch system that does not answer proves nothing: then all jobs
 count as alive.
+
+Nor can dask know how much work there is: it counts the calls that it holds, and the coordinator gives it only a few for
+each worker, so that few are lost with a worker. So the coordinator says how many calls are to come, and there are as
+many workers, between two limits. Jobs that are not needed any more are ended: first those that wait in the queue, then
+those whose workers have nothing to do.
 """
 
 import getpass
 import json
 import logging
+import math
 import re
 import subprocess
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +28,9 @@ from typing import Any
 
 from distributed import Scheduler, SchedulerPlugin, Status
 
+from campaign.cluster.cluster import Cluster
 from campaign.errors import UnreachableError
+from campaign.waits import Wait, counted
 
 logger = logging.getLogger(__name__)
 
@@ -32,6 +41,7 @@ MOST_IN_VAIN = 5  # times in a row that jobs end before a worker of theirs has j
 LONGEST_PAUSE = 300.0  # s before a job is submitted after some that ended in vain
 PENDING_AFTER = 60.0  # s after which it is said why a job waits
 LAST_LINES = 5  # of the log of a job
+MOST_IDS = 6  # of jobs in one message
 
 # the words of SLURM, OAR and PBS
 _WAITING = ("PENDING", "CONFIGURING", "REQUEUED", "WAITING", "HOLD", "TOLAUNCH", "Q", "H", "W")
@@ -120,24 +130,35 @@ def last_lines(kind: str, job: str) -> str:
 
 def _jobs(ids: list[str]) -> str:
     """Return jobs in words."""
-    return f"job {ids[0]}" if len(ids) == 1 else f"jobs {', '.join(ids)}"
+    return f"job {ids[0]}" if len(ids) == 1 else f"jobs {_ids(ids)}"
+
+
+def _ids(ids: list[str]) -> str:
+    """Return the first ids of jobs, and how many more there are."""
+    return ", ".join(ids[:MOST_IDS]) + (f" and {len(ids) - MOST_IDS} more" if len(ids) > MOST_IDS else "")
 
 
 class JobReplacement:
-    """Keep as many jobs of a `dask_jobqueue` cluster queued or running as it was scaled to.
+    """Keep as many jobs of a `dask_jobqueue` cluster queued or running as there is work for.
 
-    ``failure`` is what ended it: jobs that end in vain, again and again, or a batch system that refuses new ones.
+    ``released`` are the names of workers that were ended because nothing was left for them. ``failure`` is what ended
+    it all: jobs that end in vain, again and again, or a batch system that refuses new ones.
     """
 
     def __init__(
         self,
         jobs: Any,
-        kind: str,
+        cluster: Cluster,
         queue: Callable[[str], dict[str, QueuedJob] | None] = queued_jobs,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.failure: UnreachableError | None = None
-        self._jobs, self._kind, self._queue, self._clock = jobs, kind, queue, clock
+        self.released: set[str] = set()
+        self._jobs, self._kind, self._queue, self._clock = jobs, cluster.kind, queue, clock
+        self._limits = (cluster.least or 1, cluster.most or 1)  # of the number of workers
+        self._workers = self._limits[0]  # that there is work for
+        self._waiting: dict[str, QueuedJob] = {}  # in the last answer of the queue, by name
+        self._changed = threading.Event()
         self._ids: dict[str, str] = {}  # of the last job of each name
         self._since: dict[str, float] = {}  # when each name's job was first seen [s]
         self._queued: set[str] = set()  # names whose present job has been in the queue
@@ -145,36 +166,102 @@ class JobReplacement:
         self._in_vain = 0
         self._not_before = 0.0  # when the next job may be submitted [s]
         self._told: dict[str, str] = {}  # id of each waiting job and the reason that was said
+        self._known(clock())
 
     def worker_joined(self, name: str) -> None:
         """Take note of a worker of a job; the workers of one job are numbered."""
         self._joined.add(name)
 
+    def expect(self, calls: int) -> None:
+        """Have as many workers as there are calls to come, between the two limits."""
+        least, most = self._limits
+        before, self._workers = self._workers, min(max(calls, least), most)
+        if before != self._workers:
+            self._changed.set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for the next check: at most so long, and no longer once the number of workers is to change."""
+        if self._changed.wait(seconds):
+            self._changed.clear()
+
+    def wake(self) -> None:
+        """End a wait."""
+        self._changed.set()
+
+    def waits(self) -> list[Wait]:
+        """Return which jobs wait in the queue, and why, as far as the batch system says so."""
+        waiting = dict(self._waiting)
+        if not waiting:
+            return []
+        now = self._clock()
+        longest = max(now - self._since.get(name, now) for name in waiting)
+        return [Wait("jobs", time.time() - longest, _by_reason({self._ids.get(n, n): e for n, e in waiting.items()}))]
+
     def check(self) -> None:
-        """Compare the jobs with the queue once, and submit those that are missing."""
+        """Compare the jobs with the queue and the work once; submit those that are missing, and end the others."""
         queued = self._queue(self._kind)
         now = self._clock()
         present = self._known(now)
         # dask forgets a job whose worker is gone
         missing = [name for name in list(self._jobs.worker_spec) if name in self._ids and name not in present]
         if queued is not None:
-            self._tell_waiting(queued, now)
+            waiting = {name: queued[number(job)] for name, job in present.items() if number(job) in queued}
+            self._waiting = {name: entry for name, entry in waiting.items() if entry.waits}
+            self._tell_waiting(now)
             gone = {name for name, job in present.items() if number(job) not in queued}
             self._queued |= present.keys() - gone
             missing += [name for name in gone if name in self._queued or now - self._since[name] > VISIBLE_WITHIN]
         if missing:
             self._count(missing, now)
+        self._follow_work()
         if self.failure is None and self._ended and now >= self._not_before:
             self._submit()
             self._known(now)
 
+    def _follow_work(self) -> None:
+        """Make the number of jobs that of the work."""
+        spec, least = self._jobs.worker_spec, self._limits[0]
+        each = max((len(self._workers_of(name)) for name in spec), default=1)
+        wanted = math.ceil(max(self._workers, least) / each)
+        while len(spec) < wanted:
+            spec.update(self._jobs.new_worker_spec())
+            self.released.difference_update(self._workers_of(list(spec)[-1]))
+        if len(spec) > wanted:
+            self._jobs.sync(self._end_some, len(spec) - wanted)
+
+    async def _end_some(self, most: int) -> None:
+        """End some jobs without work; called in the loop of the scheduler, which gives out no calls meanwhile."""
+        busy = {str(worker.name) for worker in self._jobs.scheduler.workers.values() if worker.processing}
+        free = [name for name in self._jobs.worker_spec if not busy.intersection(self._workers_of(name))]
+        # those without a job, then those that wait in the queue, then those whose workers have nothing to do
+        free.sort(key=lambda name: (name in self._jobs.workers, name not in self._waiting))
+        chosen = free[:most]
+        if not chosen:
+            return
+        workers = [worker for name in chosen for worker in self._workers_of(name)]
+        self.released.update(workers)
+        await self._jobs.scheduler.retire_workers(names=workers, close_workers=True)
+        ids = [self._ids.pop(name) for name in chosen if name in self._ids]
+        for name in chosen:
+            self._waiting.pop(name, None)
+            del self._jobs.worker_spec[name]
+        await self._jobs._correct_state()
+        if ids:
+            logger.info("%s ended: fewer batches are left than workers", _jobs(ids))
+
+    def _workers_of(self, name: str) -> list[str]:
+        """Return the names of the workers of a job."""
+        return [f"{name}{suffix}" for suffix in self._jobs.worker_spec[name].get("group", [""])]
+
     def _known(self, now: float) -> dict[str, str]:
         """Return the id of each name's job, and forget what was known of the one before it."""
         present = {name: str(job.job_id) for name, job in list(self._jobs.workers.items()) if job.job_id}
-        for name, job in present.items():
-            if self._ids.get(name) != job:
-                self._ids[name], self._since[name] = job, now
-                self._queued.discard(name)
+        new = [name for name, job in present.items() if self._ids.get(name) != job]
+        for name in new:
+            self._ids[name], self._since[name] = present[name], now
+            self._queued.discard(name)
+        if new:
+            logger.info("%s submitted", _jobs([present[name] for name in new]))
         return present
 
     @property
@@ -225,15 +312,23 @@ class JobReplacement:
                     job.status = Status.failed
             self.failure = UnreachableError(f"--cluster {self._kind}: the batch system refused a job: {error}")
 
-    def _tell_waiting(self, queued: dict[str, QueuedJob], now: float) -> None:
-        """Say of each job that waits for long why it does, and again when the reason changes."""
-        for name, job in self._ids.items():
-            entry = queued.get(number(job))
-            if entry is None or not entry.waits or now - self._since[name] < PENDING_AFTER:
-                continue
-            if self._told.get(job) != entry.reason:
-                self._told[job] = entry.reason
-                logger.warning("job %s waits in the queue: %s", job, entry.reason or entry.state)
+    def _tell_waiting(self, now: float) -> None:
+        """Say of the jobs that wait for long why they do, and again when the reason changes."""
+        news = {}
+        for name, entry in self._waiting.items():
+            job = self._ids[name]
+            if now - self._since[name] >= PENDING_AFTER and self._told.get(job) != entry.reason:
+                self._told[job], news[job] = entry.reason, entry
+        if news:
+            logger.warning("%s waiting in the queue: %s", counted(len(news), "job"), _by_reason(news))
+
+
+def _by_reason(waiting: dict[str, QueuedJob]) -> str:
+    """Return jobs by their ids, and why they wait."""
+    reasons: dict[str, list[str]] = defaultdict(list)
+    for job, entry in waiting.items():
+        reasons[entry.reason or entry.state].append(job)
+    return "; ".join(f"{_jobs(ids)}: {reason}" for reason, ids in reasons.items())
 
 
 class _Joins(SchedulerPlugin):
@@ -248,13 +343,16 @@ class _Joins(SchedulerPlugin):
 
 
 @contextmanager
-def jobs_replaced(jobs: Any, kind: str, interval: float = CHECK_INTERVAL) -> Iterator[JobReplacement]:
+def jobs_replaced(jobs: Any, cluster: Cluster, interval: float = CHECK_INTERVAL) -> Iterator[JobReplacement]:
     """Replace the jobs that end while the block runs; if that fails, end the cluster, and raise UnreachableError."""
-    replacement, ended = JobReplacement(jobs, kind), threading.Event()
+    replacement, ended = JobReplacement(jobs, cluster), threading.Event()
     jobs.scheduler.add_plugin(_Joins(replacement))
 
     def watch() -> None:
-        while not ended.wait(interval):
+        while True:
+            replacement.wait(interval)
+            if ended.is_set():
+                return
             try:
                 replacement.check()
             except Exception:  # the next check may do better; rows are computed meanwhile
@@ -270,6 +368,7 @@ def jobs_replaced(jobs: Any, kind: str, interval: float = CHECK_INTERVAL) -> Ite
         yield replacement
     finally:
         ended.set()
+        replacement.wake()
         thread.join()
         if replacement.failure is not None:
             raise replacement.failure

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
 from campaign.safe_path import current_folder_left_out
+from campaign.waits import Wait
 
 ENDS_WITHIN = 5.0  # s for an idle process to end after its pipe is closed
 
@@ -72,6 +73,13 @@ class ProcessWorkers:
     def count(self) -> int:
         """Return the number of processes available for calls."""
         return self._count
+
+    def waits(self) -> list[Wait]:
+        """Return nothing: processes are started when they are needed."""
+        return []
+
+    def expect(self, calls: int) -> None:
+        """Do nothing: the number of processes is limited, and each is started when it is needed."""
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Have the next free process call a function; ``key`` is not used, as there is no scheduler to show it."""

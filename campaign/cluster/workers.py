@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 from campaign.compiling import announced_compilation
 from campaign.errors import CampaignError, UnreachableError
+from campaign.waits import Wait
 from engine import missing_kernels, warm_up
 
 ATTEMPTS = 3  # to load or compile the engine
@@ -39,7 +40,13 @@ class Workers(Protocol):
         """Name of the place of the workers in messages."""
 
     def count(self) -> int:
-        """Return the number of workers; raise SchedulerLost if the connection to them is lost."""
+        """Return the number of workers that are not refused; raise SchedulerLost if the connection is lost."""
+
+    def waits(self) -> list[Wait]:
+        """Return what is known of workers that are missing: jobs that wait in a queue, and lost workers."""
+
+    def expect(self, calls: int) -> None:
+        """Say how many calls are still to come, including those in flight; a batch system's jobs may follow that."""
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Have a worker call a module-level function, found there by its name, with small values that can be pickled.
@@ -57,7 +64,10 @@ class Workers(Protocol):
         """
 
     def refuse(self, call: Future[Any]) -> str:
-        """Submit no more calls to the worker in which this call failed; return the worker's name."""
+        """Submit no more calls to the worker in which this call failed.
+
+        Return the worker's name, or nothing if the worker was refused before.
+        """
 
     def cancel(self) -> None:
         """Cancel all calls in flight; their futures never finish."""

@@ -12,18 +12,20 @@ Failures are handled as follows:
 
 import logging
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers, compile_first
-from campaign.coordinator.dispatch import TRIES, Backoff, Window, WorkQueue, isolated
+from campaign.coordinator.dispatch import TRIES, Losses, Window, WorkQueue, isolated
 from campaign.coordinator.failed_runs import check_failures, lack_of_ok
-from campaign.coordinator.heartbeat import Progress, Show
+from campaign.coordinator.heartbeat import Heartbeat, Progress, Show
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, check_lease, hold_lease
 from campaign.coordinator.state import write_state
 from campaign.coordinator.stopping_rule import Checkpoints, Verdict
@@ -34,6 +36,7 @@ from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import CANCEL, HEARTBEAT
 from campaign.store.parts import folder
 from campaign.store.repeat_sets import repeat_plans, repeated_shares, survey_repeats
+from campaign.waits import Wait, Waits
 from campaign.worker.messages import (
     BatchRequest,
     BatchResult,
@@ -47,6 +50,10 @@ from campaign.worker.moments import moments
 from engine import simulate
 
 RECONNECTS_FOR = 600.0  # s after the scheduler was lost
+STEADY_AFTER = 60.0  # s after which a connection has held, even if no call has finished
+PROBE_EVERY = 10.0  # s between two questions to the store whether it takes a file, while nothing finishes
+PROBE = "probe.bin"
+PROBE_BYTES = 65_536  # as large as a part; a heartbeat may find room where no part does
 RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
 STORE_TRIES = 3  # workers in a row for which the store fails, each after trying for minutes
 
@@ -90,7 +97,8 @@ def coordinate(
         write_state(store, plan.campaign_id, "running")
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)
-            coordinator.run(lambda: _ready_workers(plan, cluster, simulate, connect or connect_workers))
+            ready = partial(_ready_workers, plan, cluster, simulate, connect or connect_workers, coordinator.waits)
+            coordinator.run(ready)
         except BaseException as error:
             _write_failure(store, plan.campaign_id, error, is_served=is_served)
             raise
@@ -105,7 +113,11 @@ def coordinate(
 
 @contextmanager
 def _ready_workers(
-    plan: Plan, cluster: Cluster, simulated: Simulate, connect: Callable[[Cluster], AbstractContextManager[Workers]]
+    plan: Plan,
+    cluster: Cluster,
+    simulated: Simulate,
+    connect: Callable[[Cluster], AbstractContextManager[Workers]],
+    waits: Waits,
 ) -> Iterator[Workers]:
     """Connect to the workers; on this machine, one worker compiles the engine first and the others load the result."""
     if cluster.starts_here:
@@ -113,7 +125,8 @@ def _ready_workers(
         check_build(plan.campaign_id, plan.row_build)
     with connect(cluster) as workers:
         if cluster.starts_here and simulated is simulate:
-            compile_first(workers)
+            with waits.during("compiling"):
+                compile_first(workers)
         yield workers
 
 
@@ -152,10 +165,14 @@ class Coordinator:
         # after the progress, whose numbers of repeats this sets
         self.queue = self._queue_missing(survey.parts)
         self.checkpoints = Checkpoints(store, plan)
+        self.waits = Waits()
+        self._waits_of_workers: list[Wait] = []
         self._token = token
         self._heartbeats = 0
         self._outage = Outage(store.url, store.files.retry_policy)
         self._store_failures = 0  # successive failures that workers reported
+        self._finished = 0  # calls
+        self._probed_at = 0.0
         self._recorded_at = 0.0
 
     def run(self, connect: Connect) -> None:
@@ -204,6 +221,7 @@ class Coordinator:
                 finished = window.next_finished(next_check - time.monotonic())
                 if finished is None:
                     continue
+                self._finished += 1
                 self._handle_result(window, *finished)
                 if self._stop_at_checkpoint():
                     return
@@ -212,49 +230,94 @@ class Coordinator:
 
     def publish_heartbeat(self, state: str, store: Store | None = None) -> None:
         """Show the progress of the campaign and write it into the store."""
-        self._heartbeats += 1
-        heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
+        heartbeat = self._heartbeat(state)
         self.show(heartbeat)
         (store or self.store).write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
 
+    def _heartbeat(self, state: str) -> Heartbeat:
+        self._heartbeats += 1
+        waits = [*self.waits, *self._waits_of_workers]
+        return self.progress.heartbeat(state, waits, token=self._token, beat=self._heartbeats, pid=os.getpid())
+
     def _compute_through_losses(self, connect: Connect) -> None:
         """Connect and compute; connect again if the scheduler is lost."""
-        lost_at: float | None = None
-        pauses = Backoff()
+        losses = Losses()
         while self.queue:
+            connected_at, finished = None, self._finished
             try:
-                with connect() as workers:
-                    lost_at = None
-                    pauses.reset()
+                with ExitStack() as stack:
+                    with self._beating("scheduler" if losses else "start"):
+                        workers = stack.enter_context(connect())
+                    connected_at = time.monotonic()
                     self.compute(workers)
             except UnreachableError as error:
-                if lost_at is None and not isinstance(error, SchedulerLost):
+                held = connected_at is not None and time.monotonic() - connected_at > STEADY_AFTER
+                if held or self._finished > finished:
+                    losses.end()
+                if not losses and not isinstance(error, SchedulerLost):
                     raise  # it was never reached, so there is nothing to reconnect to
-                lost_at = lost_at or time.monotonic()
-                if time.monotonic() - lost_at > RECONNECTS_FOR:
+                pause = losses.lose()
+                if losses.seconds > RECONNECTS_FOR:
                     raise UnreachableError(
                         f"{error}; gave up after {RECONNECTS_FOR:.0f} s; finished rows are kept"
                     ) from error
                 logger.warning("lost the scheduler (%s); reconnecting", error)
-                pauses.fail()
-                pauses.wait()
-                self.publish_heartbeat("running")
+                self.progress.workers, self._waits_of_workers = 0, []
+                self.waits.begin("scheduler", error, losses.seconds)
+                self._pause(pause)
                 self._rescan()
 
-    def _check(self, window: Window) -> None:
-        """Check workers and store; called every two seconds.
+    def _pause(self, seconds: float) -> None:
+        """Wait without letting the lease become stale; raises what `_look_at_store` raises."""
+        end = time.monotonic() + seconds
+        self._look_at_store()
+        while (left := end - time.monotonic()) > 0.0:
+            time.sleep(min(left, HEARTBEAT_INTERVAL))
+            self._look_at_store()
 
-        This does not wait for a failing store, so that batches go on in the meantime; the next check tries again.
+    @contextmanager
+    def _beating(self, what: str) -> Iterator[None]:
+        """Publish heartbeats from a thread during a block in which this one waits for workers, perhaps for minutes."""
+        over = threading.Event()
+
+        def beat() -> None:
+            while not over.wait(HEARTBEAT_INTERVAL):
+                try:
+                    self._look_at_store()
+                except CampaignError:
+                    return  # the next check in the thread that waits raises it again
+
+        thread = threading.Thread(target=beat, name="heartbeats", daemon=True)
+        with self.waits.during(what):
+            thread.start()
+            try:
+                yield
+            finally:
+                over.set()
+                thread.join()
+
+    def _check(self, window: Window) -> None:
+        """Check workers and store; called every two seconds."""
+        self._waits_of_workers = window.look(len(self.queue))
+        self.progress.workers = window.worker_count
+        self._look_at_store()
+
+    def _look_at_store(self) -> None:
+        """Check the store, without waiting for one that fails: batches go on, and the next check tries again.
+
+        Raises Cancelled or LeaseLost; StoreError if the store has failed for as long as its policy allows.
         """
-        self.progress.workers = window.count_workers()
         try:
             self._check_store(self.store.hasty)
         except StoreError as error:
             if self._outage.too_long:
                 raise
             self._outage.begin(error)
+            self.waits.begin("store", error)
+            self.show(self._heartbeat("running"))  # at least to the one who is here
         else:
             self._outage.end()
+            self.waits.end("store")
 
     def _check_store(self, store: Store) -> None:
         """Check cancellation and lease, publish a heartbeat, and record the manifest."""
@@ -266,9 +329,23 @@ class Coordinator:
         # before the heartbeat, which would replace that of a process that has taken over
         check_lease(store, campaign_id, self._token)
         self.publish_heartbeat("running", store)
+        self._probe(store)
         if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
             store.record(self.plan, self.queue.parts.values())
             self._recorded_at = time.monotonic()
+
+    def _probe(self, store: Store) -> None:
+        """If nothing finishes, write a file as large as a part: a disk without room for one may have it for others.
+
+        A worker whose part the store refuses tries for minutes before it gives up.
+        """
+        now = time.monotonic()
+        if not self.progress.is_stalled or now - self._probed_at < PROBE_EVERY:
+            return
+        name = f"{self.plan.campaign_id}/{PROBE}"
+        store.files.write(name, bytes(PROBE_BYTES))
+        store.files.remove(name)
+        self._probed_at = now
 
     def _handle_result(self, window: Window, requests: list[BatchRequest], future: Future[list[BatchResult]]) -> None:
         """Record the batches of a finished call, or requeue them for another attempt."""
@@ -280,7 +357,8 @@ class Coordinator:
             )
             self.queue.requeue([isolated(request) for request in requests])
         except WrongBuild as error:
-            logger.warning("worker %s: %s; it gets no more batches", window.refuse(future), error)
+            if worker := window.refuse(future):  # once, however many calls it had
+                logger.warning("worker %s: %s; it gets no more batches", worker, error)
             self.queue.requeue(requests)
         except Cancelled:
             self.queue.requeue(requests)  # the next check finds the marker and ends the campaign

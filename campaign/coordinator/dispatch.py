@@ -12,6 +12,7 @@ from campaign.cluster.workers import NoWorkerLeft, Workers
 from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.store import Part
+from campaign.waits import Wait
 from campaign.worker.batch import run_batches
 from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress
 
@@ -84,7 +85,13 @@ class Window:
         self._workers = workers
         self._address = address
         self._in_flight: dict[Future[list[BatchResult]], list[BatchRequest]] = {}
-        self._idle_since: float | None = None
+        self._empty_since: float | None = None  # since when there has been no worker [s since 1970]
+        self._warned_at = 0.0
+
+    @property
+    def batches(self) -> int:
+        """Number of batches in flight."""
+        return sum(map(len, self._in_flight.values()))
 
     @property
     def size(self) -> int:
@@ -117,18 +124,27 @@ class Window:
         return None if future is None else (self._in_flight.pop(future), future)
 
     def refuse(self, future: Future[list[BatchResult]]) -> str:
-        """Submit no more batches to the worker in which a call failed; return the worker's name."""
+        """Submit no more batches to the worker in which a call failed; return its name, once for each worker."""
         return self._workers.refuse(future)
 
-    def count_workers(self) -> int:
-        """Count the workers; if there are none, warn every minute. Raise SchedulerLost if the connection is lost."""
+    def look(self, waiting: int) -> list[Wait]:
+        """Count the workers and return what they wait for; warn every minute if there are none.
+
+        ``waiting`` batches have not been submitted yet. Raises SchedulerLost if the connection is lost.
+        """
         self.worker_count = self._workers.count()
-        now = time.monotonic()
-        self._idle_since = None if self.worker_count else (self._idle_since or now)
-        if self._idle_since is not None and now - self._idle_since > WARN_AFTER:
+        self._workers.expect(waiting + self.batches)
+        waits = self._workers.waits()
+        if self.worker_count:
+            self._empty_since = None
+            return waits
+        now = time.time()
+        if self._empty_since is None:
+            self._empty_since = self._warned_at = now
+        if now - self._warned_at > WARN_AFTER:
             logger.warning("%s has no workers; waiting for some to join it", self._workers.name)
-            self._idle_since = now
-        return self.worker_count
+            self._warned_at = now
+        return [Wait("workers", self._empty_since), *waits]
 
     def _next_requests(self, queue: WorkQueue) -> list[BatchRequest]:
         """Return the requests of the next call: one batch, or several short ones if no other workers need to wait."""
@@ -151,22 +167,33 @@ def isolated(request: BatchRequest) -> BatchRequest:
     return replace(request, attempt=request.attempt + 1, isolated=True)
 
 
-class Backoff:
-    """Count successive failures of an operation and wait after each, longer and longer."""
+class Losses:
+    """How often the scheduler was lost with nothing computed in between, and the pauses before it is tried again.
+
+    A scheduler that accepts the connection and is lost at once has not come back: only a finished call, or a connection
+    that held for a while, ends a series of losses.
+    """
 
     def __init__(self) -> None:
-        self.failures = 0
+        self._since: float | None = None  # when the series began [s, monotonic]
+        self._number = 0
 
-    def fail(self) -> None:
-        """Count a failure."""
-        self.failures += 1
+    @property
+    def seconds(self) -> float:
+        """How long the series has lasted [s]."""
+        return 0.0 if self._since is None else time.monotonic() - self._since
 
-    def wait(self) -> None:
-        """Wait for the pause that the number of failures determines."""
+    def __bool__(self) -> bool:
+        return self._since is not None
+
+    def lose(self) -> float:
+        """Count a loss and return the pause after it [s], each twice as long as the one before."""
+        self._since = time.monotonic() if self._since is None else self._since
+        self._number += 1
         first, longest = PAUSES
         # 20 doublings are far beyond the longest pause; an unlimited power would overflow in the end
-        time.sleep(min(first * 2.0 ** min(self.failures - 1, 20), longest))
+        return min(first * 2.0 ** min(self._number - 1, 20), longest)
 
-    def reset(self) -> None:
-        """Forget the failures after a success."""
-        self.failures = 0
+    def end(self) -> None:
+        """Forget the losses: something has been computed, or the connection has held."""
+        self._since, self._number = None, 0

@@ -7,7 +7,7 @@ import logging
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -18,10 +18,12 @@ from campaign.plan import Plan
 from campaign.resolution import resolution
 from campaign.store import Store, Survey
 from campaign.store.layout import HEARTBEAT, LEASE, PLAN
+from campaign.waits import STOPPING, Wait, in_words, is_wait
 from campaign.worker.messages import BatchResult
 from campaign.worker.moments import Moments, add_moments, moments
 
 RATE_WINDOW = 60.0  # s over which the rate of runs is averaged
+STALLED = (3.0, 10.0)  # times a batch takes, and at the least seconds, after which it is odd that none has finished
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +41,7 @@ class Heartbeat:
     left: int  # rows still to be computed
     statuses: dict[str, int]  # stored rows by status
     rate: float  # runs per second over the last minute
-    eta_s: float | None  # remaining time at that rate; None while the rate is unknown
+    eta_s: float | None  # remaining time at that rate; None while the rate is unknown, and while it does not hold
     workers: int
     idle_s: float = 0.0  # since the last batch was completed, or since the start
     # ``n``, ``mean``, ``std``, ``cpk`` of the stored rows
@@ -51,6 +53,12 @@ class Heartbeat:
     message: str = ""  # details of the state; may be empty
     repeats: int = 0  # samples to be repeated with half the step; not counted as rows
     repeated: int = 0  # of these, those already repeated
+    waiting: list[dict[str, Any]] = field(default_factory=list)  # what it waits for, see `campaign.waits.Wait`
+
+    @property
+    def waits_for(self) -> str:
+        """What the campaign waits for, in words; empty if nothing, and in another state than ``running``."""
+        return in_words(self.waiting, self.time) if self.state == "running" else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -71,6 +79,7 @@ class Heartbeat:
         counts = (self.samples, self.done, self.ok, self.failed, self.left, self.workers, self.pid, self.beat)
         repeats = (self.repeats, self.repeated)
         tables = isinstance(self.statuses, dict) and isinstance(self.responses, dict)
+        tables = tables and isinstance(self.waiting, list) and all(map(is_wait, self.waiting))
         if not tables or not all(isinstance(r, dict) and r.keys() >= RESPONSE for r in self.responses.values()):
             return False
         numbers = [self.rate, self.time, self.idle_s, *(0.0 if self.eta_s is None else self.eta_s,)]
@@ -110,6 +119,7 @@ class Progress:
         self.computed = 0
         self.workers = 0
         self._times: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
+        self._batch_seconds = 0.0  # of the slowest of the last batches
         self.recount(store, survey)
 
     def recount(self, store: Store, survey: Survey) -> None:
@@ -129,6 +139,7 @@ class Progress:
             self.statuses.update(result.part.statuses)
             self.computed += result.part.rows if result.computed else 0
         add_moments(self.moments, result.moments)
+        self._batch_seconds = max(result.seconds, 0.9 * self._batch_seconds)
         self._times.append((time.monotonic(), self.computed))
         while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_WINDOW:
             self._times.popleft()
@@ -143,8 +154,19 @@ class Progress:
         """Number of stored rows whose status is not ``ok``."""
         return self.done - self.statuses.get("ok", 0)
 
-    def heartbeat(self, state: str, **of_coordinator: Any) -> Heartbeat:
+    @property
+    def is_stalled(self) -> bool:
+        """Whether nothing has finished for several times the length of a batch."""
+        times, least = STALLED
+        return time.monotonic() - self._times[-1][0] > max(times * self._batch_seconds, least)
+
+    def heartbeat(self, state: str, waits: Iterable[Wait] = (), **of_coordinator: Any) -> Heartbeat:
         """Return a heartbeat; ``of_coordinator`` are its ``token``, ``pid`` and ``beat``."""
+        now, idle = time.time(), time.monotonic() - self._times[-1][0]
+        waiting = list(waits)
+        holds = not self.is_stalled and not any(wait.what in STOPPING for wait in waiting)
+        if self.is_stalled and not any(wait.what in STOPPING for wait in waiting):
+            waiting.append(Wait("idle", now - idle))
         (first, before), rate = self._times[0], 0.0
         if self.computed > before:
             rate = (self.computed - before) / max(time.monotonic() - first, 1e-9)
@@ -160,11 +182,12 @@ class Progress:
             statuses=dict(sorted(self.statuses.items())),
             rate=rate,
             # none while only repeats are left: they take their time too, but are not counted in the rate
-            eta_s=left / rate if rate and (left or self.repeated >= self.repeats) else None,
+            eta_s=left / rate if rate and holds and (left or self.repeated >= self.repeats) else None,
             workers=self.workers,
-            idle_s=time.monotonic() - self._times[-1][0],
+            idle_s=idle,
             responses={name: self._response(name, m) for name, m in self.moments.items()},
-            time=time.time(),
+            time=now,
+            waiting=[wait.to_json() for wait in waiting],
             repeats=self.repeats,
             repeated=min(self.repeated, self.repeats),
             **of_coordinator,

@@ -21,8 +21,8 @@ Say = Callable[[str], None]
 def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
     """Return the progress of a campaign as plain data; ``say`` gets a sentence for each fault of its files.
 
-    The entries are ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a running campaign or None, and
-    ``comparisons``, the address of each by the id of the other campaign.
+    The entries are ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a running campaign or None,
+    ``waits_for``, what it waits for in words, and ``comparisons``, the address of each by the id of the other campaign.
     """
     campaign_id = header.campaign_id
     state, counts = progress(store, header, say)
@@ -53,7 +53,9 @@ def _report(
     if progress["fault"]:
         say(f"{campaign_id}: {progress['fault']}")
     document = {"campaign": campaign_id, "store": store.url, **progress}
-    return {**document, "heartbeat": heartbeat and heartbeat.to_json(), "comparisons": compared}
+    waits_for = heartbeat.waits_for if heartbeat else ""
+    beat = heartbeat and heartbeat.to_json()
+    return {**document, "heartbeat": beat, "waits_for": waits_for, "comparisons": compared}
 
 
 def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:

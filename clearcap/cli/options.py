@@ -84,8 +84,13 @@ ClusterKind = Annotated[
     ),
 ]
 Workers = Annotated[
-    int | None,
-    typer.Option(min=1, help="Number of worker processes to start; by default one per core.", rich_help_panel=_PANEL),
+    str | None,
+    typer.Option(
+        metavar="N",
+        help="Number of worker processes to start; by default one per core. MIN:MAX lets the jobs of a batch system"
+        " follow the work.",
+        rich_help_panel=_PANEL,
+    ),
 ]
 TlsCa = Annotated[
     Path | None,
@@ -128,7 +133,7 @@ def cluster_from(
 
     Raises SpecError if options contradict each other, name files that cannot be used, or would send data unencrypted.
     """
-    from campaign.cluster.cluster import Cluster, Tls, security
+    from campaign.cluster.cluster import Cluster, Tls, security, workers_in
     from campaign.cluster.connect import check_cluster
     from campaign.errors import SpecError
 
@@ -137,7 +142,8 @@ def cluster_from(
     if missing and len(missing) < len(files):
         raise SpecError(f"{', '.join(missing)}: not given; TLS needs --tls-ca, --tls-cert and --tls-key together")
     tls = None if missing else Tls(*(str(Path(path).absolute()) for path in files.values() if path))
-    where = Cluster(scheduler, cluster, workers, tls, insecure)  # type: ignore[arg-type]  # check_cluster checks it
+    number = None if workers is None else workers_in(workers)
+    where = Cluster(scheduler, cluster, number, tls, insecure)  # type: ignore[arg-type]  # check_cluster checks it
     check_cluster(where)
     if tls:
         security(tls)

@@ -240,9 +240,13 @@ def _print_status(document: dict[str, Any], command: str) -> None:
     if document["message"]:
         print_text(f"  {document['message']}")
     if heartbeat := document["heartbeat"]:
+        from campaign.waits import counted
         from clearcap.cli.progress import eta
 
-        print_text(f"  {heartbeat['rate']:.1f} runs/s on {heartbeat['workers']} workers, ETA {eta(heartbeat['eta_s'])}")
+        workers = counted(heartbeat["workers"], "worker")
+        print_text(f"  {heartbeat['rate']:.1f} runs/s on {workers}, ETA {eta(heartbeat['eta_s'])}")
+        if waits := document.get("waits_for"):
+            print_text(f"  {waits}")
     for status, count in document["statuses"].items():
         if status != "ok":
             print_text(f"  {count} {status}")
@@ -303,5 +307,7 @@ def _heartbeats_of(remote: "RemoteServer", campaign_id: str) -> "Iterator[Heartb
             **{name: counted[name] for name in counts},
             rate=event["rate"] or 0.0,
             workers=event["workers"] or 0,
+            waiting=event.get("waiting", []),  # servers of earlier versions do not say
+            time=event.get("time") or 0.0,
             responses={name: dict(response) for name, response in event["responses"].items()},
         )

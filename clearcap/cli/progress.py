@@ -12,13 +12,13 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from campaign.waits import counted
 from clearcap.cli.output import visible
 
 if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat, Show
 
 LINE_EVERY = 10.0  # s between two lines without a terminal
-IDLE_AFTER = 30.0  # s: a batch takes about ten
 LONGEST = 1e9  # s
 BAR = 40  # characters
 
@@ -55,8 +55,9 @@ def line(heartbeat: "Heartbeat") -> str:
     head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed{repeats}"
     if heartbeat.state != "running":
         return f"{head}, {visible(heartbeat.state)}"
-    idle = f", nothing finished for {heartbeat.idle_s:.0f} s" if heartbeat.idle_s > IDLE_AFTER else ""
-    return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}{idle}"
+    speed = f"{heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {counted(heartbeat.workers, 'worker')}"
+    waits = f"; {visible(heartbeat.waits_for)}" if heartbeat.waits_for else ""
+    return f"{head}, {speed}{waits}"
 
 
 def view(heartbeat: "Heartbeat") -> RenderableType:
@@ -79,7 +80,3 @@ def view(heartbeat: "Heartbeat") -> RenderableType:
 def eta(seconds: float | None) -> str:
     """Return the remaining time as h:mm:ss; a dash if it is unknown or longer than `LONGEST`."""
     return str(timedelta(seconds=round(seconds))) if seconds is not None and seconds < LONGEST else "-"
-
-
-def _workers(count: int) -> str:
-    return f"{count} worker{'' if count == 1 else 's'}"

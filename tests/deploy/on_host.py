@@ -47,7 +47,7 @@ def _compute(cluster, workers, url, campaign_id):
     store, hosts = open_store(url), []
     plan = store.plan(campaign_id)
     if cluster.scheduler:
-        with connect(cluster) as client:
+        with connect(cluster) as (client, _):
             client.wait_for_workers(workers, timeout=600)
             hosts = sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
     outcome = coordinate(store, plan, cluster, simulate=fake_engine.simulate)
@@ -59,7 +59,7 @@ def reach(address, *files):
     campaign.cluster.connect.REACHED_WITHIN = 3.0
     tls = Tls(*files) if files else None
     try:
-        with connect(Cluster(address, tls=tls, insecure=True)) as client:
+        with connect(Cluster(address, tls=tls, insecure=True)) as (client, _):
             return {"reached": client.scheduler.address}
     except CampaignError as error:
         return {"refused": f"{type(error).__name__}: {error}"}

@@ -159,6 +159,7 @@ class CampaignStatus(BaseModel):
     repeats: int = Field(description="Samples that are to be repeated with half the step")
     repeated: int
     heartbeat: dict[str, Any] | None = Field(description="Of a campaign that runs: rate, time to go, each Cpk so far")
+    waits_for: str = Field(description="What a running campaign waits for", examples=["no workers for 40 s"])
     comparisons: dict[str, str] = Field(description="Where its comparisons are, by the id of the other campaign")
     remarks: list[str] = Field(description="What is wrong with its files", examples=[[]])
 

@@ -242,6 +242,10 @@ def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     document |= {"since": seen.since, "over": seen.is_over and not (is_served and seen.is_open), "odd": seen.odd}
     counts = ("samples", "done", "ok", "failed", "left", "statuses", "rate", "eta_s", "workers", "repeats", "repeated")
     document |= {name: None if beat is None else getattr(beat, name) for name in counts}
+    document |= {"waiting": beat.waiting if beat else [], "waits_for": beat.waits_for if beat else ""}
+    document["time"] = (
+        beat.time if beat and beat.waiting else None
+    )  # by which the beginnings of what it waits for count
     responses = {} if beat is None else beat.responses
     document["responses"] = {
         name: response | {"cpk_interval": _interval(response)} for name, response in responses.items()

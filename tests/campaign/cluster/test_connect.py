@@ -44,7 +44,7 @@ def tls_scheduler(folder, tmp_path_factory):
         scheduler(address.rpartition(":")[2], "--protocol=tls", f"--scheduler-file={file}", *secured),
         worker(address, scratch, "--protocol=tls", *tls_arguments(folder, "worker")),
     ):
-        with connect(Cluster(address, tls=client_tls(folder))) as client:
+        with connect(Cluster(address, tls=client_tls(folder))) as (client, _):
             client.wait_for_workers(1, timeout=600)
         yield address, file
 
@@ -65,7 +65,7 @@ def soon(monkeypatch):
 def test_computes_over_tls(tls_scheduler, folder):
     """With certificates of the same authority, by address and by scheduler file."""
     for where in map(str, tls_scheduler):
-        with connect(Cluster(where, tls=client_tls(folder))) as client:
+        with connect(Cluster(where, tls=client_tls(folder))) as (client, _):
             assert client.submit(sum, [1, 2]).result(timeout=600) == 3
             assert client.scheduler.address == tls_scheduler[0]
 
@@ -79,7 +79,7 @@ def test_dask_configuration_gives_certificates(tls_scheduler, folder):
     }
     with pytest.raises(SpecError, match="needs certificates"):
         check_cluster(Cluster(tls_scheduler[0]))
-    with dask.config.set(ours), connect(Cluster(tls_scheduler[0])) as client:
+    with dask.config.set(ours), connect(Cluster(tls_scheduler[0])) as (client, _):
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
@@ -117,7 +117,7 @@ def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
     """The block ends when the scheduler is lost, a new one fails in time, and works when the scheduler is back."""
     port = free_port()
     address = f"tcp://127.0.0.1:{port}"
-    with scheduler(port) as first, connect(Cluster(address)) as client:
+    with scheduler(port) as first, connect(Cluster(address)) as (client, _):
         future = client.submit(sum, [1, 2])
         first.kill()
         first.wait()
@@ -130,14 +130,14 @@ def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
             with pytest.raises(UnreachableError, match="not reached"), connect(Cluster(address)):
                 pass
     assert threading.active_count() == threads
-    with scheduler(port), worker(address, tmp_path), connect(Cluster(address)) as client:
+    with scheduler(port), worker(address, tmp_path), connect(Cluster(address)) as (client, _):
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
 
 
 @pytest.mark.processes
 def test_local_workers_over_tls(folder, caplog):
     """Workers started here speak TLS when told to."""
-    with connect(Cluster(workers=1, tls=client_tls(folder))) as client:
+    with connect(Cluster(workers=1, tls=client_tls(folder))) as (client, _):
         assert client.scheduler.address.startswith("tls://127.0.0.1:")
         assert all(address.startswith("tls://127.0.0.1:") for address in client.nthreads())
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
@@ -148,7 +148,7 @@ def test_local_workers_over_tls(folder, caplog):
 @pytest.mark.processes
 def test_memory_is_shared_out():
     """Local workers together cannot take all of the machine's memory."""
-    with connect(Cluster(workers=2)) as client:
+    with connect(Cluster(workers=2)) as (client, _):
         limits = [w["memory_limit"] for w in client.scheduler_info(n_workers=-1)["workers"].values()]
     assert 0 < sum(limits) < psutil.virtual_memory().total
 
@@ -165,7 +165,7 @@ def test_a_scheduler_file_is_waited_for(tls_scheduler, folder, tmp_path, patient
 
     clock = SimpleNamespace(monotonic=lambda: now[0], sleep=sleep)
     monkeypatch.setattr(campaign.cluster.connect, "time", clock)
-    with connect(Cluster(str(late), tls=client_tls(folder))) as client:
+    with connect(Cluster(str(late), tls=client_tls(folder))) as (client, _):
         assert client.submit(sum, [1, 2]).result(timeout=600) == 3
     with pytest.raises(UnreachableError, match="no such file"), connect(Cluster(str(tmp_path / "none.json"))):
         pass

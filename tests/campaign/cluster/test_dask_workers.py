@@ -168,10 +168,11 @@ def test_refused_workers_are_left_out(client, workers):
     failed = SimpleNamespace(exception=lambda: SimpleNamespace(worker="tcp://10.0.0.0:1"))
     workers.submit("call", len, "abc")
     assert workers.refuse(failed) == "tcp://10.0.0.0:1"
+    assert workers.refuse(failed) == ""  # named once, however many of its calls fail
     workers.submit("call", len, "abc")
     options = [(task.options["workers"], task.options["allow_other_workers"]) for task in client.submitted]
     assert options == [(None, False), (["tcp://10.0.0.1:1"], True)]
-    assert workers.count() == 2
+    assert workers.count() == 1
 
 
 @pytest.fixture

@@ -1,14 +1,17 @@
 """Jobs that end are replaced; what a batch system says of its queue; when it is given up."""
 
+import asyncio
 import json
 import logging
 import threading
+import time
 from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
 from distributed import Status
 
+from campaign.cluster.cluster import Cluster
 from campaign.cluster.job_replacement import (
     _QUEUES,
     MOST_IN_VAIN,
@@ -28,17 +31,31 @@ class Jobs:
     """A cluster of dask-jobqueue, and the queue of its batch system; ``processes`` workers a job."""
 
     def __init__(self, count, processes=1):
-        self.worker_spec = {f"SLURMCluster-{i}": {} for i in range(count)}
+        group = {"group": [f"-{i}" for i in range(processes)]} if processes > 1 else {}
+        self.new_spec = group
+        self.worker_spec = {f"SLURMCluster-{i}": dict(group) for i in range(count)}
+        self.scheduler = SimpleNamespace(workers={}, retire_workers=self.retire_workers, add_plugin=lambda _: None)
+        self.retired = []
         self.workers, self.queue = {}, {}
         self.submitted, self.processes, self.refuses = 0, processes, None
-        self._correct_state()
+        asyncio.run(self._correct_state())
 
-    def sync(self, function):
+    def sync(self, function, *arguments):
         """Call what dask would call in its event loop."""
-        return function()
+        return asyncio.run(function(*arguments))
 
-    def _correct_state(self):
-        """Submit what is missing."""
+    def new_worker_spec(self):
+        """Return one more."""
+        return {f"SLURMCluster-{len(self.worker_spec)}": dict(self.new_spec)}
+
+    async def retire_workers(self, names, close_workers):
+        """Keep the names of the workers that are to end."""
+        self.retired += names
+
+    async def _correct_state(self):
+        """Cancel what is too much, and submit what is missing."""
+        for name in self.workers.keys() - self.worker_spec.keys():
+            self.queue.pop(self.workers.pop(name).job_id, None)
         for name in [name for name in self.worker_spec if name not in self.workers]:
             self.workers[name] = job = SimpleNamespace(job_id=None, status=Status.running)
             if self.refuses:
@@ -69,9 +86,10 @@ def clock():
     return Clock()
 
 
-def replacement(jobs, clock, queue=None):
+def replacement(jobs, clock, queue=None, limits=None):
     """Return what replaces jobs of this queue."""
-    return JobReplacement(jobs, "slurm", queue or (lambda _: dict(jobs.queue)), clock)
+    workers = limits or len(jobs.worker_spec) * jobs.processes
+    return JobReplacement(jobs, Cluster(kind="slurm", workers=workers), queue or (lambda _: dict(jobs.queue)), clock)
 
 
 @pytest.mark.parametrize("processes", [1, 4])
@@ -170,7 +188,7 @@ def test_the_cluster_is_closed_when_jobs_are_given_up(monkeypatch):
     monkeypatch.setattr(JobReplacement, "worker_joined", lambda _, name: joined.append(name))
 
     def compute():
-        with jobs_replaced(jobs, "slurm", interval=0.001):
+        with jobs_replaced(jobs, Cluster(kind="slurm", workers=1), interval=0.001):
             plugins[0].add_worker(SimpleNamespace(workers={"tls://x": SimpleNamespace(name="a-0")}), "tls://x")
             assert closed.wait(600)
             raise OSError("the connection is lost")
@@ -222,9 +240,58 @@ def test_why_a_job_waits_is_said_once(clock, caplog):
         clock.now += PENDING_AFTER + 1
         kept.check()
     assert [record.getMessage() for record in caplog.records] == [
-        "job 1 waits in the queue: Priority",
-        "job 1 waits in the queue: Resources",
+        "1 job waiting in the queue: job 1: Priority",
+        "1 job waiting in the queue: job 1: Resources",
     ]
+
+
+def test_jobs_that_wait_are_facts_for_the_heartbeat(clock):
+    """Ids and reasons, those with the same reason together; nothing once they run."""
+    jobs = Jobs(9)
+    kept = replacement(jobs, clock)
+    jobs.queue |= {str(i): QueuedJob("PENDING", "Resources") for i in range(1, 9)}
+    jobs.queue["9"] = QueuedJob("PENDING", "")
+    clock.now += 40
+    kept.check()
+    [wait] = kept.waits()
+    assert wait.what == "jobs"
+    assert wait.detail == "jobs 1, 2, 3, 4, 5, 6 and 2 more: Resources; job 9: PENDING"
+    assert time.time() - wait.since == pytest.approx(40, abs=5)
+    jobs.queue = dict.fromkeys(jobs.queue, RUNNING)
+    kept.check()
+    assert kept.waits() == []
+
+
+@pytest.mark.parametrize(("least", "most", "calls", "expected"), [(4, 32, 1000, 32), (4, 32, 9, 12), (4, 32, 0, 4)])
+def test_as_many_workers_as_there_is_work_for(clock, least, most, calls, expected):
+    """Between two limits, in whole jobs of four workers."""
+    jobs = Jobs(1, processes=4)
+    kept = replacement(jobs, clock, limits=(least, most))
+    kept.expect(calls)
+    kept.check()
+    assert len(jobs.queue) * 4 == expected
+
+
+def test_jobs_that_are_not_needed_end_those_that_wait_first(clock, caplog):
+    """Then those whose workers have nothing to do; one that computes is left alone, as is the least number."""
+    jobs = Jobs(4)
+    kept = replacement(jobs, clock, limits=(1, 4))
+    kept.expect(4)
+    jobs.queue["3"] = QueuedJob("PENDING", "Resources")
+    jobs.scheduler.workers = {
+        address: SimpleNamespace(name=f"SLURMCluster-{address}", processing={"batch"} if address in (0, 3) else set())
+        for address in (0, 1, 3)
+    }
+    for calls, left in ((3, "124"), (2, "14"), (1, "14"), (0, "14")):
+        kept.expect(calls)
+        kept.check()
+        assert "".join(sorted(jobs.queue)) == left, calls
+    jobs.scheduler.workers[3].processing.clear()
+    kept.check()
+    assert list(jobs.queue) == ["1"]
+    assert kept.released == set(jobs.retired) == {f"SLURMCluster-{i}" for i in (1, 2, 3)}
+    assert (kept.failure, jobs.submitted) == (None, 4)
+    assert "ended before" not in caplog.text
 
 
 ANSWERS = {

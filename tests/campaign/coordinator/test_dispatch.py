@@ -9,7 +9,7 @@ import pytest
 from campaign.cluster.workers import SchedulerLost, WorkerDied
 from campaign.coordinator import dispatch
 from campaign.coordinator.coordinate import Coordinator
-from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL, PAUSES, Backoff, WorkQueue
+from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL, PAUSES, Losses, WorkQueue
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
@@ -28,7 +28,7 @@ class ImmediateWorkers:
     name = "a test"
 
     def __init__(self, *, answers=True):
-        self.answers, self.lost = answers, False
+        self.answers, self.lost, self.expected = answers, False, []
         self.batches, self.finished, self.most, self.cancelled = [], [], 0, 0
 
     def count(self):
@@ -36,6 +36,14 @@ class ImmediateWorkers:
         if self.lost:
             raise SchedulerLost("client closed")
         return WORKERS
+
+    def waits(self):
+        """Miss no worker."""
+        return []
+
+    def expect(self, calls):
+        """Note how many calls are to come."""
+        self.expected.append(calls)
 
     def submit(self, key, function, address, requests):
         """Compute, and note what was requested."""
@@ -211,17 +219,17 @@ def test_limit(queue):
 
 
 def test_pauses_double_up_to_the_longest(monkeypatch):
-    """From the first one on, and from the first one again after a success."""
-    slept = []
-    monkeypatch.setattr(dispatch.time, "sleep", slept.append)
-    pauses = Backoff()
+    """From the first one on, and from the first one again after something was computed."""
+    now = [1000.0]
+    monkeypatch.setattr(dispatch.time, "monotonic", lambda: now[0])
+    losses, (first, longest) = Losses(), PAUSES
+    assert not losses
+    pauses = []
     for _ in range(40):
-        pauses.fail()
-        pauses.wait()
-    first, longest = PAUSES
-    assert slept[:4] == [first, 2 * first, 4 * first, 8 * first]
-    assert slept[-1] == longest == max(slept)
-    pauses.reset()
-    pauses.fail()
-    pauses.wait()
-    assert slept[-1] == first
+        pauses.append(losses.lose())
+        now[0] += 10.0
+    assert pauses[:4] == [first, 2 * first, 4 * first, 8 * first]
+    assert pauses[-1] == longest == max(pauses)
+    assert losses.seconds == 400.0
+    losses.end()
+    assert (losses.seconds, bool(losses), losses.lose()) == (0.0, False, first)

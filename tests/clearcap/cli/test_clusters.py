@@ -46,6 +46,9 @@ def test_options(folder):
     """Options make a cluster; paths hold wherever a coordinator is started."""
     assert printed() == repr(Cluster())
     assert printed("--cluster", "slurm", "--workers", 32) == repr(Cluster(kind="slurm", workers=32))
+    both = Cluster(kind="slurm", workers=(2, 64))
+    assert printed("--cluster", "slurm", "--workers", "2:64") == repr(both)
+    assert both.options() == ["--cluster", "slurm", "--workers", "2:64"]
     assert printed("--scheduler", "tcp://10.0.0.1:1", "--insecure") == repr(Cluster("tcp://10.0.0.1:1", insecure=True))
     files = ["ca.pem", "client.pem", "client.key"]
     words = [w for o, f in zip(("ca", "cert", "key"), files, strict=True) for w in (f"--tls-{o}", f"tls/{f}")]
@@ -63,7 +66,11 @@ def test_wrong_options(folder):
         cluster_from("tcp://10.0.0.1:8786")
     with pytest.raises(SpecError, match="--cluster cloud"):
         cluster_from(cluster="cloud")
-    assert CliRunner().invoke(verb, ["--workers", "0"]).exit_code == 2
+    for number in ("0", "5:2", "0:3", "2:", "x", "1:2:3", "²"):
+        with pytest.raises(SpecError, match=f"--workers {number}"):
+            cluster_from(cluster="slurm", workers=number)
+    with pytest.raises(SpecError, match="--workers 2:3: only jobs of a batch system"):
+        cluster_from(workers="2:3")
 
 
 def test_certificates_are_not_replaced(folder, capsys, monkeypatch):

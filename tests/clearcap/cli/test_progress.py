@@ -30,7 +30,8 @@ def test_a_line():
 def test_a_line_says_when_nothing_comes():
     """A time to go that stands still has its reason; a batch may take a while."""
     assert line(heartbeat(idle_s=12.0)).endswith("2 workers")
-    assert line(heartbeat(idle_s=75.4)).endswith("2 workers, nothing finished for 75 s")
+    waiting = [{"what": "idle", "since": 24.6, "detail": ""}]
+    assert line(heartbeat(waiting=waiting, time=100.0)).endswith("2 workers; nothing finished for 75 s")
 
 
 def test_live_view_has_the_running_capability():

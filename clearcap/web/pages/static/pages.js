@@ -28,6 +28,7 @@
     field("state").textContent = p.state;
     field("state").className = `state ${p.state}`;
     field("message").textContent = p.message;
+    field("waits_for").textContent = p.waits_for;
     if (p.done === null) return;
     field("bar").max = p.samples || 1;
     field("bar").value = p.done;
