@@ -11,7 +11,7 @@ from campaign.worker.row import compute_row, sample_values
 from engine import Certificate, load_mechanism, simulate
 from engine.assembly import assemble
 from engine.equilibrium import PoseAtRest
-from engine.execution import bounded_contacts
+from engine.execution import contacts_with_ranges
 from engine.kernels.time_loop import PHASE, TIME
 from engine.loop import Cancel, control_of, drive
 from engine.mechanism import Mechanism, set_values
@@ -69,7 +69,7 @@ def _parts(plan: Plan, sample: int) -> dict[str, float]:
     course = timed("time loop", drive, assembly, control, mechanism.simulation.wall_limit)
     end = int(course.counts[PHASE]), float(course.reals[TIME])
     pose = timed("forces at rest", PoseAtRest, mechanism, assembly, *end)
-    timed("ranges of forces", pose.ranges, bounded_contacts(mechanism))
+    timed("ranges of forces", pose.ranges, list(contacts_with_ranges(mechanism, end[0]).values()))
     parts = sum(took.values())
     timed("row", compute_row, plan, simulate, sample, values, 1, Cancel())
     return {**took, "row less its parts": took["row"] - parts, "row less the loop": took["row"] - took["time loop"]}

@@ -15,7 +15,7 @@ from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
 from engine.friction.indeterminacy import force_ranges
 from engine.kernels.loads import apply_loads
-from engine.kernels.model import CONTACT_FORCE, END
+from engine.kernels.model import CONTACT_FORCE, DERIVED, END
 from engine.kernels.motion import move
 from engine.kernels.responses import measure
 from engine.kernels.statics import HELD, MOVES, effect_on_bodies, hold_loads
@@ -42,18 +42,25 @@ class PoseAtRest:
         self.reported = self.assembly.work.reported
         if (assembly.model.responses.kind >= CONTACT_FORCE).any():
             self.moves = self.forces is None and bool(self.assembly.state.v.any())
-            self._measure(mechanism, t)
+            self._measure(phase, t)
 
-    def _measure(self, mechanism: Mechanism, t: float) -> None:
+    def _measure(self, phase: int, t: float) -> None:
         """Evaluate the contact-force responses with the forces at rest; they are NaN if no forces balance the loads."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
         # the length of the step is 1, because state.r holds forces here, not impulses
         measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
-        responses, last = model.responses, len(mechanism.phases) - 1
+        responses = model.responses
         # speeds keep their values, and so do responses that were read at the end of an earlier phase
-        forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)
+        forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == phase)
         self.reported[forces_at_end] = work.values[forces_at_end]
+
+    def hand_over(self, run: Assembly) -> None:
+        """Let a run go on with these forces: as reported ones, and as those at the beginning of the next phase."""
+        run.work.reported[:] = self.reported
+        kind = run.model.responses.kind
+        forces = (kind >= CONTACT_FORCE) & (kind != DERIVED)
+        run.work.values[forces] = self.assembly.work.values[forces]
 
     def ranges(self, contacts: list[str]) -> dict[str, tuple[float, float]]:
         """Return contact -> smallest and largest normal force that friction allows; empty if no forces were found."""

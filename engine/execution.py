@@ -42,9 +42,22 @@ def execute(
     def pose_at(phase: int, t: float) -> PoseAtRest:
         return PoseAtRest(mechanism, assembly, phase, t)
 
+    ranges: dict[str, Range] = {}  # of forces read at rest, by response
+
+    def add_ranges(pose: PoseAtRest, phase: int) -> None:
+        contacts = contacts_with_ranges(mechanism, phase, forces=indeterminacy)
+        found = pose.ranges(list(dict.fromkeys(contacts.values())))
+        ranges.update({name: found[contact] for name, contact in contacts.items() if contact in found})
+
     def moves(course: Course) -> bool:
-        pose = pose_at(int(course.counts[time_loop.PHASE]), float(course.reals[time_loop.TIME]))
-        return pose.moves or bool(in_flight(assembly, pose.assembly, unmoved).any())
+        phase = int(course.counts[time_loop.PHASE])
+        pose = pose_at(phase, float(course.reals[time_loop.TIME]))
+        if phase == len(mechanism.phases) - 1:
+            return pose.moves or bool(in_flight(assembly, pose.assembly, unmoved).any())
+        if not pose.moves:
+            pose.hand_over(assembly)
+            add_ranges(pose, phase)
+        return pose.moves
 
     start = time.perf_counter()
     course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves)
@@ -62,18 +75,17 @@ def execute(
         iterations=int(counts[time_loop.ITERATIONS]),
         repeated=int(counts[time_loop.REPEATED]),
     )
-    ranges: dict[str, tuple[float, float]] = {}  # by contact
     last = mechanism.phases[-1]
     until_rest = last.duration is None and last.until is None and not full_horizon
-    drift, reported, read_at_end = "", assembly.work.reported, read_contacts(mechanism)
+    drift, reported = "", assembly.work.reported
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
         pose = pose_at(int(counts[time_loop.PHASE]), certificate.time)
-        contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
         if pose.moves:
             drift = unheld(mechanism, pose.assembly, control)
         elif until_rest:  # in a phase with a duration a part may fly off
             drift = flight(mechanism, pose.assembly, control, in_flight(assembly, pose.assembly, unmoved))
-        ranges, reported = pose.ranges(list(dict.fromkeys(contacts))), pose.reported
+        add_ranges(pose, len(mechanism.phases) - 1)
+        reported = pose.reported
     measured = dict(zip(mechanism.responses, map(float, reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
@@ -86,30 +98,25 @@ def execute(
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
-    open_ranges = {name: ranges[contact] for name, contact in read_at_end.items() if contact in ranges}
+    open_ranges = {n: ends for n, ends in ranges.items() if getattr(mechanism.responses[n], "bound", None) is None}
     return Run(status, message, responses, mechanism.response_units(), certificate, measured, open_ranges)
 
 
-def bounded_contacts(mechanism: Mechanism) -> list[str]:
-    """Return the contacts whose force range at rest is used by a response."""
-    responses = mechanism.responses.values()
-    return list(dict.fromkeys(r.contact for r in responses if isinstance(r, ContactForce) and r.bound))
-
-
-def read_contacts(mechanism: Mechanism) -> dict[str, str]:
-    """Return a mapping response -> contact for all normal forces that are read at the end of the run."""
+def contacts_with_ranges(mechanism: Mechanism, phase: int, *, forces: bool = False) -> dict[str, str]:
+    """Return response -> contact for the bounds read at the end of a phase, and with ``forces`` for normal forces."""
+    names = [each.name for each in mechanism.phases]
     return {
         name: r.contact
         for name, r in mechanism.responses.items()
-        if isinstance(r, ContactForce) and r.component == "normal" and r.at == "end" and r.bound is None
+        if isinstance(r, ContactForce) and r.component == "normal" and r.at == "end"
+        if (forces or r.bound) and (r.to_phase or names[-1]) == names[phase]
     }
 
 
 def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
     """Return the measured responses together with those derived from them; NaN: no value.
 
-    ``ranges`` gives the smallest and largest normal force at rest by contact; contacts that were not at rest are
-    missing.
+    ``ranges`` gives the smallest and largest normal force at rest by response; what was not read at rest is missing.
     """
     responses = dict(measured)
     for name, response in mechanism.responses.items():
@@ -119,6 +126,6 @@ def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Ma
             defined = not math.isnan(measured[response.condition.response])
             responses[name] = float(response.condition.holds(measured)) if defined else math.nan
         elif isinstance(response, ContactForce) and response.bound:
-            least, largest = ranges.get(response.contact, (math.nan, math.nan))
+            least, largest = ranges.get(name, (math.nan, math.nan))
             responses[name] = least if response.bound == "least" else largest
     return responses

@@ -12,12 +12,14 @@ from engine.jit import Kernel
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
 from engine.kernels.time_loop import (
+    BALANCED,
     COMPLETED,
     FULL,
     OK,
     PAUSE,
     PHASE,
     PHASE_END,
+    PHASE_OVER,
     SETTLED,
     STATUS,
     STEP,
@@ -67,6 +69,7 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
         window=sim.rest.window,
         drift=sim.rest.drift,
         full_horizon=full_horizon,
+        pauses=False,
     )
 
 
@@ -91,7 +94,8 @@ def drive(
     In a pose at rest that nothing holds, bodies may have started to move so slowly that it cannot be seen yet. The run
     then continues until nothing has moved for twice the window of rest and something holds the pose; if nothing does,
     for four times the window, and so on up to the horizon. ``moves`` tells whether bodies start to move in the pose at
-    rest; it does not change the arrays of the run.
+    rest. It is asked at the end of the last phase, and of every phase at rest in which forces are read, where it may
+    write the forces that balance the loads; it does not change the motion.
 
     The sink gets blocks of rows of the trajectory, see `kernels.record`: every ``every``-th step and the last one.
     """
@@ -106,9 +110,17 @@ def drive(
         with limited(cancel, wall_limit) as stop:
             window = control.window
             while True:
-                run_to_end(assembly.arrays, control._replace(window=window), course, rows, stride, stop)
+                settings = control._replace(window=window, pauses=moves is not None)
+                run_to_end(assembly.arrays, settings, course, rows, stride, stop)
                 if course.counts[STATUS] == FULL and sink:
                     _flush(rows, sink)
+                elif moves and course.counts[STATUS] == PHASE_OVER:
+                    if moves(course) and _ends_at_rest(assembly, course):
+                        window *= 2
+                        course.counts[SETTLED] = 0
+                    else:
+                        window = control.window
+                        course.counts[BALANCED] = course.counts[PHASE]
                 elif moves and _rests_early(assembly, control, course) and moves(course):
                     window *= 2
                     course.counts[[SETTLED, COMPLETED]] = 0
@@ -127,9 +139,15 @@ def drive(
 
 def _rests(assembly: Assembly, control: Control, course: Course) -> bool:
     """Return whether a run is in a last phase that ends at rest, and nothing has moved for the window of rest."""
+    last = course.counts[PHASE] == len(assembly.model.phases.duration) - 1
+    ended = last and _ends_at_rest(assembly, course) and course.counts[STATUS] == OK
+    return bool(ended and course.reals[PAUSE] >= control.window)
+
+
+def _ends_at_rest(assembly: Assembly, course: Course) -> bool:
+    """Return whether the current phase has neither a duration nor an event that ends it."""
     phases, phase = assembly.model.phases, course.counts[PHASE]
-    last = phase == len(phases.duration) - 1 and phases.duration[phase] == np.inf and phases.trigger[phase] < 0
-    return bool(last and course.counts[STATUS] == OK and course.reals[PAUSE] >= control.window)
+    return bool(phases.duration[phase] == np.inf and phases.trigger[phase] < 0)
 
 
 def _rests_early(assembly: Assembly, control: Control, course: Course) -> bool:

@@ -257,6 +257,7 @@ class Control(NamedTuple):
     window: float  # the mechanism is at rest once nothing measured has moved for this time
     drift: float  # length by which something may move in that time and still count as unmoved
     full_horizon: bool  # go on to the horizon even at rest
+    pauses: bool  # return at the end of a phase at rest in which forces are read, so that they can be balanced
 
 
 class RunArrays(NamedTuple):

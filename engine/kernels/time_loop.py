@@ -8,7 +8,7 @@ from engine.friction.arrays import CONVERGED
 from engine.jit import by_address, inner, kernel
 from engine.kernels.bilateral import begin_rows
 from engine.kernels.energy import kinetic_energy
-from engine.kernels.model import Control, StepContext
+from engine.kernels.model import CONTACT_FORCE, END, Control, StepContext
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported
@@ -21,11 +21,11 @@ LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that
 MUCH_CREATED = 0.1  # share of it that all steps together may create before the longest step is halved
 ROUNDING = 1e-6  # share of a step by which the sum of all steps may be off
 
-OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
+OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL, PHASE_OVER = range(8)
 
 # indices of `Course.counts`
 STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT = range(6)
-SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED = range(6, 12)
+SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED, BALANCED = range(6, 13)
 # indices of `Course.reals`
 TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
 PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
@@ -38,8 +38,9 @@ PATIENCE = 3  # windows of rest: a mechanism that is slow for this long without 
 class Course(NamedTuple):
     """The progress of a run and its certificate; the loop continues from here when it is called again."""
 
-    # (12,) int64. STEPS: all steps tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
-    # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
+    # (13,) int64. STEPS: all steps tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
+    # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated; BALANCED: the
+    # last phase at whose end the forces at rest were determined
     counts: np.ndarray
     # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: longest step
     # currently allowed in the phase; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
@@ -51,9 +52,10 @@ class Course(NamedTuple):
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(12, np.int64), np.zeros(14)
+    counts, reals = np.zeros(13, np.int64), np.zeros(14)
     # as no speed is known yet, an infinite one makes the first step the shortest
-    counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
+    counts[PHASE] = counts[BALANCED] = -1
+    reals[STEP], reals[FASTEST] = control.step, np.inf
     return Course(counts, reals)
 
 
@@ -67,8 +69,9 @@ def run_to_end(arrays, control, course, rows, every, stop):
     restitution, down to none, and is then accepted.
 
     Every ``every``-th step (0: none) is written into ``rows``, see `kernels.record`. When they are full, the status is
-    FULL, and the run continues when it is called again with room in them. ``stop``, (1,) uint8, is set by another
-    thread to end the run (time limit, cancellation).
+    FULL, and the run continues when it is called again with room in them. With ``control.pauses`` the status is
+    PHASE_OVER at rest at the end of a phase before the last, if forces are read there; the run goes on when its number
+    is BALANCED. ``stop``, (1,) uint8, is set by another thread to end the run (time limit, cancellation).
     """
     model, state, work, _ = arrays
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
@@ -87,6 +90,10 @@ def run_to_end(arrays, control, course, rows, every, stop):
         ended = _event_happened(model.phases, n[PHASE], work.values) or (n[SETTLED] == 1 and not stay)
         if ended or not now[TIME] < now[PHASE_END] - 0.5 * control.step:
             if open_end and not ended and not (until_rest and n[SETTLED] == 1):
+                return
+            pauses = control.pauses and n[SETTLED] == 1 and n[BALANCED] != n[PHASE] and n[PHASE] < phases - 1
+            if pauses and _reads_forces(model.responses, n[PHASE]):
+                n[STATUS] = PHASE_OVER
                 return
             _next_phase(model, state, work, control, course)
             continue
@@ -139,6 +146,17 @@ def _next_phase(model, state, work, control, course):
         now[PHASE_END] = min(now[TIME] + model.phases.duration[n[PHASE]], control.horizon)
         now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
         now[LONGEST], now[SLOW_TIME], now[LATELY_CREATED] = control.longest, 0.0, 0.0
+
+
+@inner
+def _reads_forces(responses, phase):
+    """Return whether contact forces are read at the end of a phase, or may be at the beginning of the next one."""
+    for i in range(responses.kind.shape[0]):
+        force = responses.kind[i] >= CONTACT_FORCE or responses.kind[responses.trigger[i]] >= CONTACT_FORCE
+        at_end = responses.at[i] == END and responses.to_phase[i] == phase
+        if force and (at_end or responses.from_phase[i] == phase + 1):
+            return True
+    return False
 
 
 @inner

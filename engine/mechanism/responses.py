@@ -196,7 +196,7 @@ class ContactForce(Measured):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        if self.bound is not None and (self.component != "normal" or self.at != "end" or self.to_phase is not None):
+        if self.bound is not None and (self.component != "normal" or self.at != "end"):
             raise refuse(
                 "a bound is that of a normal force at rest; allowed with component = normal and at = end; remove it",
                 key="bound",

@@ -7,7 +7,7 @@ import pytest
 
 from engine import simulate
 from engine.mechanism import Mechanism
-from tests.engine.small import GRAVITY, coordinates, made, small
+from tests.engine.small import GRAVITY, block_on_floor, coordinates, made, small
 
 STEP = 1e-3
 SPEED = 3.0
@@ -167,3 +167,44 @@ def test_least_and_largest_force_at_rest_are_responses():
         assert run.responses[f"{name}_largest"] == pytest.approx(largest * GRAVITY, rel=1e-6)
         assert run.responses[name] == pytest.approx(GRAVITY / 3, rel=1e-6)
     assert not np.isnan(list(run.responses.values())).any()
+
+
+def pushed_block(phases: list[dict[str, Any]], read: dict[str, str], push: float) -> Mechanism:
+    """Make a block dropped on a floor whose friction holds it against a push, with the forces of four corners read."""
+    data = block_on_floor(friction=0.4, origin=[0, 0, 0.1001])
+    data["forces"] = {"push": {"body": "block", "point": [0.3, 0.05, 0.03], "force": [push, 0, 0]}}
+    data["phases"] = phases
+    corners = {"type": "contact_force", **read}
+    data["responses"] |= {f"corner_{i}": {**corners, "contact": f"corner_{i}"} for i in (0, 2, 4, 6)}
+    data["responses"]["most"] = {**corners, "contact": "corner_0", "bound": "largest"}
+    return made(data)
+
+
+@pytest.mark.parametrize("settle", [{}, {"duration": 0.5}])
+def test_a_force_at_the_end_of_a_phase_at_rest_is_that_of_a_run_which_ends_there(settle):
+    """The same forces and ranges, linear in the push by the balance of moments, whatever the phase ends by."""
+    first = {"name": "settle", **settle}
+    loads, found = [4.0, 4.5, 5.0, 5.5, 6.0], []
+    for load in loads:
+        ended = simulate(pushed_block([first], {}, load), indeterminacy=True)
+        phases = [first, {"name": "after", "duration": 0.05}]
+        earlier = simulate(pushed_block(phases, {"to_phase": "settle"}, load), indeterminacy=True)
+        assert earlier.status == ended.status == "ok", earlier.message
+        for corner in ("corner_0", "corner_2", "corner_4", "corner_6", "most"):
+            assert earlier.measured[corner] == pytest.approx(ended.measured[corner], abs=1e-6)
+        assert earlier.ranges.keys() == ended.ranges.keys()
+        assert len(ended.ranges) == 4
+        found.append([earlier.measured[f"corner_{i}"] for i in (0, 2, 4, 6)])
+    lifted = np.array(found)[:, :2].sum(axis=1)  # both corners behind, from which the push takes its moment
+    np.testing.assert_allclose(lifted, 2.0 * GRAVITY / 2 - 0.13 * np.array(loads) / 0.6, atol=1e-5)
+
+
+def test_an_event_at_the_beginning_of_a_phase_reads_the_forces_at_rest():
+    """A force that has passed its limit before the phase begins is read at rest there, not in the step before."""
+    phases = [{"name": "settle"}, {"name": "after", "duration": 0.05}]
+    at = {"at": {"response": "t", "above": 0.0}, "from_phase": "after"}
+    data = pushed_block(phases, {"to_phase": "settle"}, 5.0).model_dump(by_alias=True, exclude_none=True)
+    data["responses"] |= {"t": {"type": "time"}, "early": {"type": "contact_force", "contact": "corner_0", **at}}
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.measured["early"] == pytest.approx(run.measured["corner_0"], abs=1e-9)

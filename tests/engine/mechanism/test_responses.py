@@ -105,7 +105,6 @@ REFUSED = [
     ("p.at", {"above": 1}, "p.at.response: missing", "the response that is watched"),
     ("p.from_phase", "free", "p.from_phase = 'free'", "maximum, minimum or an event"),
     ("v.from_phase", "fre", "v.from_phase = 'fre'", "did you mean 'free'?"),
-    ("least.to_phase", "hold", "least.bound = 'least'", "component = normal and at = end"),
     ("where.to_phase", "fre", "where.to_phase = 'fre'", "did you mean 'free'?"),
     ("where.at", {"response": "v", "peak": "maximum"}, "where.at.response = 'v'", "itself read at a peak"),
     ("where.at", {"response": "less", "peak": "maximum"}, "where.at.response = 'less'", "known only after the run"),
