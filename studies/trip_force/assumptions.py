@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 LATCH = (0.01, 0.03, 0.06, 0.1, 0.2, 0.3)
+ANGLES = (5.0, 9.0, 11.0, 12.0, 12.5, 13.0, 15.0)
 PUBLISHED_BUMPS = (0.45, 0.47, 0.48, 0.499)  # mm: radii of the public CAD; with 0.5 the bump overlaps the hook's nose
 BENCHES = ("trip_pin", "trip_lamage")
 DRAWN = 128  # number of sets drawn from the box
@@ -30,14 +31,15 @@ class Assumptions:
     stiffness: float = 0.0  # increase of the closing torque per rad of opening of the bar relative to the plate [N mm]
     preload: float = 0.9599  # of A3 [rad]; with the shipped value the contact force of the paper's other test agrees
     bump_radius: float = 0.48  # [mm]; a smaller radius gives a deeper latch
+    angle: float = 0.0  # of the latch's faces [degrees]
     bench: str = "trip_pin"  # place where the pin pushes: ``trip_pin`` in its hole, ``trip_lamage`` at the spot face
     held: bool = False  # the pin is guided laterally and does not give way
     preset: str = ""  # for the settling before the test; the shipped drag if empty
 
     @property
     def published(self) -> bool:
-        """Whether the latch is as deep as in one of the public CAD variants."""
-        return self.bump_radius in PUBLISHED_BUMPS
+        """Whether the latch is one of the public CAD variants, in depth and in the angle of its faces."""
+        return self.bump_radius in PUBLISHED_BUMPS and not self.angle
 
     @property
     def at_spot_face(self) -> bool:
@@ -76,6 +78,7 @@ def grids() -> dict[str, list[Assumptions]]:
         "spot face": _of(latch=(0.035, 0.04, 0.045, 0.05), bar=(0.1, 0.3), pin=(0.0, 0.1), bench=("trip_lamage",)),
         "settling": _of(latch=LATCH, preset=("paper", "centred")),
         "preload of A3": _of(latch=LATCH, preload=(0.49, 0.6547)),
+        "angle of the latch's faces": _of(angle=ANGLES, bump_radius=(0.48, 0.45)),
         "anything in the box": list(box(DRAWN)),
         "a deeper latch than any published": list(deeper()),
     }

@@ -40,6 +40,7 @@ def run(assumed: Assumptions) -> Push:
         "springs.bar_return.stiffness": max(assumed.stiffness, NO_TORQUE),
         "springs.A3.preload": assumed.preload,
         **{f"contacts.C5_{i}.a.arc.radius": assumed.bump_radius for i in (1, 2)},
+        "parameters.latch_angle": np.radians(assumed.angle),
     }
     found = simulate(mechanism, values)
     measured = found.responses

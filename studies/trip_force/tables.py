@@ -86,7 +86,8 @@ def verdict(grids: Mapping[str, Tried]) -> list[str]:
     for what, tried in (
         ("at the pin, with a latch of the public CAD", [x for x in every if x[0].published and not x[0].at_spot_face]),
         ("at the spot face, with such a latch", [x for x in every if x[0].published and x[0].at_spot_face]),
-        ("at the pin, with a deeper latch", [x for x in every if not x[0].published]),
+        ("at the pin, with turned faces and a public bump", [x for x in every if x[0].angle]),
+        ("at the pin, with a deeper latch", [x for x in every if not (x[0].published or x[0].angle)]),
     ):
         matching = [miss for miss in misses(tried, (SHIPPED_THRESHOLD,)) if miss.deviation <= MATCH]
         lines.append(f"- {what}: {len(matching)} of {len(tried)} sets give all three within {MATCH:.0%}")

@@ -149,3 +149,12 @@ def test_tripping_takes_more_force_with_more_friction():
         assert 0 < run.responses["displacement_at_peak"] <= run.responses["release_distance"]
         assert 0.2 < run.responses["release_distance"] < 0.6  # 0.235 mm by the geometry, without play
     assert light.responses["peak_force"] < 0.6 * heavy.responses["peak_force"]
+
+
+def test_turned_faces_of_the_latch_trip_at_the_papers_force():
+    """Preset latch12 with the paper's friction: near 1.87 N, 0.27 and 0.42 mm, where the shipped latch takes 10 N."""
+    run = simulate(C60.on_bench("trip_pin"), C60.preset("prototype") | C60.preset("latch12"))
+    assert run.status == "ok", run.message
+    assert run.responses["peak_force"] == pytest.approx(1.87, rel=0.1)
+    assert run.responses["displacement_at_peak"] == pytest.approx(0.27, rel=0.15)
+    assert run.responses["release_distance"] == pytest.approx(0.42, rel=0.15)

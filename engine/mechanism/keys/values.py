@@ -158,6 +158,8 @@ def _followers(
 ) -> dict[str, _Setting]:
     """Return the settings of the numbers whose expressions depend on the parameters that are set."""
     changed = {key.removeprefix(PREFIX): setting for key, setting in settings.items() if key.startswith(PREFIX)}
+    if not changed:
+        return {}
     values = {**mechanism.parameters, **{name: setting.number for name, setting in changed.items()}}
     found: dict[str, _Setting] = {}
     for key, origins in following(formulas, changed).items():

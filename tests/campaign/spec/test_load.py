@@ -271,6 +271,15 @@ def test_c60_is_the_papers_campaign():
     assert all(response.source.startswith("assumption") for response in others)
 
 
+def test_the_spring_of_the_hypothesis_is_one_more_variable():
+    """`c60_spring`: the campaign `c60`, and A3's preload, 1.045 rad with a sigma of 0.038."""
+    plain, spring = load_campaign("c60").spec, load_campaign("c60_spring").spec
+    assert spring.responses == plain.responses
+    assert list(spring.variables)[:7] == list(plain.variables)
+    extra = spring.variables["A3_preload"]
+    assert (extra.target, extra.mean, extra.std) == ("springs.A3.preload", 1.045, 0.038)
+
+
 def test_a_campaign_with_a_preset_has_its_values():
     """Also on a bench; the mechanism that is planned has them, so its campaign is another one."""
     plain = load_campaign("c60")

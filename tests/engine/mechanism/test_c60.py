@@ -117,6 +117,25 @@ def test_gap_at_the_start_is_the_published_one(name):
     assert gap(C60.contacts[name]) == pytest.approx(PUBLISHED[name], abs=1e-4)
 
 
+def test_latch_faces_turn_about_the_hooks_edge():
+    """By 12 degrees: the faces turn rigidly in hook and bar, the bar's edge stays in its top, and the gaps stay.
+
+    The gaps at the hook's edge shrink by its cosine at most; only the nose (C4_5, C4_6) is farther from the edge.
+    """
+    angle = np.radians(12)
+    moved = set_values(C60, {"parameters.latch_angle": angle}).contacts
+    back = rotation((0, 0, 1), -angle)
+    for name, pivot in {f"C4_{i}": ((-0.206, 7.0, 1.0), (-5.4829, -0.9804, 1.0))[i in (3, 4)] for i in range(1, 7)}.items():
+        face, shipped = moved[name].b.rectangle, C60.contacts[name].b.rectangle
+        assert face.centre == pytest.approx(pivot + back @ np.subtract(shipped.centre, pivot), abs=1e-12)
+        assert face.normal == pytest.approx(back @ shipped.normal, abs=1e-12)
+        assert face.along == pytest.approx(back @ shipped.along, abs=1e-12)
+        assert gap(moved[name]) == pytest.approx(gap(C60.contacts[name]), abs=2e-3 if name < "C4_5" else 2e-2)
+    top, edge = moved["C4_1"].b.rectangle, moved["C4_3"].a.arc
+    summit = np.add(edge.centre, [0, edge.radius, 0])
+    assert np.subtract(summit, top.centre)[:2] @ top.normal[:2] == pytest.approx(0.05, abs=1e-12)
+
+
 def test_what_is_ours_is_far_away_in_on():
     """Places that no public file has: the nose beside the half rings of the latch, the stops of rod and bar."""
     found = {name: gap(C60.contacts[name]) for name in ("C4_5", "C4_6", "S9_1", "S9_2", "B_1")}

@@ -51,11 +51,12 @@ def test_a_row_counts_what_is_there():
 def test_the_verdict_keeps_what_is_not_published_apart():
     """Neither a deeper latch nor the other side of the bar counts as the paper's test; a set counts once."""
     deep, beside = replace(SHIPPED, bump_radius=0.3), replace(SHIPPED, bench="trip_lamage")
-    text = verdict({"a": [(SHIPPED, FAR), (beside, FAR)], "b": [(deep, EXACT), (SHIPPED, FAR)]})
-    assert [line.partition(": ")[2] for line in text[:3]] == [
-        f"{n} of 1 sets give all three within 10%" for n in (0, 0, 1)
+    tilted = replace(SHIPPED, angle=12.0)
+    text = verdict({"a": [(SHIPPED, FAR), (beside, FAR), (tilted, FAR)], "b": [(deep, EXACT), (SHIPPED, FAR)]})
+    assert [line.partition(": ")[2] for line in text[:4]] == [
+        f"{n} of 1 sets give all three within 10%" for n in (0, 0, 0, 1)
     ]
-    assert text[3:] == ["    - 1.87, 0.270, 0.420: bump_radius 0.3; touch at 0.1 N"]
+    assert text[4:] == ["    - 1.87, 0.270, 0.420: bump_radius 0.3; touch at 0.1 N"]
 
 
 def test_the_document_has_every_grid():

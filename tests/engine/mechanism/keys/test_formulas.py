@@ -171,5 +171,5 @@ def test_a_parameter_of_a_bench_alone_is_used():
 
 def test_without_parameters_nothing_of_them_is_written():
     """So the digest of a file without parameters is what it was."""
-    assert "parameters" not in load_mechanism("c60").model_dump()
+    assert "parameters" not in load_mechanism("four_bar").model_dump()
     assert "parameters" in load_mechanism("lever").model_dump()

@@ -71,7 +71,8 @@ def test_settable_keys_are_all_numbers_and_every_one_can_be_set():
     assert "springs.A3.preload" in keys
     assert "materials.plastic_plastic.friction" in keys
     assert "format" not in keys
-    same = set_values(mechanism, {key: get_value(mechanism, key) for key in keys})
+    follow = mechanism.formulas  # a number with an expression is no longer one once it is set
+    same = set_values(mechanism, {key: get_value(mechanism, key) for key in keys if key not in follow})
     assert same.digest() == mechanism.digest(), "putting every number back changes no bit"
 
 
