@@ -21,6 +21,7 @@ from clearcap.web.http.request_limits import RequestLimits
 from clearcap.web.http.responses import Head
 from clearcap.web.pages import STATIC, page_routers
 from clearcap.web.pages.rendering import refused_page
+from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 from engine import EngineError
 
@@ -43,7 +44,7 @@ def make_app(service: Service) -> FastAPI:
         summary="From clearance to capability",
         description=DESCRIPTION,
         version=clearcap_version(),
-        openapi_url="/api/v1/openapi.json",
+        openapi_url=f"{PREFIX}/openapi.json",
         docs_url=None,  # they load scripts from other hosts
         redoc_url=None,
         lifespan=life,

@@ -8,6 +8,7 @@ from campaign.processes import cores
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 PORT = 8700
+PREFIX = "/api/v1"  # of the paths of the API
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,16 @@
-"""Common parts of all calls of the API: path prefix, documentation, and access to the campaign that a path names."""
+"""The routers of the API's calls: path prefix, documentation, common refusals."""
 
 from collections.abc import Callable, Coroutine, Iterator
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Depends, Path, Request
+from fastapi import APIRouter, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
-from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from campaign.store.layout import PLAN
-from clearcap.web.http.authentication import SAFE_METHODS, Asking, TheService, known, who_may
-from clearcap.web.http.problems import Refusal, described
-
-PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$"
-PREFIX = "/api/v1"
-WHO_MAY = "x-who-may"  # key of a call in the OpenAPI document
+from clearcap.web.http.authentication import SAFE_METHODS, WHO_MAY, known, who_may
+from clearcap.web.http.problems import described
+from clearcap.web.settings import PREFIX
 
 
 class _Call(APIRoute):
@@ -46,29 +41,15 @@ def _all_of(dependant: Dependant) -> Iterator[object]:
         yield from _all_of(each)
 
 
-def calls(tag: str, *, with_login: bool = True) -> APIRouter:
+def _router(tag: str) -> APIRouter:
     """Return a router for the calls of one kind, which the documentation shows under `tag`.
 
-    Calls with a login have the path prefix and the common refusals.
+    All but those of operation need a login; they have the path prefix and the common refusals.
     """
-    refusals = described(400, 401, 403, 413, 422, 429, 500, 503) if with_login else {}
-    return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)
+    is_open = tag == "operation"
+    refusals = {} if is_open else described(400, 401, 403, 413, 422, 429, 500, 503)
+    return APIRouter(prefix="" if is_open else PREFIX, tags=[tag], route_class=_Call, responses=refusals)
 
 
-async def the_campaign(
-    service: TheService,
-    principal: Asking,
-    campaign: Annotated[str, Path(pattern=PATTERN, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
-) -> str:
-    """Return the id of a campaign after checking that it exists and that the principal may see it.
-
-    Either failure is refused with 404, so that nobody learns which campaigns exist.
-    """
-    if principal.may_see(campaign):
-        is_known = service.watcher.index.entry(campaign) is not None
-        if is_known or await run_in_threadpool(service.store.files.exists, f"{campaign}/{PLAN}"):
-            return campaign
-    raise Refusal(404, f"no campaign {campaign} in the store")
-
-
-TheCampaign = Annotated[str, Depends(the_campaign)]
+_TAGS = ("operation", "mechanisms", "simulations", "campaigns", "reports", "questions", "samples", "users", "account")
+ROUTERS = {tag: _router(tag) for tag in (*_TAGS, "tokens", "audit", "shares", "sign-off", "webhooks")}

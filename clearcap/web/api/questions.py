@@ -5,26 +5,19 @@ The numbers are those of the command line, to the last bit. Simultaneous equal q
 
 from typing import Annotated, Any
 
-from fastapi import Path, Query, Request
+from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
-from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, Answer
-from clearcap.web.api.calls import PATTERN, TheCampaign, calls, the_campaign
-from clearcap.web.http.authentication import Asking, TheService, Viewer
+from clearcap.web.answers.query_service import MOST_SETTINGS, Answer
+from clearcap.web.api.calls import ROUTERS
+from clearcap.web.http.authentication import Asking, OtherCampaign, TheCampaign, TheService, Viewer, the_campaign
 from clearcap.web.http.problems import described
 from clearcap.web.http.responses import TAGGED, tagged
+from clearcap.web.operations.samples import Setting, WhatIfSettings
 
-router = calls("questions")
 LONGEST_COSTS = 2**16  # characters
-Setting = Annotated[str, Field(max_length=LONGEST_SETTING)]
-Settings = Annotated[
-    list[Setting], Query(max_length=MOST_SETTINGS, description="VARIABLE.KEY=VALUE", examples=[["J1.std=0.01"]])
-]
 Preview = Annotated[bool, Query(description="For a large campaign, use only the first 100,000 samples, and say so")]
-OtherCampaign = Annotated[
-    str, Path(pattern=PATTERN, description="Id of the other campaign", examples=["c60-5e6f7a8b9c"])
-]
 
 
 def _document(example: dict[str, Any]) -> dict[int | str, dict[str, Any]]:
@@ -67,7 +60,7 @@ class CostRequest(BaseModel):
     )
 
 
-@router.get(
+@ROUTERS["questions"].get(
     "/campaigns/{campaign}/whatif", response_class=Response, responses={**_WHAT_IF, **described(*TAGGED, 404, 409)}
 )
 async def ask_what_if(
@@ -75,14 +68,16 @@ async def ask_what_if(
     service: TheService,
     campaign: TheCampaign,
     who: Asking,
-    set: Settings,
+    set: WhatIfSettings,
     preview: Preview = False,
 ) -> Response:
     """Estimate the capability under other distributions; return the document of `clearcap whatif --json`."""
     return _answered(request, await service.answers.what_if(who.name, campaign, set, preview=preview))
 
 
-@router.post("/campaigns/{campaign}/whatif", response_class=Response, responses={**_WHAT_IF, **described(404, 409)})
+@ROUTERS["questions"].post(
+    "/campaigns/{campaign}/whatif", response_class=Response, responses={**_WHAT_IF, **described(404, 409)}
+)
 async def post_what_if(
     request: Request, service: TheService, campaign: TheCampaign, who: Asking, wanted: WhatIfRequest
 ) -> Response:
@@ -90,7 +85,7 @@ async def post_what_if(
     return _answered(request, await service.answers.what_if(who.name, campaign, wanted.set, preview=wanted.preview))
 
 
-@router.get(
+@ROUTERS["questions"].get(
     "/campaigns/{campaign}/histogram", response_class=Response, responses={**_BINS, **described(*TAGGED, 404, 409)}
 )
 async def ask_histogram(
@@ -99,14 +94,14 @@ async def ask_histogram(
     campaign: TheCampaign,
     who: Asking,
     response: Annotated[str, Query(max_length=200, examples=["FC-1"])],
-    set: Settings = [],  # noqa: B006  # FastAPI copies it
+    set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
     preview: Preview = False,
 ) -> Response:
     """Count the values of a response in bins, as sampled and under other distributions."""
     return _answered(request, await service.answers.histogram(who.name, campaign, response, set, preview=preview))
 
 
-@router.get(
+@ROUTERS["questions"].get(
     "/campaigns/{campaign}/advice", response_class=Response, responses={**_ADVICE, **described(*TAGGED, 404, 409)}
 )
 async def ask_advice(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
@@ -114,7 +109,7 @@ async def ask_advice(request: Request, service: TheService, campaign: TheCampaig
     return _answered(request, await service.answers.advise(who.name, campaign))
 
 
-@router.post(
+@ROUTERS["questions"].post(
     "/campaigns/{campaign}/allocation", response_class=Response, responses={**_ALLOCATION, **described(404, 409)}
 )
 async def ask_allocation(
@@ -124,7 +119,7 @@ async def ask_allocation(
     return _answered(request, await service.answers.allocate(who.name, campaign, wanted.costs))
 
 
-@router.get(
+@ROUTERS["questions"].get(
     "/campaigns/{campaign}/comparisons/{other}",
     response_class=Response,
     responses={**_COMPARISON, **described(*TAGGED, 404, 409)},

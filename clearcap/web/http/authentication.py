@@ -6,15 +6,19 @@ from dataclasses import dataclass
 from typing import Annotated
 from urllib.parse import urlsplit
 
-from fastapi import Depends, Request, Security
+from fastapi import Depends, Path, Request, Security
 from fastapi.security import APIKeyCookie, HTTPBearer
+from starlette.concurrency import run_in_threadpool
 
+from campaign.store.layout import PLAN
 from clearcap.web.access import Principal, Role
 from clearcap.web.access.throttle import place_of
 from clearcap.web.access.users import User
 from clearcap.web.http.problems import Refusal
 from clearcap.web.web_service import Service
 
+CAMPAIGN_ID = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$"
+WHO_MAY = "x-who-may"  # key of a call in the OpenAPI document
 COOKIE = "__Host-clearcap"
 SHARE_COOKIE = "__Host-clearcap-share"  # a separate cookie, so that opening a shared link ends nobody's session
 CSRF_FIELD = "csrf"
@@ -182,6 +186,28 @@ def checked_user(request: Request, name: str, password: str) -> User | None:
         service.throttle.take_back(by_address)
         service.throttle.succeeded(by_name)
     return user
+
+
+async def the_campaign(
+    service: TheService,
+    principal: Asking,
+    campaign: Annotated[str, Path(pattern=CAMPAIGN_ID, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
+) -> str:
+    """Return the id of a campaign after checking that it exists and that the principal may see it.
+
+    Either failure is refused with 404, so that nobody learns which campaigns exist.
+    """
+    if principal.may_see(campaign):
+        is_known = service.watcher.index.entry(campaign) is not None
+        if is_known or await run_in_threadpool(service.store.files.exists, f"{campaign}/{PLAN}"):
+            return campaign
+    raise Refusal(404, f"no campaign {campaign} in the store")
+
+
+TheCampaign = Annotated[str, Depends(the_campaign)]
+OtherCampaign = Annotated[
+    str, Path(pattern=CAMPAIGN_ID, description="Id of the other campaign", examples=["c60-5e6f7a8b9c"])
+]
 
 
 def who_may(calls: Iterable[object]) -> str:

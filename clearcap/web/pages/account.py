@@ -2,14 +2,25 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Form, Path, Request
+from fastapi import APIRouter, Form, Request
 from starlette.responses import RedirectResponse, Response
 
 from clearcap.web.access import Principal, Role
 from clearcap.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
-from clearcap.web.api.users import ListedToken, NewToken, RoleWord, change_password, end_token, known_user, make_token
 from clearcap.web.http.authentication import TheService, Viewer
 from clearcap.web.http.problems import Refusal
+from clearcap.web.operations.people import (
+    ListedId,
+    ListedToken,
+    NewToken,
+    PasswordChange,
+    RoleWord,
+    add_token,
+    end_sessions,
+    known_user,
+    revoke_token,
+    set_password,
+)
 from clearcap.web.pages.login import entered
 from clearcap.web.pages.rendering import page
 from clearcap.web.web_service import Service
@@ -34,15 +45,14 @@ def token_form(
     days: Annotated[int, Form(ge=1, le=366)] = 90,
 ) -> Response:
     """Create a token, and show its secret this once."""
-    token, secret = make_token(service, who, NewToken(name=name, role=role, days=days))
-    request.state.detail = f"token {token.id}, {role}, {days} days"
-    return _account_page(request, service, who, secret=secret)
+    made = add_token(request, service, who, NewToken(name=name, role=role, days=days))
+    return _account_page(request, service, who, secret=made.secret)
 
 
 @router.post(f"{ACCOUNT}/tokens/{{token}}/revoke")
-def revoke_form(service: TheService, who: Viewer, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
+def revoke_form(service: TheService, who: Viewer, token: ListedId) -> Response:
     """Revoke a token."""
-    end_token(service, who, token)
+    revoke_token(service, who, token)
     return RedirectResponse(ACCOUNT, 303)
 
 
@@ -58,14 +68,14 @@ def password_form(
     """Change the user's password; all sessions end, and this browser gets a new one."""
     if password != again:
         raise Refusal(422, "again: is not the same password; type it twice")
-    change_password(request, service, who, present, password)
+    set_password(request, service, who, PasswordChange(present=present, password=password))
     return entered(request, service.sessions.begin(who.name), ACCOUNT)
 
 
 @router.post(f"{ACCOUNT}/sessions/end")
 def end_sessions_form(service: TheService, who: Viewer) -> Response:
     """End all sessions, including this one."""
-    service.sessions.end_all(who.name)
+    end_sessions(service, who)
     return RedirectResponse("/login", 303)
 
 
@@ -73,7 +83,7 @@ def _account_page(request: Request, service: Service, who: Principal, secret: st
     """Return the page, with the secret of a token that was just created."""
     values: dict[str, Any] = {
         "user": known_user(service, who.name),
-        "tokens": [ListedToken.of(token) for token in service.tokens.all(who.name) if token.is_valid],
+        "tokens": [ListedToken.model_validate(token) for token in service.tokens.all(who.name) if token.is_valid],
         "roles": [role.word for role in Role if who.may(role)],
         "sessions": service.sessions.count(who.name),
         "secret": secret,

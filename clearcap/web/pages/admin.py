@@ -6,16 +6,16 @@ from dataclasses import asdict
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Form, Path, Query, Request
+from fastapi import APIRouter, Form, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.errors import StoreError
 from clearcap.web.access import Role
 from clearcap.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
-from clearcap.web.api.operation import check_audit, list_audit
-from clearcap.web.api.signoffs import show_signing_key
-from clearcap.web.api.users import (
+from clearcap.web.http.authentication import Admin, TheService
+from clearcap.web.operations.people import (
+    ListedId,
     LoginLink,
     NewUser,
     RoleWord,
@@ -23,12 +23,14 @@ from clearcap.web.api.users import (
     UserName,
     add_user,
     change_user,
-    end_token,
+    check_audit,
+    list_audit,
     list_tokens,
     list_users,
     make_login_link,
+    revoke_token,
 )
-from clearcap.web.http.authentication import Admin, TheService
+from clearcap.web.operations.signoffs import show_signing_key
 from clearcap.web.pages.rendering import page
 from clearcap.web.watch.workload import look_at_work
 from clearcap.web.web_service import Service
@@ -110,9 +112,9 @@ def tokens_page(
 
 
 @router.post(f"{ADMIN}/tokens/{{token}}/revoke")
-def revoke_token_form(service: TheService, who: Admin, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
+def revoke_token_form(service: TheService, who: Admin, token: ListedId) -> Response:
     """Revoke a token of any user."""
-    end_token(service, who, token)
+    revoke_token(service, who, token)
     return RedirectResponse(f"{ADMIN}/tokens", 303)
 
 

@@ -3,23 +3,31 @@
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Form, Path, Query, Request
+from fastapi import APIRouter, Form, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.heartbeat import observe
 from clearcap.questions.signing.signoff_document import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
-from clearcap.web.api.calls import TheCampaign
-from clearcap.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
-from clearcap.web.api.campaigns import ListQuestion, listed, show_campaign
-from clearcap.web.api.reports import report_files, write_report
-from clearcap.web.api.shares import ListedShare, MadeShare, NewShare, end_share, shared
-from clearcap.web.api.signoffs import Signing, list_signoffs, show_content, signed
-from clearcap.web.api.submissions import extended
-from clearcap.web.http.authentication import Approver, Asking, Engineer, TheService, Viewer
+from clearcap.web.http.authentication import Approver, Asking, Engineer, TheCampaign, TheService, Viewer
+from clearcap.web.operations.campaign_list import ORDERS, ListQuestion, listed
+from clearcap.web.operations.campaigns import (
+    FailedRows,
+    LabelRequest,
+    cancel,
+    delete,
+    label,
+    report_files,
+    rerun,
+    resume,
+    show_campaign,
+    write_report,
+)
+from clearcap.web.operations.people import ListedId, ListedShare, MadeShare, NewShare, add_share, revoke_share
+from clearcap.web.operations.signoffs import Signing, list_signoffs, show_content, sign_campaign
+from clearcap.web.operations.submissions import extend
 from clearcap.web.pages.rendering import page
-from clearcap.web.watch.list_order import ORDERS
 from clearcap.web.watch.watcher import progress_of
 from clearcap.web.web_service import Service
 
@@ -114,7 +122,7 @@ async def extend_form(
     service: TheService, campaign: TheCampaign, who: Engineer, samples: Annotated[int, Form(ge=1, le=100_000_000)]
 ) -> Response:
     """Submit a campaign with more samples."""
-    made = await extended(service, campaign, who, samples)
+    made = await extend(service, campaign, who, samples)
     return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
 
 
@@ -163,16 +171,14 @@ async def share_form(
     note: Annotated[str, Form(max_length=200)] = "",
 ) -> Response:
     """Create a link, and show it this once."""
-    made = await run_in_threadpool(shared, request, service, campaign, who, NewShare(days=days, note=note))
+    made = await run_in_threadpool(add_share, request, service, campaign, who, NewShare(days=days, note=note))
     return await _share_page(request, service, campaign, who, made)
 
 
 @router.post("/campaigns/{campaign}/share/{share}/revoke")
-def revoke_share_form(
-    service: TheService, campaign: TheCampaign, _: Engineer, share: Annotated[int, Path(ge=0, le=2**53)]
-) -> Response:
+def revoke_share_form(service: TheService, campaign: TheCampaign, who: Engineer, share: ListedId) -> Response:
     """Revoke a link."""
-    end_share(service, campaign, share)
+    revoke_share(service, campaign, who, share)
     return RedirectResponse(f"/campaigns/{quote(campaign)}/share", 303)
 
 
@@ -182,7 +188,7 @@ async def _share_page(
     """Return the page with the links, and one that was just created."""
     links = await run_in_threadpool(service.tokens.shares, campaign)
     shown = await frame(request, service, campaign, who)
-    return page(request, "share", shares=[ListedShare.of(link) for link in links], made=made, **shown)
+    return page(request, "share", shares=[ListedShare.model_validate(link) for link in links], made=made, **shown)
 
 
 @router.get("/campaigns/{campaign}/signoff")
@@ -217,5 +223,5 @@ def sign_form(
     comment: Annotated[str, Form(max_length=LONGEST_COMMENT)] = "",
 ) -> Response:
     """Sign a campaign."""
-    signed(request, service, campaign, who, Signing(content=content, comment=comment))
+    sign_campaign(request, service, campaign, who, Signing(content=content, comment=comment))
     return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)

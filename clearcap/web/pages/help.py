@@ -5,10 +5,10 @@ from typing import Any
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from clearcap.web.api.calls import PREFIX, WHO_MAY
-from clearcap.web.http.authentication import known
+from clearcap.web.http.authentication import WHO_MAY, known
 from clearcap.web.http.problems import Refusal
 from clearcap.web.pages.rendering import page
+from clearcap.web.settings import PREFIX
 
 router = APIRouter(include_in_schema=False)
 METHODS = ("get", "post", "put", "patch", "delete")

@@ -15,7 +15,10 @@ from campaign.spec.result_columns import certificate_units
 from campaign.store.mechanism_library import SavedMechanism, read_mechanism, saved_mechanisms
 from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once
 from clearcap.web.access import Principal, Role
-from clearcap.web.api.mechanisms import (
+from clearcap.web.http.authentication import Engineer, TheService, Viewer
+from clearcap.web.http.problems import Refusal, refusal_of
+from clearcap.web.http.responses import tagged
+from clearcap.web.operations.mechanisms import (
     LONGEST_TEXT,
     MOST_VALUES,
     MechanismName,
@@ -26,9 +29,6 @@ from clearcap.web.api.mechanisms import (
     source_of,
     values_of,
 )
-from clearcap.web.http.authentication import Engineer, TheService, Viewer
-from clearcap.web.http.problems import Refusal, refusal_of
-from clearcap.web.http.responses import tagged
 from clearcap.web.pages.rendering import marked_lines, page, unix_lines
 from clearcap.web.web_service import Service
 from engine import EngineError

@@ -20,11 +20,11 @@ from campaign.store.labels import MOST_TAGS
 from campaign.store.layout import PLAN
 from campaign.store.mechanism_library import saved_mechanisms
 from clearcap.web.access import Principal
-from clearcap.web.api.calls import PATTERN
-from clearcap.web.api.questions import Settings
-from clearcap.web.api.submissions import LONGEST_TEXT, CampaignRequest, source_of_request, submitted
-from clearcap.web.http.authentication import Engineer, TheService
+from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
 from clearcap.web.http.problems import Refusal, refusal_of
+from clearcap.web.operations.mechanisms import LONGEST_TEXT
+from clearcap.web.operations.samples import WhatIfSettings
+from clearcap.web.operations.submissions import CampaignRequest, source_of_request, submit
 from clearcap.web.pages.campaign_form import (
     LIMITS,
     PARAMETERS,
@@ -210,9 +210,9 @@ async def new_campaign_page(
     request: Request,
     service: TheService,
     who: Engineer,
-    start: Annotated[str, Query(alias="from", pattern=PATTERN + "|^$")] = "",
+    start: Annotated[str, Query(alias="from", pattern=CAMPAIGN_ID + "|^$")] = "",
     mechanism: Annotated[str, Query(max_length=64)] = FIRST_MECHANISM,
-    set: Settings = [],  # noqa: B006  # FastAPI copies it
+    set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
     samples: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
 ) -> Response:
     """Show the form of a new campaign, which may begin as a copy of another one with some distributions changed."""
@@ -244,7 +244,7 @@ async def new_campaign_form(request: Request, service: TheService, who: Engineer
     if action != "submit" or found["faults"] or found["detail"]:
         return await _shown(request, service, draft, found, 422 if action == "submit" else 200)
     try:
-        made = await submitted(service, who, draft.request())
+        made = await submit(service, who, draft.request())
     except (CampaignError, Refusal) as error:
         return await _looked_at(request, service, who, draft, refusal_of(error))
     return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)

@@ -15,13 +15,21 @@ from clearcap.questions.exported_rows import FORMATS
 from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample
 from clearcap.web.access import Principal
 from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.api.calls import PATTERN, PREFIX, TheCampaign, the_campaign
-from clearcap.web.api.reports import report_files, write_comparison
-from clearcap.web.api.samples import ENDINGS, Sample, SampleQuestion, motion_of, replay, show_sample
-from clearcap.web.http.authentication import Asking, Engineer, TheService, Viewer
+from clearcap.web.http.authentication import (
+    CAMPAIGN_ID,
+    Asking,
+    Engineer,
+    TheCampaign,
+    TheService,
+    Viewer,
+    the_campaign,
+)
 from clearcap.web.http.problems import refusal_of
+from clearcap.web.operations.campaigns import report_files, write_comparison
+from clearcap.web.operations.samples import ENDINGS, Sample, SampleQuestion, motion_of, replay, show_sample
 from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.rendering import page
+from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 from engine import EngineError
 
@@ -102,7 +110,7 @@ async def compare_page(
     service: TheService,
     campaign: TheCampaign,
     who: Viewer,
-    other: Annotated[str, Query(alias="with", pattern=PATTERN + "|^$")] = "",
+    other: Annotated[str, Query(alias="with", pattern=CAMPAIGN_ID + "|^$")] = "",
 ) -> Response:
     """Show the comparison of a campaign with another one."""
     comparison, fault = None, ""
@@ -129,7 +137,7 @@ async def compare_form(
     service: TheService,
     campaign: TheCampaign,
     who: Engineer,
-    other: Annotated[str, Form(alias="with", pattern=PATTERN)],
+    other: Annotated[str, Form(alias="with", pattern=CAMPAIGN_ID)],
 ) -> Response:
     """Write the report of a comparison."""
     await write_comparison(service, campaign, who, other)

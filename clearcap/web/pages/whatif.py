@@ -14,9 +14,8 @@ from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan, dump_spec
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, Answer
-from clearcap.web.api.calls import TheCampaign
-from clearcap.web.api.questions import Settings
-from clearcap.web.http.authentication import Asking, TheService
+from clearcap.web.http.authentication import Asking, TheCampaign, TheService
+from clearcap.web.operations.samples import WhatIfSettings
 from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.rendering import page
 from clearcap.web.web_service import Service
@@ -36,7 +35,7 @@ async def what_if_page(
     service: TheService,
     campaign: TheCampaign,
     who: Asking,
-    set: Settings = [],  # noqa: B006  # FastAPI copies it
+    set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
     others: Annotated[str, Query(max_length=MOST_SETTINGS * LONGEST_SETTING)] = "",
 ) -> Response:
     """Show the responses under other distributions; a sent form is redirected to the URL of its question."""

@@ -7,7 +7,7 @@ from string import Template
 
 import pytest
 
-from clearcap.web.api import operation, shares, signoffs, users
+from clearcap.web.api import routers
 
 PAGE = (Path(__file__).parents[3] / "docs/service.md").read_text("utf-8")
 HEADINGS = ("Users, tokens and the audit trail over the API", "Shared links", "Sign-off")
@@ -67,10 +67,11 @@ def test_every_call_is_shown():
         shown.add((method, path))
     shown |= {tuple(each.split()) for each in re.findall(r"`((?:POST|PUT) /api/v1/[^`]+)`", PAGE)}
     examples = {"campaign": "$ID", "name": "bob", "token": "1", "share": "1"}
-    of_people = (users.users_router, users.account_router, users.tokens_router, operation.audit_router)
+    kinds = {"users", "account", "tokens", "audit", "shares", "sign-off"}
     calls = {
         (method, route.path.format(**examples))
-        for router in (*of_people, shares.router, signoffs.router)
+        for router in routers()
+        if kinds & set(router.tags)
         for route in router.routes
         for method in route.methods
     }

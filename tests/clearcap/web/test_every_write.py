@@ -12,8 +12,8 @@ from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store.labels import read_labels
 from clearcap.web.access import Role
-from clearcap.web.api.mechanisms import shipped_text
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD, CSRF_HEADER
+from clearcap.web.operations.mechanisms import shipped_text
 from clearcap.web.pages.new_campaign import digest, tables_of
 from clearcap.web.settings import Settings
 from engine import simulate

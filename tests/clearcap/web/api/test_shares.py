@@ -72,6 +72,6 @@ def test_unknown_campaign(client, as_user, url):
 
 
 def test_too_many_links(client, as_user, url, monkeypatch):
-    monkeypatch.setattr("clearcap.web.api.shares.MOST_SHARES", 1)
+    monkeypatch.setattr("clearcap.web.operations.people.MOST_SHARES", 1)
     eva = as_user("engineer")
     assert [client.post(url, json={}, headers=eva).status_code for _ in range(2)] == [201, 409]

@@ -10,8 +10,8 @@ from campaign.coordinator.state import state_of, write_state
 from clearcap.web import web_service
 from clearcap.web.access import Role
 from clearcap.web.access.request_keys import RequestKeys
-from clearcap.web.api.mechanisms import shipped_text
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
+from clearcap.web.operations.mechanisms import shipped_text
 from clearcap.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import URL, serving

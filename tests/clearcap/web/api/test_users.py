@@ -121,7 +121,7 @@ def test_token_makes_no_token(client, as_user):
 
 
 def test_too_many_tokens(client, browse, monkeypatch):
-    monkeypatch.setattr("clearcap.web.api.users.MOST_TOKENS", 2)
+    monkeypatch.setattr("clearcap.web.operations.people.MOST_TOKENS", 2)
     page = browse("viewer")
     statuses = [
         client.post("/api/v1/tokens", json={"name": str(i), "role": "viewer"}, headers=page).status_code

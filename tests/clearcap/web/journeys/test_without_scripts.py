@@ -5,7 +5,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from clearcap.web.api.mechanisms import shipped_text
+from clearcap.web.operations.mechanisms import shipped_text
 from tests.chromium import needs_chromium
 from tests.clearcap.web.conftest import PASSWORD
 from tests.clearcap.web.journeys.conftest import FEWER, browsers

@@ -6,8 +6,8 @@ import re
 import pytest
 
 from clearcap.web.access import Role
-from clearcap.web.api.mechanisms import shipped_text
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
+from clearcap.web.operations.mechanisms import shipped_text
 from clearcap.web.settings import Settings
 from engine import load_mechanism, simulate
 from engine.mechanism import mechanism_schema

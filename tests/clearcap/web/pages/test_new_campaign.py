@@ -7,8 +7,8 @@ from html import unescape
 import pytest
 
 from clearcap.web.access import Role
-from clearcap.web.api.mechanisms import shipped_text
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
+from clearcap.web.operations.mechanisms import shipped_text
 from clearcap.web.settings import Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import URL, serving

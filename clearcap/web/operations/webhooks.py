@@ -1,23 +1,18 @@
-"""Calls for webhooks, which notify other systems when a campaign ends or a Cpk is too small."""
+"""Webhooks, which notify other systems when a campaign ends or a Cpk is too small."""
 
-from datetime import UTC, datetime
-from typing import Annotated
+from datetime import datetime
 
-from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import Response
 
 from clearcap.web.access import Role
-from clearcap.web.api.calls import PATTERN, calls
-from clearcap.web.http.authentication import Engineer, TheService
-from clearcap.web.http.problems import Refusal, described
+from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
+from clearcap.web.http.problems import Refusal
+from clearcap.web.operations.people import ListedId
 from clearcap.web.web_service import Service
-from clearcap.web.webhooks.webhook_repository import Delivery, Webhook
+from clearcap.web.webhooks.webhook_repository import Webhook
 from clearcap.web.webhooks.webhook_sender import LONGEST_URL, target_addresses, webhook_target
 
-router = calls("webhooks")
 MOST_WEBHOOKS = 50  # of a user
-WebhookId = Annotated[int, Path(ge=0, le=2**53, examples=[1])]
 
 
 class NewWebhook(BaseModel):
@@ -25,23 +20,18 @@ class NewWebhook(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     url: str = Field(max_length=LONGEST_URL, description="https", examples=["https://quality.example/clearcap"])
-    campaign: str | None = Field(None, pattern=PATTERN, description="By default all of yours", examples=[None])
+    campaign: str | None = Field(None, pattern=CAMPAIGN_ID, description="By default all of yours", examples=[None])
 
 
 class ListedWebhook(BaseModel):
     """A webhook, without its secret."""
 
+    model_config = ConfigDict(from_attributes=True)
     id: int = Field(examples=[1])
     user: str = Field(examples=["eva"])
     url: str = Field(examples=["https://quality.example/clearcap"])
     campaign: str | None = Field(description="Null: all that the user owns or submitted", examples=[None])
     created: datetime = Field(examples=["2026-11-23T09:00:00Z"])
-
-    @classmethod
-    def of(cls, webhook: Webhook) -> "ListedWebhook":
-        """Return the listed form of a webhook."""
-        at = datetime.fromtimestamp(webhook.created, UTC)
-        return cls(id=webhook.id, user=webhook.user, url=webhook.url, campaign=webhook.campaign, created=at)
 
 
 class MadeWebhook(BaseModel):
@@ -54,16 +44,11 @@ class MadeWebhook(BaseModel):
 class ListedDelivery(BaseModel):
     """The delivery of news to a webhook."""
 
+    model_config = ConfigDict(from_attributes=True)
     event: str = Field(examples=["ended c60-0a1b2c3d4e completed 1795424400.000"])
     status: str = Field(description="waiting, delivered, given up, or why it was not accepted", examples=["delivered"])
     attempts: int = Field(examples=[1])
     next: datetime | None = Field(description="When it is sent again", examples=[None])
-
-    @classmethod
-    def of(cls, delivery: Delivery) -> "ListedDelivery":
-        """Return the listed form of a delivery."""
-        at = None if delivery.next is None else datetime.fromtimestamp(delivery.next, UTC)
-        return cls(event=delivery.event, status=delivery.status, attempts=delivery.attempts, next=at)
 
 
 class ShownWebhook(BaseModel):
@@ -73,13 +58,11 @@ class ShownWebhook(BaseModel):
     deliveries: list[ListedDelivery] = Field(description="The last ones, newest first")
 
 
-@router.get("/webhooks")
 def list_webhooks(service: TheService, who: Engineer) -> list[ListedWebhook]:
     """List your webhooks."""
-    return [ListedWebhook.of(webhook) for webhook in service.webhooks.all(who.name)]
+    return [ListedWebhook.model_validate(webhook) for webhook in service.webhooks.all(who.name)]
 
 
-@router.post("/webhooks", status_code=201, responses=described(409))
 def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebhook:
     """Notify an address when a campaign ends, and when a Cpk's interval lies below 1.33.
 
@@ -91,22 +74,19 @@ def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebh
         raise Refusal(422, f"campaign = {new.campaign}: no such campaign in the store")
     target_addresses(webhook_target(new.url, service.settings.webhook_hosts))
     webhook = service.webhooks.add(who.name, new.campaign, new.url, service.news())
-    return MadeWebhook(webhook=ListedWebhook.of(webhook), secret=webhook.secret)
+    return MadeWebhook(webhook=ListedWebhook.model_validate(webhook), secret=webhook.secret)
 
 
-@router.get("/webhooks/{webhook}", responses=described(404))
-def show_webhook(service: TheService, who: Engineer, webhook: WebhookId) -> ShownWebhook:
+def show_webhook(service: TheService, who: Engineer, webhook: ListedId) -> ShownWebhook:
     """Show a webhook of yours and its last deliveries."""
     found = _webhook(service, who.name if not who.may(Role.ADMIN) else None, webhook)
-    sent = [ListedDelivery.of(delivery) for delivery in service.webhooks.deliveries(found.id)]
-    return ShownWebhook(webhook=ListedWebhook.of(found), deliveries=sent)
+    sent = [ListedDelivery.model_validate(delivery) for delivery in service.webhooks.deliveries(found.id)]
+    return ShownWebhook(webhook=ListedWebhook.model_validate(found), deliveries=sent)
 
 
-@router.delete("/webhooks/{webhook}", status_code=204, response_class=Response, responses=described(404))
-def remove_webhook(service: TheService, who: Engineer, webhook: WebhookId) -> Response:
+def remove_webhook(service: TheService, who: Engineer, webhook: ListedId) -> None:
     """Remove a webhook of yours, or, as an admin, of any user; undelivered news is dropped."""
     service.webhooks.remove(_webhook(service, who.name if not who.may(Role.ADMIN) else None, webhook).id)
-    return Response(status_code=204)
 
 
 def _webhook(service: Service, user: str | None, webhook_id: int) -> Webhook:

@@ -1,40 +1,32 @@
-"""Calls for mechanisms: the shipped and the saved ones, checks of a text, and single simulations."""
+"""Mechanisms: the shipped and the saved ones, checks of a text, and single simulations."""
 
 from datetime import UTC, datetime
 from importlib import resources
 from typing import Annotated, Any
 
-from fastapi import Path, Query, Request
+from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
 
 from campaign.store.mechanism_library import read_mechanism, save_mechanism, saved_mechanisms
 from clearcap.questions.mechanisms import (
     MechanismSource,
-    animate_once,
     check_text,
     describe,
-    draw_mechanism,
     simulate_once,
 )
-from clearcap.web.api.calls import calls
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
-from clearcap.web.http.problems import Refusal, described
-from clearcap.web.http.responses import TAGGED, tagged
+from clearcap.web.http.problems import Refusal
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
-mechanisms_router = calls("mechanisms")
 LONGEST_TEXT = 2**20  # characters
 MechanismName = Annotated[
     str,
     Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="Shipped or saved", examples=["clearance_pendulum"]),
 ]
-simulations_router = calls("simulations")
 MOST_VALUES = 500
 LONGEST_KEY = 400  # characters
-
 NamedValues = dict[Annotated[str, Field(max_length=LONGEST_KEY)], float]
 
 
@@ -64,59 +56,17 @@ class SavedVersion(BaseModel):
     at: datetime
 
 
-@mechanisms_router.get("/mechanisms")
 def list_mechanisms(service: TheService, _: Viewer) -> MechanismNames:
     """List the mechanisms that campaigns may name."""
     return MechanismNames(shipped=library_names(), saved=saved_mechanisms(service.store))
 
 
-@mechanisms_router.get("/mechanisms/{name}", responses=described(404, 409))
 async def show_mechanism(service: TheService, who: Viewer, name: MechanismName) -> dict[str, Any]:
     """Show a mechanism: bodies, joints, clearances, responses, and every number that can be set, with its bounds."""
     content: dict[str, Any] = await service.pool.data(who.name, describe, await source_of(service, name))
     return content
 
 
-@mechanisms_router.get(
-    "/mechanisms/{name}/text",
-    response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
-)
-async def mechanism_text(
-    request: Request,
-    service: TheService,
-    _: Viewer,
-    name: MechanismName,
-    version: Annotated[int | None, Query(ge=1, lt=10**6, description="By default the newest")] = None,
-) -> Response:
-    """Return the text of a mechanism's file."""
-    if name in library_names() and version is None:
-        return tagged(request, shipped_text(name), "application/toml")
-    saved = await run_in_threadpool(read_mechanism, service.store, name, version)
-    if saved is None:
-        raise Refusal(404, f"no mechanism {name}{'' if version is None else f' of version {version}'}")
-    headers = {"X-Version": str(saved.version)}
-    return tagged(request, saved.text.encode(), "application/toml", headers)
-
-
-@mechanisms_router.get(
-    "/mechanisms/{name}/picture.svg",
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
-async def mechanism_picture(
-    request: Request,
-    service: TheService,
-    who: Viewer,
-    name: MechanismName,
-    bench: Annotated[str | None, Query(max_length=100)] = None,
-) -> Response:
-    """Draw a mechanism at its start, with what its responses measure."""
-    source = await source_of(service, name, bench=bench)
-    return tagged(request, await service.kept(who.name, draw_mechanism, source), "image/svg+xml")
-
-
-@mechanisms_router.put("/mechanisms/{name}", responses=described(409))
 async def save(service: TheService, who: Engineer, name: MechanismName, wanted: MechanismText) -> SavedVersion:
     """Save a mechanism in the store, for all users, as a new version; one with faults is refused."""
     if name in library_names():
@@ -127,7 +77,6 @@ async def save(service: TheService, who: Engineer, name: MechanismName, wanted: 
     return SavedVersion(name=name, version=saved.version, by=saved.by, at=datetime.fromtimestamp(saved.at, UTC))
 
 
-@mechanisms_router.post("/checks/mechanism", responses=described(409))
 async def check_mechanism(service: TheService, who: Engineer, wanted: MechanismText) -> dict[str, Any]:
     """Check the text of a mechanism; return its summary and warnings, or its faults with key and line as a problem."""
     content: dict[str, Any] = await service.pool.data(who.name, check_text, MechanismSource("mechanism", wanted.text))
@@ -173,7 +122,6 @@ class SimulatedRun(BaseModel):
     certificate: dict[str, Any] = Field(description="The certificate of the run")
 
 
-@simulations_router.post("/simulations", responses=described(404, 409))
 async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest) -> SimulatedRun:
     """Simulate a mechanism once."""
     if (wanted.text is None) == (not wanted.mechanism):
@@ -185,25 +133,6 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
         source = await source_of(service, wanted.mechanism, **more)
     content = await service.pool.data(who.name, simulate_once, source, wanted.step, wanted.horizon)
     return SimulatedRun.model_validate(content)
-
-
-@simulations_router.get(
-    "/simulations/{name}/motion.gif",
-    response_class=Response,
-    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
-async def motion(
-    request: Request,
-    service: TheService,
-    who: Engineer,
-    name: MechanismName,
-    set: Annotated[list[str] | None, Query(max_length=MOST_VALUES, description="KEY=VALUE")] = None,
-    bench: Annotated[str | None, Query(max_length=100)] = None,
-    preset: Annotated[str | None, Query(max_length=100)] = None,
-) -> Response:
-    """Simulate a mechanism and draw its motion."""
-    source = await source_of(service, name, bench=bench, preset=preset, values=values_of(set or []))
-    return tagged(request, await service.kept(who.name, animate_once, source), "image/gif")
 
 
 def values_of(settings: list[str]) -> dict[str, float]:

@@ -1,34 +1,37 @@
-"""Calls for users: accounts for admins, a user's own account, and tokens, by which programs act for a user."""
+"""Users, their tokens and sessions, the links they share, and the trail of what they did."""
 
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
 from fastapi import Path, Query, Request
-from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import Response
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from clearcap.web.access import Principal, Role
-from clearcap.web.access.credentials import LINK_LIVES, Token
+from clearcap.web.access.credentials import LINK_LIVES
 from clearcap.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD, User
-from clearcap.web.api.calls import calls
-from clearcap.web.http.authentication import Admin, TheService, Viewer, checked_user, lacks_role
-from clearcap.web.http.problems import Refusal, described
+from clearcap.web.http.authentication import Admin, Engineer, TheCampaign, TheService, Viewer, checked_user, lacks_role
+from clearcap.web.http.problems import Refusal
 from clearcap.web.web_service import Service
 
-users_router = calls("users")
-
-RoleWord = Literal["viewer", "engineer", "approver", "admin"]
+RoleWord = Annotated[
+    Literal["viewer", "engineer", "approver", "admin"], BeforeValidator(lambda role: getattr(role, "word", role))
+]
 UserName = Annotated[str, Path(max_length=100, description="Name of the user", examples=["eva"])]
 Password = Annotated[
     str, Field(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD, examples=["a long sentence"])
 ]
-tokens_router = calls("tokens")
+ListedId = Annotated[int, Path(ge=0, le=2**53, examples=[1])]
 MOST_TOKENS = 100  # valid tokens of a user
 DAY = 24 * 3600.0  # s
-account_router = calls("account")
 
 
-class ListedUser(BaseModel):
+class _Listed(BaseModel):
+    """What a list shows of an object, without its secrets; a time in seconds since 1970 becomes a date."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+
+class ListedUser(_Listed):
     """A user, without secrets."""
 
     name: str = Field(examples=["eva"])
@@ -36,17 +39,6 @@ class ListedUser(BaseModel):
     created: datetime = Field(examples=["2026-11-23T09:00:00Z"])
     is_disabled: bool = Field(description="The user can neither log in nor use tokens", examples=[False])
     has_password: bool = Field(examples=[True])
-
-    @classmethod
-    def of(cls, user: User) -> "ListedUser":
-        """Return the listed form of a user."""
-        return cls(
-            name=user.name,
-            role=user.role.word,  # type: ignore[arg-type]  # one of the words
-            created=datetime.fromtimestamp(user.created, UTC),
-            is_disabled=user.is_disabled,
-            has_password=user.has_password,
-        )
 
 
 class UserList(BaseModel):
@@ -91,7 +83,6 @@ def known_user(service: Service, name: str) -> User:
     return user
 
 
-@users_router.get("/users")
 def list_users(
     service: TheService,
     _: Admin,
@@ -101,27 +92,26 @@ def list_users(
     """List users by name."""
     users = [user for user in service.users.all() if user.name > cursor]
     following = users[limit - 1].name if len(users) > limit else None
-    return UserList(users=[ListedUser.of(user) for user in users[:limit]], next=following)
+    return UserList(users=[ListedUser.model_validate(user) for user in users[:limit]], next=following)
 
 
-@users_router.post("/users", status_code=201, responses=described(409))
 def add_user(request: Request, service: TheService, _: Admin, new: NewUser) -> ListedUser:
     """Add a user."""
     request.state.detail = f"{new.name[:64]}, {new.role}"
-    return ListedUser.of(service.users.add(new.name, Role.of(new.role), new.password))
+    return ListedUser.model_validate(service.users.add(new.name, Role.of(new.role), new.password))
 
 
-@users_router.patch("/users/{name}", responses=described(404, 409))
 def change_user(request: Request, service: TheService, _: Admin, name: UserName, change: UserChange) -> ListedUser:
     """Change the role of a user, set their password, or disable them; fields that are left out stay unchanged."""
     known_user(service, name)
     given = change.model_dump(exclude_none=True)
     request.state.detail = ", ".join("password" if key == "password" else f"{key} {given[key]}" for key in given)
     role = None if change.role is None else Role.of(change.role)
-    return ListedUser.of(service.users.change(name, role=role, password=change.password, disabled=change.disabled))
+    return ListedUser.model_validate(
+        service.users.change(name, role=role, password=change.password, disabled=change.disabled)
+    )
 
 
-@users_router.post("/users/{name}/login-link", status_code=201, responses=described(404, 409))
 def make_login_link(service: TheService, _: Admin, name: UserName) -> LoginLink:
     """Create a one-time login link for a user, valid for fifteen minutes; it is shown only this once."""
     if known_user(service, name).is_disabled:
@@ -135,7 +125,7 @@ def login_address(service: Service, name: str) -> str:
     return f"{service.settings.address}/login/link?key={service.sessions.new_link(name)}"
 
 
-class ListedToken(BaseModel):
+class ListedToken(_Listed):
     """A token, without its secret."""
 
     id: int = Field(examples=[1])
@@ -146,15 +136,6 @@ class ListedToken(BaseModel):
     expires: datetime = Field(examples=["2027-02-21T09:00:00Z"])
     used: datetime | None = Field(description="When it was last used, to the minute", examples=[None])
     revoked: datetime | None = Field(examples=[None])
-
-    @classmethod
-    def of(cls, token: Token) -> "ListedToken":
-        """Return the listed form of a token."""
-        times = {name: getattr(token, name) for name in ("created", "expires", "used", "revoked")}
-        dates = {name: None if at is None else datetime.fromtimestamp(at, UTC) for name, at in times.items()}
-        return cls.model_validate(
-            {"id": token.id, "user": token.user, "name": token.name, "role": token.role.word, **dates}
-        )
 
 
 class TokenList(BaseModel):
@@ -180,7 +161,6 @@ class MadeToken(BaseModel):
     secret: str = Field(description="Shown this once: keep it", examples=["clearcap_token_..."])
 
 
-@tokens_router.get("/tokens")
 def list_tokens(
     service: TheService,
     who: Viewer,
@@ -194,54 +174,35 @@ def list_tokens(
     tokens = service.tokens.all(None if everyone else who.name)
     rest = [token for token in tokens if cursor is None or token.id < cursor]
     following = rest[limit - 1].id if len(rest) > limit else None
-    return TokenList(tokens=[ListedToken.of(token) for token in rest[:limit]], next=following)
+    return TokenList(tokens=[ListedToken.model_validate(token) for token in rest[:limit]], next=following)
 
 
-@tokens_router.post("/tokens", status_code=201, responses=described(409))
 def add_token(request: Request, service: TheService, who: Viewer, new: NewToken) -> MadeToken:
     """Create a token for yourself; this needs a browser session, so that a token cannot prolong its own life."""
-    token, secret = make_token(service, who, new)
-    request.state.detail = f"token {token.id}, {new.role}, {new.days} days"
-    return MadeToken(token=ListedToken.of(token), secret=secret)
-
-
-@tokens_router.delete("/tokens/{token}", status_code=204, response_class=Response, responses=described(404))
-def revoke_token(
-    service: TheService, who: Viewer, token: Annotated[int, Path(ge=0, le=2**53, examples=[1])]
-) -> Response:
-    """Revoke a token of yours, or, as an admin, of any user."""
-    end_token(service, who, token)
-    return Response(status_code=204)
-
-
-def make_token(service: Service, who: Principal, new: NewToken) -> tuple[Token, str]:
-    """Create a token; return it and its secret.
-
-    The refusal is 403 if the request itself uses a token, or for a role above the user's own; 409 if the user has too
-    many tokens.
-    """
-    needs_session(who)
+    _needs_session(who)
     role = Role.of(new.role)
     if not who.may(role):
         raise Refusal(403, f"role = {new.role}: more than your own; allowed: up to {who.role.word}")
     valid = [token for token in service.tokens.all(who.name) if token.is_valid]
     if len(valid) >= MOST_TOKENS:
         raise Refusal(409, f"{who.name} has {len(valid)} tokens; allowed: {MOST_TOKENS}; revoke one")
-    return service.tokens.add(who.name, new.name, role, new.days * DAY)
+    token, secret = service.tokens.add(who.name, new.name, role, new.days * DAY)
+    request.state.detail = f"token {token.id}, {new.role}, {new.days} days"
+    return MadeToken(token=ListedToken.model_validate(token), secret=secret)
 
 
-def needs_session(who: Principal) -> None:
+def _needs_session(who: Principal) -> None:
     """Raise Refusal (403) unless the request has a session: a token acts for its user, but cannot change access."""
     if who.kind != "session":
         raise Refusal(403, "a token cannot do this; log in with a browser")
 
 
-def end_token(service: Service, who: Principal, token_id: int) -> None:
-    """Revoke a token; raise Refusal (404) if there is none, or it is another user's and `who` is not an admin."""
+def revoke_token(service: TheService, who: Viewer, token: ListedId) -> None:
+    """Revoke a token of yours, or, as an admin, of any user."""
     mine = service.tokens.all(None if who.may(Role.ADMIN) else who.name)
-    if token_id not in {token.id for token in mine}:
-        raise Refusal(404, f"no token {token_id} of {who.name}")
-    service.tokens.revoke(token_id)
+    if token not in {each.id for each in mine}:
+        raise Refusal(404, f"no token {token} of {who.name}")
+    service.tokens.revoke(token)
 
 
 class PasswordChange(BaseModel):
@@ -252,33 +213,134 @@ class PasswordChange(BaseModel):
     password: Password
 
 
-@account_router.get("/account")
 def show_account(service: TheService, who: Viewer) -> ListedUser:
     """Show who you are."""
-    return ListedUser.of(known_user(service, who.name))
+    return ListedUser.model_validate(known_user(service, who.name))
 
 
-@account_router.put("/account/password", status_code=204, response_class=Response)
-def set_password(request: Request, service: TheService, who: Viewer, change: PasswordChange) -> Response:
+def set_password(request: Request, service: TheService, who: Viewer, change: PasswordChange) -> None:
     """Change your password; all your sessions end, including this one."""
-    change_password(request, service, who, change.present or "", change.password)
-    return Response(status_code=204)
+    _needs_session(who)
+    if known_user(service, who.name).has_password and checked_user(request, who.name, change.present or "") is None:
+        raise Refusal(403, "present: is not your password")
+    service.users.change(who.name, password=change.password)
 
 
-@account_router.delete("/account/sessions", status_code=204, response_class=Response)
-def end_sessions(service: TheService, who: Viewer) -> Response:
+def end_sessions(service: TheService, who: Viewer) -> None:
     """End all your sessions, on all machines."""
     service.sessions.end_all(who.name)
-    return Response(status_code=204)
 
 
-def change_password(request: Request, service: Service, who: Principal, present: str, password: str) -> None:
-    """Change the password of the user who asks; all their sessions end.
+MOST_SHARES = 200  # valid links of a campaign
 
-    The refusal is 403 for a token or a wrong present password, 429 after many wrong ones. Raises SpecError if the new
-    password is too short or too long.
-    """
-    needs_session(who)
-    if known_user(service, who.name).has_password and checked_user(request, who.name, present) is None:
-        raise Refusal(403, "present: is not your password")
-    service.users.change(who.name, password=password)
+
+class ListedShare(_Listed):
+    """A shared link, without its secret."""
+
+    id: int = Field(examples=[1])
+    campaign: str = Field(examples=["c60-0a1b2c3d4e"])
+    by: str = Field(description="Who shared it", examples=["eva"])
+    note: str = Field(description="For whom", examples=["the customer's review"])
+    created: datetime = Field(examples=["2026-11-23T09:00:00Z"])
+    expires: datetime = Field(examples=["2026-12-07T09:00:00Z"])
+    revoked: datetime | None = Field(examples=[None])
+    is_valid: bool = Field(description="It has neither expired nor been revoked", examples=[True])
+
+
+class ShareList(BaseModel):
+    """A page of the shared links of a campaign, newest first."""
+
+    shares: list[ListedShare]
+    next: int | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
+
+
+class NewShare(BaseModel):
+    """A link to be created."""
+
+    model_config = ConfigDict(extra="forbid")
+    days: int = Field(14, ge=1, le=90, description="For how long it is valid", examples=[14])
+    note: str = Field("", max_length=200, description="For whom", examples=["the customer's review"])
+
+
+class MadeShare(BaseModel):
+    """A link that was just created."""
+
+    share: ListedShare
+    link: str = Field(description="Shown this once", examples=["https://clearcap.example/shared/clearcap_share_..."])
+
+
+def list_shares(
+    service: TheService,
+    campaign: TheCampaign,
+    _: Engineer,
+    cursor: Annotated[int | None, Query(ge=0, le=2**53, description="From the page before")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> ShareList:
+    """List the shared links to a campaign, newest first."""
+    rest = [share for share in service.tokens.shares(campaign) if cursor is None or share.id < cursor]
+    following = rest[limit - 1].id if len(rest) > limit else None
+    return ShareList(shares=[ListedShare.model_validate(share) for share in rest[:limit]], next=following)
+
+
+def add_share(request: Request, service: TheService, campaign: TheCampaign, who: Engineer, new: NewShare) -> MadeShare:
+    """Create a link that lets anyone see this campaign, read-only."""
+    if sum(share.is_valid for share in service.tokens.shares(campaign)) >= MOST_SHARES:
+        raise Refusal(409, f"{campaign} has {MOST_SHARES} links; revoke one first")
+    share, secret = service.tokens.share(campaign, who.name, new.note, new.days * DAY)
+    request.state.detail = f"share {share.id}, {new.days} days"
+    return MadeShare(share=ListedShare.model_validate(share), link=f"{service.settings.address}/shared/{secret}")
+
+
+def revoke_share(service: TheService, campaign: TheCampaign, _: Engineer, share: ListedId) -> None:
+    """Revoke a link, and end the sessions that were begun with it."""
+    if not service.tokens.revoke_share(campaign, share):
+        raise Refusal(404, f"no link {share} to {campaign}")
+
+
+class ListedEntry(_Listed):
+    """An entry of the audit trail."""
+
+    number: int = Field(examples=[1])
+    time: datetime = Field(examples=["2026-11-23T09:00:00Z"])
+    who: str = Field(examples=["eva"])
+    how: str = Field(description="session, token, share, password, link, company or none", examples=["session"])
+    address: str = Field(examples=["127.0.0.1"])
+    action: str = Field(examples=["POST /api/v1/tokens"])
+    object: str = Field(examples=["c60-0a1b2c3d4e"])
+    status: int = Field(description="Status of the answer: below 400 the request was carried out", examples=[201])
+    detail: str = Field(examples=["token 1, engineer, 90 days"])
+    digest: str = Field(description="SHA-256 of the digest before and all fields above", examples=["0f" * 32])
+
+
+class EntryList(BaseModel):
+    """A page of the audit trail, newest first."""
+
+    entries: list[ListedEntry]
+    next: int | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
+
+
+class Wholeness(BaseModel):
+    """Whether the audit trail is intact."""
+
+    whole: bool = Field(examples=[True])
+    first_fault: int | None = Field(description="First entry that was changed, or is missing", examples=[None])
+
+
+def list_audit(
+    service: TheService,
+    _: Admin,
+    object: Annotated[str | None, Query(max_length=200, description="Of this campaign, user or token")] = None,
+    who: Annotated[str | None, Query(max_length=100, description="Of this user")] = None,
+    cursor: Annotated[int | None, Query(ge=0, le=2**53, description="From the page before")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> EntryList:
+    """List who did what and when, newest first."""
+    entries = service.audit.newest(cursor, object or None, who or None, limit + 1)
+    following = entries[limit - 1].number if len(entries) > limit else None
+    return EntryList(entries=[ListedEntry.model_validate(entry) for entry in entries[:limit]], next=following)
+
+
+def check_audit(service: TheService, _: Admin) -> Wholeness:
+    """Check that no entry of the audit trail was changed or removed."""
+    fault = service.audit.first_fault()
+    return Wholeness(whole=fault is None, first_fault=fault)

@@ -1,25 +1,70 @@
-"""Calls that change a campaign: end, continue, rerun, label or delete it."""
+"""What is done with one campaign: show it, end, continue, rerun, label or delete it, write its reports."""
 
 import asyncio
-from typing import Annotated
+import re
+from typing import Annotated, Any
 
 from fastapi import Header
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import Response
+from starlette.concurrency import run_in_threadpool
 
 from campaign.coordinator.requests import cancel_campaign, delete_campaign, request_rerun
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
 from campaign.run_status import FailedStatus
+from campaign.store.files.files import TEMPORARY
 from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import CANCEL
+from campaign.store.store import comparisons, report_folder
+from clearcap.questions.report import written_report
 from clearcap.web.access import Role
-from clearcap.web.api.calls import TheCampaign, calls
-from clearcap.web.http.authentication import Engineer, TheService
-from clearcap.web.http.problems import Refusal, described
+from clearcap.web.http.authentication import Asking, Engineer, OtherCampaign, TheCampaign, TheService, the_campaign
+from clearcap.web.http.problems import Refusal
 from clearcap.web.watch.entry import CampaignEntry
 
-router = calls("campaigns")
+
+async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignEntry:
+    """Show a campaign: state, progress, yield, weakest Cpk, owner and tags."""
+    entry = service.watcher.index.entry(campaign)
+    if entry is None:
+        await service.watcher.list_campaigns(campaign)
+        entry = service.watcher.index.entry(campaign)
+    if entry is None:
+        raise Refusal(404, f"no campaign {campaign} in the store")
+    return entry
+
+
+class CampaignStatus(BaseModel):
+    """The progress of a campaign."""
+
+    campaign: str = Field(examples=["c60-0a1b2c3d4e"])
+    store: str = Field(description="Where its files are", examples=["runs"])
+    state: str = Field(examples=["running"])
+    message: str = Field("", description="Details of the state")
+    since: str | None = Field(description="When the state began, ISO 8601", examples=["2026-11-23T09:00:00+00:00"])
+    open: bool = Field(description="A coordinator that serves the store would continue it")
+    fault: str | None = Field(description="What is wrong with the file of its state", examples=[None])
+    samples: int = Field(examples=[30850])
+    done: int = Field(description="Rows that are stored", examples=[12000])
+    ok: int = Field(examples=[11998])
+    failed: int = Field(examples=[2])
+    left: int = Field(examples=[18850])
+    statuses: dict[str, int] = Field(description="Rows by status", examples=[{"ok": 11998, "not_at_rest": 2}])
+    repeats: int = Field(description="Samples that are to be repeated with half the step")
+    repeated: int
+    heartbeat: dict[str, Any] | None = Field(description="Of a campaign that runs: rate, time to go, each Cpk so far")
+    waits_for: str = Field(description="What a running campaign waits for", examples=["no workers for 40 s"])
+    comparisons: dict[str, str] = Field(description="Where its comparisons are, by the id of the other campaign")
+    remarks: list[str] = Field(description="What is wrong with its files", examples=[[]])
+
+
+async def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
+    """Count the rows of a campaign by status; for a running campaign, return the counts of its coordinator."""
+    document = await run_in_threadpool(service.statuses.status, campaign)
+    if document["heartbeat"]:
+        document["heartbeat"]["token"] = ""  # the token of the coordinator's lease stays secret
+    compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}
+    return CampaignStatus(**{**document, "comparisons": compared})
 
 
 class Done(BaseModel):
@@ -30,7 +75,6 @@ class Done(BaseModel):
     note: str = Field("", description="What happens next")
 
 
-@router.post("/campaigns/{campaign}/cancel", responses=described(404))
 def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """End a campaign; finished rows are kept, and `resume` continues it."""
     before = cancel_campaign(service.store, campaign)
@@ -39,7 +83,6 @@ def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     return Done(campaign=campaign, before=before, note=note)
 
 
-@router.post("/campaigns/{campaign}/resume", responses=described(404))
 def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """Queue a campaign again that was cancelled or interrupted, has failed, or has lost rows."""
     entry = service.watcher.index.entry(campaign)
@@ -62,7 +105,6 @@ class FailedRows(BaseModel):
     )
 
 
-@router.post("/campaigns/{campaign}/rerun", responses=described(404, 409))
 def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: FailedRows) -> Done:
     """Compute failed rows again after their cause was removed; the coordinator that serves the store does it next."""
     store = service.store
@@ -95,7 +137,6 @@ class LabelRequest(BaseModel):
     )
 
 
-@router.patch("/campaigns/{campaign}/labels", responses=described(404, 409))
 async def label(service: TheService, campaign: TheCampaign, who: Engineer, wanted: LabelRequest) -> CampaignEntry:
     """Change the owner, tags and note of a campaign, or archive it."""
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
@@ -107,13 +148,12 @@ async def label(service: TheService, campaign: TheCampaign, who: Engineer, wante
     return entry
 
 
-@router.delete("/campaigns/{campaign}", status_code=204, responses=described(404, 409), response_class=Response)
 def delete(
     service: TheService,
     campaign: TheCampaign,
     who: Engineer,
     confirm: Annotated[str, Header(alias="X-Confirm", description="The id again: rows are lost for ever")] = "",
-) -> Response:
+) -> None:
     """Delete a campaign with all its rows; only its owner and admins may, and not if it is signed."""
     entry = service.watcher.index.entry(campaign)
     owner = entry.owner or entry.submitted_by if entry else ""
@@ -128,4 +168,47 @@ def delete(
     delete_campaign(service.store, campaign)
     service.watcher.index.forget(campaign)
     service.watcher.hurry(campaign)
-    return Response(status_code=204)
+
+
+FILE_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
+
+
+class ReportFiles(BaseModel):
+    """The files of a campaign's reports."""
+
+    files: list[str] = Field(description="Of its own report; empty if none is written", examples=[["report.html"]])
+    comparisons: dict[str, list[str]] = Field(description="Of its comparisons, by the id of the other campaign")
+
+
+def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> ReportFiles:
+    """List the files of a campaign's report and of its comparisons with campaigns that you may see."""
+    names = service.store.files.names(report_folder(campaign))
+    others = comparisons(service.store, campaign)
+    seen = {other: _written(files) for other, files in others.items() if who.may_see(other)}
+    return ReportFiles(files=_written(names), comparisons=seen)
+
+
+async def write_report(service: TheService, campaign: TheCampaign, who: Engineer) -> ReportFiles:
+    """Write the report of a campaign again from the present rows; refused if the campaign is signed."""
+    if service.is_signed(campaign):
+        raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
+    await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
+    service.watcher.hurry(campaign)
+    return await run_in_threadpool(report_files, service, campaign, who)
+
+
+async def write_comparison(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    other: OtherCampaign,
+) -> ReportFiles:
+    """Write the report that compares a campaign with another."""
+    await the_campaign(service, who, other)
+    await service.pool.data(who.name, written_report, service.store.files.full_url, campaign, other)
+    return await run_in_threadpool(report_files, service, campaign, who)
+
+
+def _written(names: list[str]) -> list[str]:
+    """Return the names of a report's files, without other files that may lie in its folder."""
+    return [name for name in names if re.fullmatch(FILE_NAME, name) and not name.endswith(TEMPORARY)]

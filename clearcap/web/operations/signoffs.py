@@ -1,4 +1,4 @@
-"""Calls for sign-offs: an approver signs the plan, rows and report; others see whether they are unchanged since."""
+"""Sign-offs: an approver signs the plan, rows and report; others see whether they are unchanged since."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.responses import Response, StreamingResponse
 
 from clearcap.questions.signing.signoff_document import (
     LONGEST_COMMENT,
@@ -15,14 +14,10 @@ from clearcap.questions.signing.signoff_document import (
     digests_of,
     fingerprint,
 )
-from clearcap.web.access import Principal
-from clearcap.web.api.calls import TheCampaign, calls
-from clearcap.web.http.authentication import Approver, Asking, TheService
-from clearcap.web.http.problems import Refusal, described
+from clearcap.web.http.authentication import Approver, Asking, TheCampaign, TheService
+from clearcap.web.http.problems import Refusal
 from clearcap.web.signing_service import KeptSignoff
-from clearcap.web.web_service import Service
 
-router = calls("sign-off")
 MOST_DIFFERENCES = 100  # differences that are listed
 
 
@@ -103,7 +98,6 @@ def one_at_a_time() -> Iterator[None]:
         raise Refusal(503, busy, headers={"Retry-After": "60"}) from error
 
 
-@router.get("/signing-key")
 def show_signing_key(service: TheService, _: Asking) -> SigningKey:
     """Show the key that verifies sign-offs; `clearcap verify --key` takes its fingerprint."""
     key = service.signing_service.key.public_key()
@@ -111,7 +105,6 @@ def show_signing_key(service: TheService, _: Asking) -> SigningKey:
     return SigningKey(fingerprint=fingerprint(key), pem=pem)
 
 
-@router.get("/campaigns/{campaign}/signoffs", responses=described(404))
 def list_signoffs(
     service: TheService,
     campaign: TheCampaign,
@@ -126,7 +119,6 @@ def list_signoffs(
     return SignoffList(campaign=campaign, status=status, key=key, signoffs=kept)
 
 
-@router.get("/campaigns/{campaign}/signoffs/content", responses=described(404, 409))
 def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> SignedContent:
     """Show the digests of the content that would be signed now."""
     with one_at_a_time():
@@ -144,33 +136,11 @@ def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> S
     )
 
 
-@router.post("/campaigns/{campaign}/signoffs", status_code=201, responses=described(404, 409))
 def sign_campaign(
     request: Request, service: TheService, campaign: TheCampaign, who: Approver, signing: Signing
 ) -> Signoff:
     """Sign the plan, rows and report of a completed campaign."""
-    return signed(request, service, campaign, who, signing)
-
-
-def signed(request: Request, service: Service, campaign: str, who: Principal, signing: Signing) -> Signoff:
-    """Sign a campaign; see `SigningService.sign`."""
     with one_at_a_time():
         signoff = service.signing_service.sign(campaign, who, signing.comment, signing.content)
     request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
     return signoff
-
-
-@router.get(
-    "/campaigns/{campaign}/signoffs/export.zip",
-    response_class=Response,
-    responses={
-        200: {"content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}}},
-        **described(404, 409),
-    },
-)
-def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> StreamingResponse:
-    """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
-    if not service.is_signed(campaign):
-        raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
-    headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
-    return StreamingResponse(service.signing_service.export(campaign), media_type="application/zip", headers=headers)

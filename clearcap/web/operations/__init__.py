@@ -1,0 +1,4 @@
+"""What people do with the service, one function each: the calls of the API and the pages are thin over them.
+
+The types of their parameters say who may use them, and what is allowed, for FastAPI.
+"""

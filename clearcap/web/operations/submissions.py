@@ -1,0 +1,139 @@
+"""Submission of a campaign, or of more samples of one."""
+
+import base64
+import json
+from collections import Counter
+from hashlib import sha256
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+
+from campaign.coordinator.state import STATES
+from campaign.spec.named_files import MOST_FILES
+from campaign.store.labels import LabelChange
+from clearcap.questions.submissions import (
+    CampaignSource,
+    SubmittedCampaign,
+    extend_campaign,
+    submit_text,
+)
+from clearcap.web.access import Principal
+from clearcap.web.http.problems import Refusal
+from clearcap.web.operations.mechanisms import LONGEST_TEXT
+from clearcap.web.web_service import Service
+
+EXAMPLE = """\
+format = 1
+name = "demo"
+mechanism = "c60"
+samples = 500
+
+[variables.J1]
+mean = 0.07
+std = 0.0175
+lower = 0.01
+upper = 0.13
+"""
+UNFINISHED = ("queued", "running", "interrupted")
+assert set(UNFINISHED) <= set(STATES)
+
+
+def _decoded(value: Any) -> bytes:
+    """Return the content of a file that was sent in base64; raise ValueError if it is not base64."""
+    if isinstance(value, bytes):
+        return value
+    if not isinstance(value, str):
+        raise ValueError("must be a text in base64")
+    try:
+        return base64.b64decode(value, validate=True)
+    except ValueError as error:
+        raise ValueError(f"is not base64 ({error})") from error
+
+
+def _no_truth(value: Any) -> Any:
+    """Return a value, but raise ValueError for a boolean, because JSON's true would count as 1."""
+    if isinstance(value, bool):
+        raise ValueError("must be a whole number, not true or false")
+    return value
+
+
+Number = Annotated[int, BeforeValidator(_no_truth)]
+FileContent = Annotated[bytes, BeforeValidator(_decoded), WithJsonSchema({"type": "string", "format": "byte"})]
+
+
+class CampaignRequest(BaseModel):
+    """A campaign to be checked or computed."""
+
+    model_config = ConfigDict(extra="forbid")
+    text: str = Field(max_length=LONGEST_TEXT, description="Content of the campaign file, TOML", examples=[EXAMPLE])
+    files: dict[str, FileContent] = Field(
+        default={}, max_length=MOST_FILES, description="Content of each file that it names, in base64", examples=[{}]
+    )
+    samples: Number | None = Field(None, ge=1, le=100_000_000, description="Instead of those of the text")
+    seed: Number | None = Field(None, ge=0, lt=2**63, description="Instead of that of the text")
+    owner: str | None = Field(None, max_length=200, description="By default who submits it")
+    tags: list[str] = Field(default=[], max_length=50, examples=[["release-3"]])
+
+    def digest(self) -> str:
+        """Return a digest that is equal for requests with equal content."""
+        files = {name: sha256(content).hexdigest() for name, content in self.files.items()}
+        content = {**self.model_dump(exclude={"files"}), "files": files}
+        return sha256(json.dumps(content, sort_keys=True).encode(errors="surrogatepass")).hexdigest()
+
+
+async def submit(service: Service, who: Principal, wanted: CampaignRequest) -> SubmittedCampaign:
+    """Submit a campaign; refuse (429) if the user has as many unfinished campaigns as is allowed.
+
+    Raises CampaignError if the campaign has faults, or if the store cannot be written.
+    """
+    labels = LabelChange(who.name if wanted.owner is None else wanted.owner, tuple(wanted.tags))
+    return await _made(service, who, submit_text, source_of_request(service, wanted), labels, who.name)
+
+
+class MoreSamples(BaseModel):
+    """The number of samples that a campaign is to have."""
+
+    samples: int = Field(ge=1, le=100_000_000, description="In all", examples=[60])
+
+
+async def extend(service: Service, campaign: str, who: Principal, samples: int) -> SubmittedCampaign:
+    """Submit a campaign with more samples of the same spec; raise the errors of `submit`."""
+    settings, address = service.settings, service.store.files.full_url
+    return await _made(
+        service, who, extend_campaign, address, campaign, samples, settings.limits.samples, who.name, settings.workers
+    )
+
+
+async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> SubmittedCampaign:
+    """Let a job plan a campaign, unless the user has too many unfinished ones."""
+    # counted before the check, so that simultaneous submissions cannot exceed the limit together
+    service.submitting[who.name] += 1
+    try:
+        await _check_unfinished(service, who)
+        made = await service.pool.data(who.name, job, *arguments)
+    finally:
+        service.submitting[who.name] -= 1
+    await service.watcher.list_campaigns(made["campaign"])
+    return SubmittedCampaign.model_validate(made)
+
+
+async def _check_unfinished(service: Service, who: Principal) -> None:
+    """Raise Refusal (429) if the user has too many unfinished campaigns, including those being submitted now."""
+    most = service.settings.limits.running
+    await service.watcher.list_all()
+    entries = [entry for entry, _ in service.watcher.index.entries() if entry.submitted_by == who.name]
+    unfinished = Counter(entry.state for entry in entries if entry.state in UNFINISHED)
+    if unfinished.total() + service.submitting[who.name] > most:
+        counts = ", ".join(f"{count} {state}" for state, count in unfinished.items()) or "others on their way"
+        raise Refusal(
+            429,
+            f"{who.name} may have {most} unfinished campaigns, and has {counts}; wait for one, or cancel one",
+            headers={"Retry-After": "60"},
+        )
+
+
+def source_of_request(service: Service, wanted: CampaignRequest) -> CampaignSource:
+    """Return the source of a posted campaign for a job."""
+    settings, address = service.settings, service.store.files.full_url
+    most, workers = settings.limits.samples, settings.workers
+    return CampaignSource(address, wanted.text, wanted.files, wanted.samples, wanted.seed, most, workers)
