@@ -13,12 +13,11 @@ from typer.core import TyperGroup
 from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
 from clearcap.cli.computing import cancel, repeat, rerun, resume, run, submit
-from clearcap.cli.mechanism import mechanism_app
+from clearcap.cli.mechanism import mechanism_app, schema_app
 from clearcap.cli.output import print_text, say, show_logs, visible
 from clearcap.cli.overview import list_campaigns, status, watch
 from clearcap.cli.predictions import advise, design, whatif
 from clearcap.cli.reports import report, verify
-from clearcap.cli.schema import schema_app
 from clearcap.cli.servers import certificates, coordinate, serve
 from clearcap.cli.single_runs import bench, polarisation, replay, simulate
 from clearcap.cli.termination import terminated_in_order

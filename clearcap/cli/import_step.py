@@ -204,7 +204,7 @@ def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Pat
     from clearcap.cli.output_files import replacing
     from clearcap.import_page.import_page import ImportFiles, import_page
     from clearcap.pictures.sketches.found_sketch import sketch_found
-    from clearcap.pictures.sketches.sketch_figure import plot_sketch
+    from clearcap.pictures.sketches.sketch import plot_sketch
     from engine.cad_import.found_features import found_features
     from engine.cad_import.proposed_text import open_questions
 

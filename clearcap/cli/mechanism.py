@@ -1,4 +1,4 @@
-"""``clearcap mechanism``: list, show and check mechanisms, and write them with plain numbers."""
+"""``clearcap mechanism``: list, show and check mechanisms, write them with plain numbers; ``clearcap schema``."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -179,7 +179,7 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
 def _draw(mechanism: Any, picture: Path) -> None:
     """Draw the mechanism at its start with what its responses measure."""
     from clearcap.cli.output_files import PLOTS, check_output, replacing
-    from clearcap.pictures.sketches.sketch_figure import plot_measurements
+    from clearcap.pictures.sketches.sketch import plot_measurements
 
     check_output("--picture", picture, PLOTS)
     with replacing(picture) as temporary:
@@ -189,3 +189,30 @@ def _draw(mechanism: Any, picture: Path) -> None:
 def _counted(count: int, one: str, many: str = "") -> str:
     """Return a count with its noun in singular or plural."""
     return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+schema_app = typer.Typer(help="Print the JSON Schema of a file format.", no_args_is_help=True)
+
+
+@schema_app.command()
+def mechanism(json: Json = False) -> None:
+    """Print the JSON Schema of mechanism files."""
+    from engine.mechanism import mechanism_schema
+
+    print_json(mechanism_schema())
+
+
+@schema_app.command()
+def campaign(json: Json = False) -> None:
+    """Print the JSON Schema of campaign files."""
+    from campaign.spec.campaign_file import campaign_schema
+
+    print_json(campaign_schema())
+
+
+@schema_app.command()
+def report(json: Json = False) -> None:
+    """Print the JSON Schema of a report's capability.json."""
+    from reporting.render.json import report_schema
+
+    print_json(report_schema())

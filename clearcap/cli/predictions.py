@@ -128,8 +128,13 @@ def advise(
     """
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
-    from clearcap.questions.cost_file import read_costs
-    from clearcap.questions.tolerances import advice_document, advice_of, allocation_document, cheapest_tolerances
+    from clearcap.questions.tolerances import (
+        advice_document,
+        advice_of,
+        allocation_document,
+        cheapest_tolerances,
+        read_costs,
+    )
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))

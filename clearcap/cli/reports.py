@@ -11,7 +11,7 @@ from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server
 from clearcap.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
-    from clearcap.questions.signing.verification import VerifiedSignoff
+    from clearcap.questions.signing import VerifiedSignoff
 
 
 def report(
@@ -100,8 +100,7 @@ def verify(
 
     Exit status 1 says that they are not, or that the export cannot be trusted. Nothing is unpacked.
     """
-    from clearcap.questions.signing.signed_export import open_archive
-    from clearcap.questions.signing.verification import verify_export
+    from clearcap.questions.signing import open_archive, verify_export
 
     proof = verify_export(open_archive(export), key)
     if json:

@@ -78,8 +78,7 @@ def serve(
     from campaign.store.files.retry_policy import QUICK
 
     try:
-        from clearcap.web.configuration import read_configuration
-        from clearcap.web.server import check_settings, instance_lock, serve_http
+        from clearcap.web.server import check_settings, instance_lock, read_configuration, serve_http
         from clearcap.web.server import login_link as new_link
         from clearcap.web.settings import Settings
         from clearcap.web.web_service import open_service

@@ -292,7 +292,7 @@ def animate_once(source: MechanismSource, step: float | None = None, horizon: fl
 
 def draw_mechanism(source: MechanismSource, kind: str = "svg") -> bytes:
     """Return a picture, ``svg`` or ``png``, of a mechanism at its start, with what its responses measure."""
-    from clearcap.pictures.sketches.sketch_figure import plot_measurements
+    from clearcap.pictures.sketches.sketch import plot_measurements
 
     if kind not in PICTURES:
         raise SpecError(f"picture {kind!r:.20}: allowed: {', '.join(PICTURES)}")

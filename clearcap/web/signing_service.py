@@ -21,8 +21,8 @@ from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
 from campaign.store.layout import SUBMISSION
-from clearcap.questions.signing.signed_export import SignedDocument, stream_export
-from clearcap.questions.signing.signoff_document import (
+from clearcap.questions.signing import (
+    SignedDocument,
     Signoff,
     check_whole,
     content_digest,
@@ -33,6 +33,7 @@ from clearcap.questions.signing.signoff_document import (
     sign,
     signed_files,
     signed_names,
+    stream_export,
 )
 from clearcap.web.access import Principal
 from clearcap.web.access.database import Database

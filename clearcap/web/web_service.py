@@ -30,16 +30,13 @@ from clearcap.web.answers.column_cache import columns_folder
 from clearcap.web.answers.fair_queue import Quota
 from clearcap.web.answers.job_limits import JobLimits
 from clearcap.web.answers.job_pool import JobPool
-from clearcap.web.answers.query_service import QueryService
-from clearcap.web.answers.response_cache import ResponseCache, SingleFlight
+from clearcap.web.answers.query_service import QueryService, ResponseCache, SingleFlight
 from clearcap.web.settings import Settings
 from clearcap.web.signing_service import SigningService
-from clearcap.web.watch.counted_status import CountedStatuses
-from clearcap.web.watch.index import CampaignIndex
+from clearcap.web.watch.index import CampaignIndex, CountedStatuses
 from clearcap.web.watch.watcher import Watcher
 from clearcap.web.watch.workload import Workload
-from clearcap.web.webhooks.webhook_repository import CampaignEvent, WebhookRepository, campaign_events
-from clearcap.web.webhooks.webhook_sender import WebhookSender
+from clearcap.web.webhooks import CampaignEvent, WebhookRepository, WebhookSender, campaign_events
 
 logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next

@@ -34,7 +34,7 @@ from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
 from clearcap.cli.overview import _entry
-from clearcap.questions.cost_file import read_costs
+from clearcap.questions.tolerances import read_costs
 from clearcap.questions.whatif import changed_variables
 from engine import EngineError, load_mechanism, simulate, warm_up
 from engine.cad.archive import packed

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from sqlite3 import Row
 
 from clearcap.web.access.database import Database
-from clearcap.web.access.secrets import digest, new_secret
-from clearcap.web.access.users import Principal, Role
+from clearcap.web.access.users import Principal, Role, digest, new_secret
 
 IDLE = 12 * 3600.0  # s without a request, after which a session ends
 LONGEST_SESSION = 7 * 24 * 3600.0  # s

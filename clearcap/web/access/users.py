@@ -1,6 +1,9 @@
-"""The users of a server, their roles, and the principal that makes a request."""
+"""The users of a server, their roles, the principal that makes a request, passwords and other secrets."""
 
+import hashlib
+import hmac
 import re
+import secrets
 import threading
 import time
 from dataclasses import dataclass
@@ -9,7 +12,38 @@ from sqlite3 import IntegrityError, Row
 
 from campaign.errors import CampaignError, SpecError
 from clearcap.web.access.database import Database
-from clearcap.web.access.secrets import hash_password, is_password
+
+WORD_BYTES = 32
+_COST, _BLOCK, _PARALLEL = 2**15, 8, 1  # of scrypt: 32 MiB and about 0.1 s per password
+
+
+def new_secret(kind: str) -> str:
+    """Return a new secret; `kind` is part of its prefix, by which scanners find secrets in repositories."""
+    return f"clearcap_{kind}_{secrets.token_urlsafe(WORD_BYTES)}"
+
+
+def digest(secret: str) -> bytes:
+    """Return the digest that is kept of a secret; SHA-256 suffices, because the secret has 256 random bits."""
+    return hashlib.sha256(secret.encode(errors="surrogatepass")).digest()
+
+
+def hash_password(password: str) -> str:
+    """Return the hash that is kept of a password: scrypt with a random salt."""
+    salt = secrets.token_bytes(16)
+    return f"scrypt${salt.hex()}${_scrypt(password, salt).hex()}"
+
+
+def is_password(password: str, kept: str | None) -> bool:
+    """Return whether a password matches a kept hash; without a hash the answer takes as long, so that nothing shows."""
+    _, salt, expected = (kept or f"scrypt${bytes(16).hex()}${bytes(32).hex()}").split("$")
+    is_equal = hmac.compare_digest(_scrypt(password, bytes.fromhex(salt)), bytes.fromhex(expected))
+    return is_equal and kept is not None
+
+
+def _scrypt(password: str, salt: bytes) -> bytes:
+    text = password.encode(errors="surrogatepass")
+    return hashlib.scrypt(text, salt=salt, n=_COST, r=_BLOCK, p=_PARALLEL, maxmem=64 * 1024**2, dklen=32)
+
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
 SHORTEST_PASSWORD = 12

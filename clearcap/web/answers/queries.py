@@ -15,9 +15,8 @@ from campaign.plan import Plan
 from campaign.samples import SampleColumns
 from campaign.store import open_store
 from campaign.store.files.retry_policy import QUICK
-from clearcap.questions.cost_file import costs_of
 from clearcap.questions.samples import list_samples
-from clearcap.questions.tolerances import advice_document, advice_from, allocation_document, cheapest_from
+from clearcap.questions.tolerances import advice_document, advice_from, allocation_document, cheapest_from, costs_of
 from clearcap.questions.whatif import histograms, what_if_document, what_if_from
 from clearcap.web.answers.column_cache import ColumnCache
 from engine.platform.toml_file import UnfitToml, parse_toml

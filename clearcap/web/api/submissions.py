@@ -15,7 +15,6 @@ from clearcap.questions.submissions import (
     SubmittedCampaign,
     check_campaign_text,
 )
-from clearcap.web.access.request_keys import RequestKeys
 from clearcap.web.api.calls import ROUTERS
 from clearcap.web.http.authentication import CSRF_FIELD, FORMS, Engineer, TheCampaign, TheService
 from clearcap.web.http.problems import Refusal, described
@@ -24,6 +23,7 @@ from clearcap.web.operations.submissions import (
     EXAMPLE,
     CampaignRequest,
     MoreSamples,
+    RequestKeys,
     extend,
     source_of_request,
     submit,

@@ -7,7 +7,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 
-from clearcap.questions.signing.signoff_document import (
+from clearcap.questions.signing import (
     LONGEST_COMMENT,
     Signoff,
     content_digest,

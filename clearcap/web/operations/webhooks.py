@@ -9,8 +9,7 @@ from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
 from clearcap.web.http.problems import Refusal
 from clearcap.web.operations.people import ListedId
 from clearcap.web.web_service import Service
-from clearcap.web.webhooks.webhook_repository import Webhook
-from clearcap.web.webhooks.webhook_sender import LONGEST_URL, target_addresses, webhook_target
+from clearcap.web.webhooks import LONGEST_URL, Webhook, target_addresses, webhook_target
 
 MOST_WEBHOOKS = 50  # of a user
 

@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.heartbeat import observe
-from clearcap.questions.signing.signoff_document import LONGEST_COMMENT
+from clearcap.questions.signing import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Approver, Asking, Engineer, TheCampaign, TheService, Viewer
 from clearcap.web.operations.campaign_list import ORDERS, ListQuestion, listed

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from campaign.errors import SpecError
-from clearcap.questions.cost_file import Costs, read_costs
+from clearcap.questions.tolerances import Costs, read_costs
 from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, ProcessTable
 from tests.each import each

@@ -17,7 +17,7 @@ from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from clearcap.web.access import Role, secrets
+from clearcap.web.access import Role, users
 from clearcap.web.app import make_app
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
 from clearcap.web.settings import Limits, Settings
@@ -50,9 +50,9 @@ def pytest_generate_tests(metafunc):
 @pytest.fixture(scope="session", autouse=True)
 def cheap_passwords():
     """Have passwords hashed with little work; return how much it is otherwise, and for passwords that others check."""
-    usual = secrets._COST
+    usual = users._COST
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(secrets, "_COST", 2)
+        patch.setattr(users, "_COST", 2)
         yield usual
 
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from campaign.errors import SpecError
-from clearcap.web.configuration import SECRET, read_configuration
-from clearcap.web.server import check_settings, http_server, login_link
+from clearcap.web.server import SECRET, check_settings, http_server, login_link, read_configuration
 from clearcap.web.settings import Limits, Settings
 from clearcap.web.web_service import open_service
 

@@ -15,19 +15,22 @@ from hypothesis import strategies as st
 
 from campaign.errors import CampaignError, SpecError
 from campaign.spec.load import load_campaign
-from clearcap.questions.signing import signed_export
-from clearcap.questions.signing.signed_export import SignedDocument, UnfitArchive, open_archive, stream_export
-from clearcap.questions.signing.signoff_document import (
+from clearcap.questions import signing
+from clearcap.questions.signing import (
+    SignedDocument,
     Signoff,
+    UnfitArchive,
     check_whole,
     digests_of,
     fingerprint,
+    open_archive,
     sha256,
     sign,
     signed_files,
     signed_names,
+    stream_export,
+    verify_export,
 )
-from clearcap.questions.signing.verification import verify_export
 from tests.campaign.commands import clearcap_here
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
@@ -271,13 +274,13 @@ def test_odd_entries(file, finished, monkeypatch):
     assert "does not hold the folder of one campaign" in refused("other/x")
     assert "a compression that no export has" in refused(f"{campaign}/x", compress_type=zipfile.ZIP_BZIP2)
     file.write_bytes(content)
-    monkeypatch.setattr(signed_export, "MOST_BYTES", 1000)
+    monkeypatch.setattr(signing, "MOST_BYTES", 1000)
     assert "allowed: " in faults(file)[0]
 
 
 def test_bomb(tmp_path, monkeypatch):
     """A file that says it is small and is not ends at what it says."""
-    monkeypatch.setattr(signed_export, "LARGEST", 10**6)
+    monkeypatch.setattr(signing, "LARGEST", 10**6)
     path = tmp_path / "bomb.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("demo/plan.json", bytes(10**7))

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.response_cache import ResponseCache, SingleFlight
+from clearcap.web.answers.query_service import ResponseCache, SingleFlight
 
 
 def test_answers_stay_within_their_size():

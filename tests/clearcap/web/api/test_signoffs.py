@@ -9,8 +9,7 @@ import pytest
 
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
-from clearcap.questions.signing.signed_export import open_archive
-from clearcap.questions.signing.verification import verify_export
+from clearcap.questions.signing import open_archive, verify_export
 from clearcap.web.access.database import Database
 from clearcap.web.signing_service import KEY_FILE
 from clearcap.web.web_service import open_service

@@ -9,9 +9,9 @@ from campaign.coordinator.requests import rerun_request
 from campaign.coordinator.state import state_of, write_state
 from clearcap.web import web_service
 from clearcap.web.access import Role
-from clearcap.web.access.request_keys import RequestKeys
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
 from clearcap.web.operations.mechanisms import shipped_text
+from clearcap.web.operations.submissions import RequestKeys
 from clearcap.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import URL, serving

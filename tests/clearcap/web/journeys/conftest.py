@@ -11,7 +11,7 @@ import pytest
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.store.labels import LabelChange, change_labels
-from clearcap.web.access import Role, secrets
+from clearcap.web.access import Role, users
 from clearcap.web.settings import Settings
 from clearcap.web.web_service import open_service
 from engine import simulate
@@ -85,7 +85,7 @@ def finished(tmp_path_factory, cheap_passwords):
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
     service.users.add("admin", Role.ADMIN)
     with pytest.MonkeyPatch.context() as patch:  # a process of its own checks it
-        patch.setattr(secrets, "_COST", cheap_passwords)
+        patch.setattr(users, "_COST", cheap_passwords)
         service.users.add("ada", Role.APPROVER, PASSWORD)
     service.close()
     untouched = tmp_path_factory.mktemp("untouched")

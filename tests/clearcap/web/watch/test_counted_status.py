@@ -11,8 +11,8 @@ from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
 from campaign.store.files import local
 from campaign.store.layout import HEARTBEAT
-from clearcap.web.watch import counted_status
-from clearcap.web.watch.counted_status import CountedStatuses
+from clearcap.web.watch import index
+from clearcap.web.watch.index import CountedStatuses
 from tests.campaign.driving import computed
 from tests.clearcap.web.conftest import only_in_a_folder
 
@@ -35,7 +35,7 @@ def counted(campaign, storage, tmp_path, monkeypatch, now):
         counts.append(header.campaign_id)
         return progress_report(store, header, say)
 
-    monkeypatch.setattr(counted_status, "progress_report", counting)
+    monkeypatch.setattr(index, "progress_report", counting)
     return store, plan, CountedStatuses(store.hasty, lambda: now[0]), counts
 
 
@@ -94,7 +94,7 @@ def test_campaign_that_runs_is_as_its_coordinator_counts(counted):
 
 def test_kept_are_few(counted, monkeypatch):
     _, plan, statuses, counts = counted
-    monkeypatch.setattr(counted_status, "MOST_KEPT", 0)
+    monkeypatch.setattr(index, "MOST_KEPT", 0)
     for _ in range(2):
         statuses.status(plan.campaign_id)
     assert len(counts) == 2

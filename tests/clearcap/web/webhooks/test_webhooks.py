@@ -14,13 +14,20 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from campaign.errors import SpecError
+from clearcap.web import webhooks as targets
 from clearcap.web.access import Role
 from clearcap.web.access.database import SCHEMA, Database
 from clearcap.web.access.users import Users
 from clearcap.web.watch.entry import BelowTarget, CampaignEntry
-from clearcap.web.webhooks import webhook_sender as targets
-from clearcap.web.webhooks.webhook_repository import MOST_ATTEMPTS, WebhookRepository, campaign_events
-from clearcap.web.webhooks.webhook_sender import WebhookSender, is_public, target_addresses, webhook_target
+from clearcap.web.webhooks import (
+    MOST_ATTEMPTS,
+    WebhookRepository,
+    WebhookSender,
+    campaign_events,
+    is_public,
+    target_addresses,
+    webhook_target,
+)
 from tests.each import each
 
 

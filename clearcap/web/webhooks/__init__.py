@@ -1,1 +1,0 @@
-"""Notify other systems when a campaign ends, or when a Cpk is too small."""
