@@ -20,6 +20,7 @@ from clearcap.cli.options import (
     asked_server,
     command_at,
     on_cluster,
+    opened_campaign,
 )
 from clearcap.cli.output import Json, print_json, print_text, say
 
@@ -78,11 +79,9 @@ def resume(
             print_json({"campaign": campaign_id, "store": remote.address, **AT_SERVER})
         return
     from campaign.coordinator.submit import assign_coordinator
-    from campaign.store import open_store
     from campaign.store.layout import CANCEL
 
-    opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign, is_patient=True)
     opened.remove(plan.campaign_id, CANCEL)
     if not detach:
         drive(opened, plan, where, with_report=not no_report, as_json=json)
@@ -113,11 +112,9 @@ def rerun(
     """
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
-    from campaign.store import open_store
     from campaign.store.repeat_sets import repeat_plans
 
-    opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign, is_patient=True)
     by_status = failed_samples(opened, plan, status or ()) if status or not sample else []
     selected = sorted({*(sample or ()), *by_status})
     repeated = {*(sample or ())}
@@ -166,13 +163,11 @@ def repeat(
 ) -> None:
     """Repeat samples with half the step, so that the report tells how far results depend on it."""
     from campaign.coordinator.lease import hold_lease
-    from campaign.store import open_store
     from campaign.store.layout import CANCEL
     from campaign.store.repeat_sets import add_share, repeated_shares
     from campaign.worker.messages import check_build
 
-    opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign, is_patient=True)
     check_build(plan.campaign_id, plan.row_build)
     with hold_lease(opened, plan.campaign_id):
         before = repeated_shares(opened, plan)[-1]

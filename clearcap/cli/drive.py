@@ -10,8 +10,6 @@ import typer
 from clearcap.cli.output import console, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
-    import pyarrow as pa
-
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.dask_workers import PrestartedWorkers
     from campaign.coordinator.coordinate import Outcome
@@ -139,33 +137,16 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts
 
 def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> None:
     """Print the outcome in a sentence, the runs by status, and the capability of each response."""
-    import pyarrow as pa
-
-    from campaign.inputs.sampling import sampler_named
-    from campaign.resolution import resolution
-    from campaign.worker.moments import plain_rows
-    from reporting import capability
+    from clearcap.questions.report import brief_indices
     from reporting.format_numbers import index
-    from reporting.rounding import leveled
 
-    plan = outcome.plan
-    names = list(plan.mechanism.responses)
-    columns = [*names, *sampler_named(plan.spec.sampler).columns]
-    rows = pa.concat_tables([plan.schema.empty_table().select(columns), *store.stream(plan, columns)])
-    plain = plain_rows(rows)
-    table = []
-    units = plan.mechanism.response_units()
-    for name in names:
-        response = plan.spec.responses.get(name)
-        lsl, usl, target = response.limits() if response else (None, None, None)
-        values = leveled(plain[name].drop_null().to_numpy(), *resolution(plan.mechanism, name))
-        c = capability(values, lsl=lsl, usl=usl, target=target, ordered=False)
-        ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
-        if "log_weight" in columns and c.ppm_observed is not None:
-            ppm = f"{_weighted_ppm(rows, name, lsl, usl):.3g}"
-        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), index(c.cpk), ppm)
-        label = name if units[name] in ("", "1") else f"{name} [{units[name]}]"
-        table.append((label, verdicts.words.get(name, "-"), *cells))
+    plan, table = outcome.plan, []
+    for each in brief_indices(store, plan):
+        label = each.response if each.unit in ("", "1") else f"{each.response} [{each.unit}]"
+        limits = number(each.lsl), number(each.usl)
+        ppm = "-" if each.ppm is None else f"{each.ppm:.3g}" if each.is_weighted else f"{each.ppm:.0f}"
+        cells = (number(each.mean), number(each.std, 3), *limits, index(each.cpk), ppm)
+        table.append((label, verdicts.words.get(each.response, "-"), *cells))
     heads = ("response", "verdict", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
     if verdicts.headline:
         print_text(verdicts.headline)
@@ -175,12 +156,3 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
     if outcome.verdict:
         precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
         print_text(f"{precision}: {outcome.verdict.text()}")
-
-
-def _weighted_ppm(rows: "pa.Table", name: str, lsl: float | None, usl: float | None) -> float:
-    """Return the share of rejects, weighted for importance sampling [ppm]."""
-    import numpy as np
-
-    y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())
-    rejects = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
-    return float(1e6 * np.sum(weights[rejects]) / rows.num_rows)

@@ -14,6 +14,8 @@ from clearcap.cli.output import say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
+    from campaign.plan import Plan
+    from campaign.store import Store
     from clearcap.client.remote_server import RemoteServer
     from engine import Mechanism
 
@@ -188,6 +190,15 @@ def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | 
     from clearcap.client.remote_server import connect
 
     return connect(server)
+
+
+def opened_campaign(store: str, campaign: str | None, *, is_patient: bool = False) -> "tuple[Store, Plan]":
+    """Return a store and the plan of one of its campaigns; only if `is_patient`, a store that is away is waited for."""
+    from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
+
+    opened = open_store(store) if is_patient else open_store(store, QUICK)
+    return opened, opened.plan(opened.find(campaign))
 
 
 def command_at(remote: "RemoteServer", verb: str, *words: str) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from clearcap.cli.options import Id, StoreUrl
+from clearcap.cli.options import Id, StoreUrl, opened_campaign
 from clearcap.cli.output import Json, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
@@ -33,14 +33,11 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     answers of the other responses are printed all the same.
     """
     from campaign.errors import SpecError
-    from campaign.store import open_store
-    from campaign.store.files.retry_policy import QUICK
     from clearcap.questions.whatif import refusals, what_if, what_if_document
 
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
-    opened = open_store(store, QUICK)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign)
     answers = what_if(opened, plan, settings)
     document = what_if_document(plan, opened.url, settings, answers)
     if json:
@@ -126,8 +123,6 @@ def advise(
     Exit status 1 if a variable has no answer, or there is no set that reaches the targets; a message then says which
     and why. The other answers are printed all the same.
     """
-    from campaign.store import open_store
-    from campaign.store.files.retry_policy import QUICK
     from clearcap.questions.tolerances import (
         advice_document,
         advice_of,
@@ -136,8 +131,7 @@ def advise(
         read_costs,
     )
 
-    opened = open_store(store, QUICK)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign)
     if cost is None:
         advised = advice_of(opened, plan)
         if json:
@@ -252,13 +246,10 @@ def design(
     """Write a campaign file with importance sampling that aims where the rows of a campaign expect rejects."""
     import tomli_w
 
-    from campaign.store import open_store
-    from campaign.store.files.retry_policy import QUICK
     from clearcap.cli.output_files import check_output, replacing
     from clearcap.questions.aimed_campaign import aimed_campaign
 
-    opened = open_store(store, QUICK)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign)
     aimed = aimed_campaign(opened, plan, samples, response)
     path = output or Path(f"{aimed.tables['name']}.toml")
     check_output("--output", path, (".toml",))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from clearcap.cli.drive import fail_without_enough_ok
-from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server
+from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_campaign
 from clearcap.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
@@ -52,8 +52,6 @@ def report(
         return
     if folder is not None:
         raise SpecError("--folder: is for --server; a store has a folder for each report")
-    from campaign.store import open_store
-    from campaign.store.files.retry_policy import QUICK
     from clearcap.questions.report import report as write_report
     from reporting.write import lacks_package
 
@@ -62,8 +60,7 @@ def report(
             "--pdf: WeasyPrint is not installed; nothing was written. pip install 'clearcap[pdf]', or leave --pdf out"
         )
 
-    opened = open_store(store, QUICK)
-    plan = opened.plan(opened.find(campaign))
+    opened, plan = opened_campaign(store, campaign)
     asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
     kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)

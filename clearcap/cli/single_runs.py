@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from clearcap.cli.options import CampaignId, StoreUrl, named_mechanism
+from clearcap.cli.options import CampaignId, StoreUrl, named_mechanism, opened_campaign
 from clearcap.cli.output import Json, print_json, print_table, print_text, say
 from clearcap.cli.output_files import RunFiles
 
@@ -50,12 +50,13 @@ def simulate(
     json: Json = False,
 ) -> None:
     """Simulate a mechanism once and print its responses."""
-    values = _values_of(changes or [])
     from campaign.compiling import compile_engine
+    from clearcap.questions.mechanisms import values_of
     from engine import Recording, set_values
     from engine import simulate as simulate_once
     from engine.preflight import cautions
 
+    values = values_of(changes or [])
     loaded = named_mechanism(mechanism)
     values = (loaded.preset(preset) if preset else {}) | values
     loaded = loaded.on_bench(bench) if bench else loaded
@@ -126,25 +127,6 @@ def _print_run(run: "Run", files: dict[str, str], json: bool) -> None:
         print_text(f"{name}: {path}")
 
 
-def _values_of(changes: list[str]) -> dict[str, float]:
-    """Return the values of ``KEY=VALUE`` options."""
-    from campaign.errors import SpecError
-
-    values: dict[str, float] = {}
-    for change in changes:
-        key, equals, text = change.partition("=")
-        try:
-            number = float(text)
-        except ValueError:
-            equals = ""
-        if not equals or not key:
-            raise SpecError(f"--set {change}: not KEY=VALUE with a number; write for example --set J1=0.05")
-        if key in values:
-            raise SpecError(f"--set {change}: {key} is set twice; keep one of them")
-        values[key] = number
-    return values
-
-
 def replay(
     campaign: CampaignId,
     sample: Annotated[int, typer.Argument(min=0, help="Number of the sample.")],
@@ -157,11 +139,10 @@ def replay(
 ) -> None:
     """Repeat one run of a campaign in this process, and compare it with its stored row, bit for bit."""
     from campaign.row_build import differences
-    from campaign.store import open_store
-    from clearcap.questions.samples import plan_with, replay_sample
+    from clearcap.questions.samples import check_sample, replay_sample
 
-    opened = open_store(store)
-    plan = plan_with(opened, opened.find(campaign), sample)
+    opened, plan = opened_campaign(store, campaign, is_patient=True)
+    check_sample(plan, sample)
     files = RunFiles(trajectory, plot, animation)
     files.check()
     if different := differences(plan.row_build):

@@ -1,6 +1,6 @@
 """Questions about one mechanism: its contents, what looks wrong in it, one simulation, its pictures, its journals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -237,6 +237,23 @@ def check_text(source: MechanismSource) -> dict[str, Any]:
     """Return the summary and the warnings of a mechanism's text; raise MechanismError if it has faults."""
     mechanism = source.load()
     return {"summary": mechanism_summary(mechanism), "warnings": mechanism_warnings(mechanism)}
+
+
+def values_of(settings: Iterable[str]) -> dict[str, float]:
+    """Return the values of ``KEY=VALUE`` texts by key; raise SpecError for another text, or a key that comes twice."""
+    values: dict[str, float] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        try:
+            number = float(text)
+        except ValueError:
+            equals = ""
+        if not equals or not key.strip():
+            raise SpecError(f"--set {setting:.100}: not KEY=VALUE with a number; write for example --set J1=0.05")
+        if key.strip() in values:
+            raise SpecError(f"--set {setting:.100}: {key} is set twice; keep one of them")
+        values[key.strip()] = number
+    return values
 
 
 def simulate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from pydantic import BaseModel
 
 from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
@@ -30,13 +31,15 @@ from campaign.store.naming import store_option
 from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
 from campaign.store.store import report_folder
 from campaign.version import clearcap_version
+from campaign.worker.moments import plain_rows
 from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.spreads import Spreads
 from engine.mechanism import unit_of
-from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, analyse, compare_rows
+from reporting.rounding import leveled
 from reporting.samples import Repeats, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
@@ -93,6 +96,40 @@ def analysis(store: Store, plan: Plan) -> Analysis:
         return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
+
+
+class BriefIndices(BaseModel):
+    """What a line says of a response: without intervals, which take the whole analysis."""
+
+    response: str
+    unit: str
+    lsl: float | None
+    usl: float | None
+    mean: float | None
+    std: float | None
+    cpk: float | None
+    ppm: float | None  # share of rejects
+    is_weighted: bool  # the share, by the weights of importance sampling
+
+
+def brief_indices(store: Store, plan: Plan) -> list[BriefIndices]:
+    """Return mean, sigma, Cpk and share of rejects of each response, from one pass over the rows."""
+    sampler, units = sampler_named(plan.spec.sampler), plan.mechanism.response_units()
+    columns = [*plan.mechanism.responses, *sampler.columns]
+    rows = pa.concat_tables([plan.schema.empty_table().select(columns), *store.stream(plan, columns)])
+    plain, found = plain_rows(rows), []
+    for name in plan.mechanism.responses:
+        lsl, usl, target = plan.spec.responses.get(name, Response()).limits()
+        values = leveled(plain[name].drop_null().to_numpy(), *resolution(plan.mechanism, name))
+        c = capability(values, lsl=lsl, usl=usl, target=target, ordered=False)
+        ppm, is_weighted = c.ppm_observed, "log_weight" in columns and c.ppm_observed is not None
+        if is_weighted:
+            y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())
+            rejects = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
+            ppm = float(1e6 * np.sum(weights[rejects]) / rows.num_rows)
+        ends = {"lsl": lsl, "usl": usl, "mean": c.mean, "std": c.std, "cpk": c.cpk}
+        found.append(BriefIndices(response=name, unit=units[name], **ends, ppm=ppm, is_weighted=is_weighted))
+    return found
 
 
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:

@@ -137,9 +137,14 @@ def _margins(plan: Plan, values: Mapping[str, Array]) -> tuple[Array, Any]:
 def plan_with(store: Store, campaign: str, sample: int) -> Plan:
     """Return the plan of a campaign; raise SpecError if it does not have the sample."""
     plan = store.plan(campaign)
+    check_sample(plan, sample)
+    return plan
+
+
+def check_sample(plan: Plan, sample: int) -> None:
+    """Raise SpecError if the campaign does not have a sample of this number."""
     if not 0 <= sample < plan.spec.samples:
         raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
-    return plan
 
 
 def stored_sample(store: Store, campaign: str, sample: int) -> StoredSample | None:

@@ -18,11 +18,12 @@ from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows,
 from clearcap.questions.mechanisms import (
     animate_once,
     draw_mechanism,
+    values_of,
 )
 from clearcap.questions.samples import (
     SamplePage,
     draw_sample,
-    plan_with,
+    sample_motion,
 )
 from clearcap.web.access import Principal
 from clearcap.web.answers.engine_warm_up import EngineCompiling
@@ -36,7 +37,7 @@ from clearcap.web.http.authentication import (
     Viewer,
 )
 from clearcap.web.http.problems import Refusal, described, sendable
-from clearcap.web.http.responses import TAGGED, EventStream, tagged
+from clearcap.web.http.responses import TAGGED, EventStream, document, tagged
 from clearcap.web.operations.campaign_list import (
     LONGEST_CURSOR,
     MOST_LISTED,
@@ -47,8 +48,8 @@ from clearcap.web.operations.campaign_list import (
     listed,
 )
 from clearcap.web.operations.campaigns import FILE_NAME
-from clearcap.web.operations.mechanisms import MOST_VALUES, MechanismName, shipped_text, source_of, values_of
-from clearcap.web.operations.samples import ENDINGS, RowsQuestion, Sample, SampleQuestion, motion_of
+from clearcap.web.operations.mechanisms import MOST_VALUES, MechanismName, shipped_text, source_of
+from clearcap.web.operations.samples import ENDINGS, RowsQuestion, Sample, SampleQuestion, drawn
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
@@ -68,8 +69,7 @@ async def list_campaigns(
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
 ) -> Response:
     """List campaigns: state, progress, yield, weakest Cpk, owner and tags."""
-    if service.watcher.listed_at is None:
-        await service.watcher.list_campaigns()
+    await service.watcher.list_first()
     found = listed(service.watcher.index.entries(), question)
     rest = after_cursor(found, question.sort, cursor)
     page = rest[:limit]
@@ -99,11 +99,7 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
     return EventStream(request, events, service.streams, who.name)
 
 
-@ROUTERS["campaigns"].get(
-    "/campaigns/{campaign}/campaign.toml",
-    response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
-)
+@ROUTERS["campaigns"].get("/campaigns/{campaign}/campaign.toml", **document("application/toml", refused=(404,)))
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
     """Return the campaign file as it was submitted."""
     try:
@@ -128,26 +124,16 @@ REPORT_POLICY = (
     " form-action 'none'; frame-ancestors 'self'"
 )
 FileName = Annotated[str, Path(pattern=FILE_NAME, examples=["report.html"])]
-_FILE: dict[int | str, dict[str, Any]] = {
-    200: {"content": {kind.partition(";")[0]: {} for kind in [*TYPES.values(), "application/octet-stream"]}}
-}
+_FILE = document(*TYPES.values(), "application/octet-stream", refused=(404,), schema={})
 
 
-@ROUTERS["reports"].get(
-    "/campaigns/{campaign}/reports/own/{name}",
-    response_class=Response,
-    responses={**_FILE, **described(*TAGGED, 404)},
-)
+@ROUTERS["reports"].get("/campaigns/{campaign}/reports/own/{name}", **_FILE)
 async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
     """Return a file of a campaign's report, whole or in parts."""
     return await _file(request, service, report_folder(campaign), name)
 
 
-@ROUTERS["reports"].get(
-    "/campaigns/{campaign}/reports/against/{other}/{name}",
-    response_class=Response,
-    responses={**_FILE, **described(*TAGGED, 404)},
-)
+@ROUTERS["reports"].get("/campaigns/{campaign}/reports/against/{other}/{name}", **_FILE)
 async def comparison_file(
     request: Request,
     service: TheService,
@@ -249,52 +235,33 @@ async def list_samples(
     return tagged(request, (await service.answers.samples(who.name, campaign, *asked)).content, "application/json")
 
 
-@ROUTERS["samples"].get(
-    "/campaigns/{campaign}/samples/{sample}/plot.svg",
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
+@ROUTERS["samples"].get("/campaigns/{campaign}/samples/{sample}/plot.svg", **document("image/svg+xml"))
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again and draw its curves over time."""
-    store = service.store
-    await run_in_threadpool(plan_with, store, campaign, sample)
-    content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "svg")
+    content = await drawn(service, campaign, who, sample, draw_sample, "svg")
     return tagged(request, content, "image/svg+xml")
 
 
-@ROUTERS["samples"].get(
-    "/campaigns/{campaign}/samples/{sample}/motion.gif",
-    name="motion",
-    response_class=Response,
-    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
+@ROUTERS["samples"].get("/campaigns/{campaign}/samples/{sample}/motion.gif", name="motion", **document("image/gif"))
 async def motion_gif(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
     """Compute a sample again and draw its motion."""
-    store = service.store
-    await run_in_threadpool(plan_with, store, campaign, sample)
-    content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
+    content = await drawn(service, campaign, who, sample, draw_sample, "gif")
     return tagged(request, content, "image/gif")
 
 
 @ROUTERS["samples"].get(
-    "/campaigns/{campaign}/samples/{sample}/motion.json",
-    response_class=Response,
-    responses={200: {"content": {"application/json": {"schema": MOTION}}}, **described(*TAGGED, 404, 409)},
+    "/campaigns/{campaign}/samples/{sample}/motion.json", **document("application/json", schema=MOTION)
 )
 async def motion_data(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
     """Compute a sample again and return its motion as data: outlines of the bodies and their places over time."""
-    return tagged(request, await motion_of(service, campaign, who, sample), "application/json")
+    return tagged(request, await drawn(service, campaign, who, sample, sample_motion), "application/json")
 
 
-@ROUTERS["mechanisms"].get(
-    "/mechanisms/{name}/text",
-    response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
-)
+@ROUTERS["mechanisms"].get("/mechanisms/{name}/text", **document("application/toml", refused=(404,)))
 async def mechanism_text(
     request: Request,
     service: TheService,
@@ -312,11 +279,7 @@ async def mechanism_text(
     return tagged(request, saved.text.encode(), "application/toml", headers)
 
 
-@ROUTERS["mechanisms"].get(
-    "/mechanisms/{name}/picture.svg",
-    response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
+@ROUTERS["mechanisms"].get("/mechanisms/{name}/picture.svg", **document("image/svg+xml"))
 async def mechanism_picture(
     request: Request,
     service: TheService,
@@ -329,11 +292,7 @@ async def mechanism_picture(
     return tagged(request, await service.kept(who.name, draw_mechanism, source), "image/svg+xml")
 
 
-@ROUTERS["simulations"].get(
-    "/simulations/{name}/motion.gif",
-    response_class=Response,
-    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
-)
+@ROUTERS["simulations"].get("/simulations/{name}/motion.gif", **document("image/gif"))
 async def motion(
     request: Request,
     service: TheService,

@@ -2,17 +2,20 @@
 
 import re
 from collections import Counter
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator, Iterable, Mapping
 from contextlib import aclosing
 from hashlib import sha256
+from typing import Any
 
 from fastapi import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from clearcap.web.http.authentication import is_still_known
+from clearcap.web.http.problems import described
 
 ONCE = ("/login/", "/shared/")  # paths where GET is not safe: it begins a session, with a link that may work only once
+TEXT = {"type": "string"}  # schema of a document
 TAGGED = (206, 304, 416)  # statuses, besides 200, of a `tagged` answer
 # policy for a drawing that is opened by itself: it has inline styles, and runs and loads nothing
 _DRAWING_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -48,6 +51,12 @@ async def _while_known(request: Request, events: AsyncGenerator[bytes]) -> Async
             if not is_still_known(request):
                 return
             yield event
+
+
+def document(*kinds: str, refused: Iterable[int] = (404, 409), schema: Mapping[str, Any] = TEXT) -> dict[str, Any]:
+    """Return the options of a call whose answer is `tagged`: media types and refusals, for the documentation."""
+    content = {kind.partition(";")[0]: {"schema": schema} if schema else {} for kind in kinds}
+    return {"response_class": Response, "responses": {200: {"content": content}, **described(*TAGGED, *refused)}}
 
 
 def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, str] | None = None) -> Response:

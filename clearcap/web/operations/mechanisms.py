@@ -133,15 +133,3 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
         source = await source_of(service, wanted.mechanism, **more)
     content = await service.pool.data(who.name, simulate_once, source, wanted.step, wanted.horizon)
     return SimulatedRun.model_validate(content)
-
-
-def values_of(settings: list[str]) -> dict[str, float]:
-    """Return the values of ``KEY=VALUE`` texts by key; refuse (422) a text that is not of this form with a number."""
-    values: dict[str, float] = {}
-    for setting in settings:
-        key, _, text = setting.partition("=")
-        try:
-            values[key.strip()] = float(text)
-        except ValueError:
-            raise Refusal(422, f"set = {setting!r:.100}: not KEY=VALUE with a number; for example J1=0.05") from None
-    return values

@@ -1,6 +1,6 @@
 """The samples of a campaign: questions about them, a stored one, its replay and its motion."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Path, Query
 from pydantic import BaseModel, Field
@@ -11,7 +11,6 @@ from clearcap.questions.samples import (
     StoredSample,
     plan_with,
     replay_document,
-    sample_motion,
     stored_sample,
 )
 from clearcap.web.access import Principal
@@ -65,8 +64,8 @@ async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample
     return ReplayedSample.model_validate(content)
 
 
-async def motion_of(service: Service, campaign: str, who: Principal, sample: int) -> bytes:
-    """Return the motion of a sample, a `clearcap.pictures.moving_drawing.MovingDrawing`, as JSON."""
+async def drawn(service: Service, campaign: str, who: Principal, sample: int, job: Any, *more: str) -> bytes:
+    """Return what `draw_sample` or `sample_motion` makes of a sample, the motion as JSON; recent ones are cached."""
     store = service.store
     await run_in_threadpool(plan_with, store, campaign, sample)
-    return await service.kept(who.name, sample_motion, store.files.full_url, campaign, sample)  # type: ignore[arg-type]
+    return await service.kept(who.name, job, store.files.full_url, campaign, sample, *more)

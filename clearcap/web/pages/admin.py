@@ -149,9 +149,8 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
     """Show the running and waiting campaigns, health, limits, and the key of sign-offs."""
     fault, entries = "", [entry for entry, _ in service.watcher.index.entries()]
     try:
-        if service.watcher.listed_at is None:
-            await service.watcher.list_campaigns()
-            entries = [entry for entry, _ in service.watcher.index.entries()]
+        await service.watcher.list_first()
+        entries = [entry for entry, _ in service.watcher.index.entries()]
         service.workload = await run_in_threadpool(look_at_work, service.store, entries, service.workload)
     except StoreError as error:
         fault = str(error)

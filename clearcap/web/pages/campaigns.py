@@ -44,8 +44,7 @@ async def campaigns_page(
     cursor: Annotated[int, Query(ge=0, le=10**9)] = 0,
 ) -> Response:
     """Show the list of campaigns."""
-    if service.watcher.listed_at is None:
-        await service.watcher.list_campaigns()
+    await service.watcher.list_first()
     known = list(service.watcher.index.entries())
     question = _chosen(question)
     found = listed(known, question)

@@ -13,7 +13,7 @@ from starlette.responses import RedirectResponse, Response
 from campaign.errors import CampaignError
 from campaign.spec.result_columns import certificate_units
 from campaign.store.mechanism_library import SavedMechanism, read_mechanism, saved_mechanisms
-from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once
+from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once, values_of
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.problems import Refusal, refusal_of
@@ -27,9 +27,8 @@ from clearcap.web.operations.mechanisms import (
     save,
     shipped_text,
     source_of,
-    values_of,
 )
-from clearcap.web.pages.rendering import marked_lines, page, unix_lines
+from clearcap.web.pages.rendering import is_number, marked_lines, page, unix_lines
 from clearcap.web.web_service import Service
 from engine import EngineError
 from engine.mechanism import library_names, mechanism_schema
@@ -237,15 +236,7 @@ async def _typed(request: Request, service: Service, who: Principal, name: str) 
     pairs = [(key.removeprefix(FIELD), text) for key, text in asked.multi_items() if key.startswith(FIELD)]
     free = zip(asked.getlist("free-key"), asked.getlist("free-value"), strict=False)
     typed = [(key.strip(), text.strip()) for key, text in [*pairs, *free][:MOST_VALUES]]
-    return [("set", f"{key}={text}") for key, text in typed if key and text and not _is(text, shown.get(key))]
-
-
-def _is(text: str, value: float | None) -> bool:
-    """Return whether a text is a number with this value."""
-    try:
-        return float(text) == value
-    except ValueError:
-        return False
+    return [("set", f"{key}={text}") for key, text in typed if key and text and not is_number(text, shown.get(key))]
 
 
 def _slider(entry: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:

@@ -71,3 +71,11 @@ def said(fault: Mapping[str, Any]) -> str:
 def unix_lines(text: str) -> str:
     """Return a text that a browser sent, with Unix line ends."""
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def is_number(text: str, value: float | None) -> bool:
+    """Return whether a text is a number with this value."""
+    try:
+        return float(text) == value
+    except ValueError:
+        return False

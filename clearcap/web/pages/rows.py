@@ -12,7 +12,7 @@ from starlette.responses import RedirectResponse, Response
 from campaign.errors import CampaignError, StoreError
 from campaign.run_status import FailedStatus
 from clearcap.questions.exported_rows import FORMATS
-from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample
+from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample, sample_motion
 from clearcap.web.access import Principal
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.http.authentication import (
@@ -26,7 +26,7 @@ from clearcap.web.http.authentication import (
 )
 from clearcap.web.http.problems import refusal_of
 from clearcap.web.operations.campaigns import report_files, write_comparison
-from clearcap.web.operations.samples import ENDINGS, Sample, SampleQuestion, motion_of, replay, show_sample
+from clearcap.web.operations.samples import ENDINGS, Sample, SampleQuestion, drawn, replay, show_sample
 from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.rendering import page
 from clearcap.web.settings import PREFIX
@@ -98,7 +98,7 @@ async def _sample_page(
     refusal = None
     if pictures and who.kind != "share":
         try:
-            values["moving"] = json.loads(await motion_of(service, campaign, who, sample))
+            values["moving"] = json.loads(await drawn(service, campaign, who, sample, sample_motion))
         except (CampaignError, EngineError) as error:  # the row is shown even without the motion
             refusal = refusal_of(error)
     return page(request, "sample", refusal=refusal, **values, **await frame(request, service, campaign, who))
@@ -123,8 +123,7 @@ async def compare_page(
             raise
         except CampaignError as error:
             fault = str(error)
-    if service.watcher.listed_at is None:
-        await service.watcher.list_campaigns()
+    await service.watcher.list_first()
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
     files = await run_in_threadpool(report_files, service, campaign, who)
     values: dict[str, Any] = {"other": other, "comparison": comparison, "fault": fault}

@@ -17,7 +17,7 @@ from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, A
 from clearcap.web.http.authentication import Asking, TheCampaign, TheService
 from clearcap.web.operations.samples import WhatIfSettings
 from clearcap.web.pages.campaigns import frame
-from clearcap.web.pages.rendering import page
+from clearcap.web.pages.rendering import is_number, page
 from clearcap.web.web_service import Service
 
 WIDTH, HEIGHT = 320.0, 110.0  # size of the drawing, in its own units
@@ -177,7 +177,7 @@ def settings_of(fields: Iterable[VariableFields], given: Mapping[str, str], othe
     changed = []
     for key in (key for each in fields for key in each.keys):
         text = given.get(f"{FIELD}{key.setting}", "").strip()
-        if text and not _is_equal(text, key.now):
+        if text and not is_number(text, key.now):
             changed.append(f"{key.setting}={text}")
     return changed + [line.strip() for line in others.splitlines() if line.strip()]
 
@@ -187,14 +187,6 @@ def _field(name: str, key: str, now: float, sigma: float, asked: Mapping[str, st
     half = REACH * sigma if key in PLACES or now == 0 else STRETCH * abs(now)
     text = asked.get(f"{name}.{key}", repr(now))
     return KeyField(f"{name}.{key}", key, now, text, now - half, now + half, 2 * half / STEPS)
-
-
-def _is_equal(text: str, now: float) -> bool:
-    """Return whether a text is a number equal to `now`."""
-    try:
-        return float(text) == now
-    except ValueError:
-        return False
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,11 @@ class Watcher:
         if is_whole:
             self._listed_whole_at = self.listed_at
 
+    async def list_first(self) -> None:
+        """Update the index unless it is up to date, as after this server has changed a campaign."""
+        if self.listed_at is None:
+            await self.list_campaigns()
+
     async def list_all(self) -> None:
         """Update the index now with all campaigns of the store."""
         await self.list_campaigns()
