@@ -189,7 +189,7 @@ def polarisation(
     from campaign.processes import cores
     from campaign.spec.load import load_campaign
     from clearcap.cli.output_files import PLOTS, check_output, replacing
-    from clearcap.pictures.polarisation import plot_polarisation
+    from clearcap.pictures.play import plot_polarisation
     from clearcap.questions.mechanisms import campaign_journal_positions
 
     check_output("polarisation", picture, PLOTS)

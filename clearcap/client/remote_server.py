@@ -18,8 +18,8 @@ from clearcap.client.server_connection import ServerConnection
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SILENCE = 60.0  # s without data after which the connection counts as lost; a server sends something every 15 s
-PATIENCE = 600.0  # s that a server may be unreachable
+READ_TIMEOUT = 60.0  # s without data after which the connection counts as lost; a server sends something every 15 s
+RECONNECT_FOR = 600.0  # s that a server may be unreachable
 
 
 PIECE = 1 << 20  # bytes
@@ -377,7 +377,9 @@ def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[
     while True:
         headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last else {})
         try:
-            with connection.stream(f"/campaigns/{campaign_id}/events", headers=headers, timeout=SILENCE) as response:
+            with connection.stream(
+                f"/campaigns/{campaign_id}/events", headers=headers, timeout=READ_TIMEOUT
+            ) as response:
                 for event in events_in(response.iter_lines()):
                     tried, heard = 0, time.monotonic()
                     if event.kind == "end":
@@ -386,7 +388,7 @@ def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[
                         last = event.id or last  # an event without an id does not change what to continue after
                         yield json.loads(event.data)
         except (UnreachableError, StoreError):  # also from a proxy whose server restarts
-            if time.monotonic() - heard > PATIENCE:
+            if time.monotonic() - heard > RECONNECT_FOR:
                 raise
         # also after a stream that ended without the event "end": a server that shuts down ends its streams so
         tried += 1

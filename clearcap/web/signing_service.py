@@ -42,7 +42,7 @@ from engine.platform.regular_file import read_regular_file
 KEY_FILE = "signing_key.pem"
 _LARGEST_KEY = 10_000  # bytes
 _SETTLED = 2.0  # s after the last change of a file; from then on, a further change shows in the file's times
-_TURN_WITHIN = 20.0  # s that a request waits while another one reads files
+_READ_WITHIN = 20.0  # s that a request waits while another one reads files
 _MOST_DIGESTS = 200_000  # that are cached
 
 
@@ -65,7 +65,7 @@ class SigningService:
 
     def __init__(self, database: Database, store: Store) -> None:
         self._database, self._store = database, store
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
         self._digests: dict[tuple[str, str], tuple[object, str]] = {}
         self.key = _key(database.path.with_name(KEY_FILE))
 
@@ -154,12 +154,12 @@ class SigningService:
     @contextmanager
     def _reading(self) -> Iterator[None]:
         """Hold the lock for reading files, because only one request reads at a time."""
-        if not self._turn.acquire(timeout=_TURN_WITHIN):
+        if not self._lock.acquire(timeout=_READ_WITHIN):
             raise TimeoutError
         try:
             yield
         finally:
-            self._turn.release()
+            self._lock.release()
 
     def _digest(self, store: Store, campaign: str, name: str) -> str:
         """Return the digest of a file; the file is read only if it may have changed since it was last read."""

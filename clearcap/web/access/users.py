@@ -113,7 +113,7 @@ class Users:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._turns = threading.BoundedSemaphore(CHECKS)
+        self._checks = threading.BoundedSemaphore(CHECKS)
 
     def all(self) -> list[User]:
         """Return all users, sorted by name."""
@@ -183,13 +183,13 @@ class Users:
         Raises TimeoutError if too many other passwords are being checked.
         """
         row = self._database.row("SELECT * FROM users WHERE name = ? AND NOT disabled", name)
-        if not self._turns.acquire(timeout=CHECK_WITHIN):
+        if not self._checks.acquire(timeout=CHECK_WITHIN):
             raise TimeoutError
         try:
             # also without such a user, so that the time taken does not tell which names exist
             is_right = is_password(password[: LONGEST_PASSWORD + 1], row["password"] if row else None)
         finally:
-            self._turns.release()
+            self._checks.release()
         return _user(row) if row and is_right else None
 
     def by_subject(self, subject: str) -> User | None:

@@ -8,7 +8,7 @@ from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.responses import Response
 
-from clearcap.web.http.authentication import SAFE_METHODS, WHO_MAY, known, who_may
+from clearcap.web.http.authentication import SAFE_METHODS, WHO_MAY, principal_of, who_may
 from clearcap.web.http.problems import described
 from clearcap.web.settings import PREFIX
 
@@ -28,7 +28,7 @@ class _Call(APIRoute):
 
         async def handle_known(request: Request) -> Response:
             if request.method not in SAFE_METHODS:
-                known(request)
+                principal_of(request)
             return await handle(request)
 
         return handle_known

@@ -29,7 +29,7 @@ from clearcap.web.access import Principal
 from clearcap.web.answers.engine_warm_up import EngineCompiling
 from clearcap.web.api.calls import ROUTERS
 from clearcap.web.http.authentication import (
-    Asking,
+    Authenticated,
     Engineer,
     OtherCampaign,
     TheCampaign,
@@ -37,7 +37,7 @@ from clearcap.web.http.authentication import (
     Viewer,
 )
 from clearcap.web.http.problems import Refusal, described, sendable
-from clearcap.web.http.responses import TAGGED, EventStream, document, tagged
+from clearcap.web.http.responses import ETAG_STATUSES, EventStream, document, etag_response
 from clearcap.web.operations.campaign_list import (
     LONGEST_CURSOR,
     MOST_LISTED,
@@ -59,7 +59,7 @@ _EVENT = {  # OpenAPI schema of an event in a stream
 }
 
 
-@ROUTERS["campaigns"].get("/campaigns", response_model=Listing, responses=described(*TAGGED))
+@ROUTERS["campaigns"].get("/campaigns", response_model=Listing, responses=described(*ETAG_STATUSES))
 async def list_campaigns(
     request: Request,
     service: TheService,
@@ -78,7 +78,7 @@ async def list_campaigns(
     body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d,"fault":%b}' % (
         rows, len(found), following.encode(), unread, json.dumps(sendable(fault)).encode()
     )  # fmt: skip
-    return tagged(request, body, "application/json")
+    return etag_response(request, body, "application/json")
 
 
 @ROUTERS["campaigns"].get(
@@ -86,7 +86,7 @@ async def list_campaigns(
     response_class=StreamingResponse,
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **described(404)},
 )
-async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
     """Follow a campaign by server-sent events: progress, rate, failures by status, each Cpk with its interval.
 
     Each `progress` event holds the whole state, so only the latest counts; with `Last-Event-ID`, that event is not sent
@@ -106,7 +106,7 @@ async def campaign_file(request: Request, service: TheService, campaign: TheCamp
         content = await run_in_threadpool(service.store.files.read, f"{campaign}/{CAMPAIGN_FILE}")
     except FileNotFoundError as error:
         raise Refusal(404, f"{campaign}: has no {CAMPAIGN_FILE} any more; restore it in the store") from error
-    return tagged(request, content, "application/toml")
+    return etag_response(request, content, "application/toml")
 
 
 TYPES = {
@@ -138,7 +138,7 @@ async def comparison_file(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     other: OtherCampaign,
     name: FileName,
 ) -> Response:
@@ -156,7 +156,7 @@ async def _file(request: Request, service: Service, folder: str, name: str) -> R
     except FileNotFoundError as error:
         raise Refusal(404, f"{folder}: has no file {name}; write the report first") from error
     frame = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-    return tagged(request, content, kind, frame)
+    return etag_response(request, content, kind, frame)
 
 
 _ROWS: dict[int | str, dict[str, Any]] = {
@@ -182,7 +182,7 @@ async def export(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     question: Annotated[RowsQuestion, Query()],
 ) -> Response:
     """Return rows as Arrow (a stream of batches), Parquet or CSV, in the order of the samples.
@@ -221,25 +221,27 @@ def _sent(service: Service, who: Principal, pieces: Iterator[bytes]) -> AsyncIte
 
 
 @ROUTERS["samples"].get(
-    "/campaigns/{campaign}/samples", responses=described(*TAGGED, 404, 409), response_model=SamplePage
+    "/campaigns/{campaign}/samples", responses=described(*ETAG_STATUSES, 404, 409), response_model=SamplePage
 )
 async def list_samples(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     question: Annotated[SampleQuestion, Query()],
 ) -> Response:
     """List samples, by default with the smallest distance of a response from its limit first."""
     asked = (question.sort, question.status or None, question.cursor, question.limit)
-    return tagged(request, (await service.answers.samples(who.name, campaign, *asked)).content, "application/json")
+    return etag_response(
+        request, (await service.answers.samples(who.name, campaign, *asked)).content, "application/json"
+    )
 
 
 @ROUTERS["samples"].get("/campaigns/{campaign}/samples/{sample}/plot.svg", **document("image/svg+xml"))
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again and draw its curves over time."""
     content = await drawn(service, campaign, who, sample, draw_sample, "svg")
-    return tagged(request, content, "image/svg+xml")
+    return etag_response(request, content, "image/svg+xml")
 
 
 @ROUTERS["samples"].get("/campaigns/{campaign}/samples/{sample}/motion.gif", name="motion", **document("image/gif"))
@@ -248,7 +250,7 @@ async def motion_gif(
 ) -> Response:
     """Compute a sample again and draw its motion."""
     content = await drawn(service, campaign, who, sample, draw_sample, "gif")
-    return tagged(request, content, "image/gif")
+    return etag_response(request, content, "image/gif")
 
 
 @ROUTERS["samples"].get(
@@ -258,7 +260,7 @@ async def motion_data(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
     """Compute a sample again and return its motion as data: outlines of the bodies and their places over time."""
-    return tagged(request, await drawn(service, campaign, who, sample, sample_motion), "application/json")
+    return etag_response(request, await drawn(service, campaign, who, sample, sample_motion), "application/json")
 
 
 @ROUTERS["mechanisms"].get("/mechanisms/{name}/text", **document("application/toml", refused=(404,)))
@@ -271,12 +273,12 @@ async def mechanism_text(
 ) -> Response:
     """Return the text of a mechanism's file."""
     if name in library_names() and version is None:
-        return tagged(request, shipped_text(name), "application/toml")
+        return etag_response(request, shipped_text(name), "application/toml")
     saved = await run_in_threadpool(read_mechanism, service.store, name, version)
     if saved is None:
         raise Refusal(404, f"no mechanism {name}{'' if version is None else f' of version {version}'}")
     headers = {"X-Version": str(saved.version)}
-    return tagged(request, saved.text.encode(), "application/toml", headers)
+    return etag_response(request, saved.text.encode(), "application/toml", headers)
 
 
 @ROUTERS["mechanisms"].get("/mechanisms/{name}/picture.svg", **document("image/svg+xml"))
@@ -289,7 +291,7 @@ async def mechanism_picture(
 ) -> Response:
     """Draw a mechanism at its start, with what its responses measure."""
     source = await source_of(service, name, bench=bench)
-    return tagged(request, await service.kept(who.name, draw_mechanism, source), "image/svg+xml")
+    return etag_response(request, await service.kept(who.name, draw_mechanism, source), "image/svg+xml")
 
 
 @ROUTERS["simulations"].get("/simulations/{name}/motion.gif", **document("image/gif"))
@@ -304,7 +306,7 @@ async def motion(
 ) -> Response:
     """Simulate a mechanism and draw its motion."""
     source = await source_of(service, name, bench=bench, preset=preset, values=values_of(set or []))
-    return tagged(request, await service.kept(who.name, animate_once, source), "image/gif")
+    return etag_response(request, await service.kept(who.name, animate_once, source), "image/gif")
 
 
 @ROUTERS["sign-off"].get(
@@ -315,7 +317,7 @@ async def motion(
         **described(404, 409),
     },
 )
-def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> StreamingResponse:
+def export_signed(service: TheService, campaign: TheCampaign, _: Authenticated) -> StreamingResponse:
     """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
     if not service.is_signed(campaign):
         raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")

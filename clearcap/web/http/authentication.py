@@ -43,18 +43,18 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else "unknown"
 
 
-async def answering(request: Request) -> Service:
+async def the_service(request: Request) -> Service:
     """Return the service, as a dependency of a call; it is async, because others would take one of the few threads."""
     return service_of(request)
 
 
-async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
+async def authenticated(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
     """Return the principal of a request, as a dependency of a call.
 
     The refusal is 401 without a valid session or token, 403 for a write that comes from another site, 429 after many
     wrong tokens.
     """
-    principal = known(request)
+    principal = principal_of(request)
     # only cookies are sent by a browser on its own, so only they need protection against forged requests
     if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
         request.state.who, request.state.how = principal.name, "a page in their name"  # to audit a refusal
@@ -64,7 +64,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
     return principal
 
 
-def known(request: Request) -> Principal:
+def principal_of(request: Request) -> Principal:
     """Return the principal of a request's session or token, without reading the body.
 
     The refusal is 401 without a valid session or token, 429 after many wrong tokens.
@@ -88,10 +88,10 @@ def known(request: Request) -> Principal:
     return principal
 
 
-def is_still_known(request: Request) -> bool:
+def is_still_valid(request: Request) -> bool:
     """Return whether the session or token of a request is still valid, for an answer that lasts long."""
     try:
-        known(request)
+        principal_of(request)
     except Refusal:
         return False
     return True
@@ -143,26 +143,26 @@ class RoleNeeded:
 
     role: Role
 
-    async def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
+    async def __call__(self, principal: Annotated[Principal, Depends(authenticated)]) -> Principal:
         """Return the principal if their role suffices."""
         if not principal.may(self.role):
             raise lacks_role(principal, self.role, "this")
         return principal
 
 
-async def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
+async def needs_all_campaigns(principal: Annotated[Principal, Depends(authenticated)]) -> Principal:
     """Return the principal; refuse a shared link with 403, because it shows one campaign only."""
     if principal.campaign is not None:
         raise Refusal(403, f"this link shows the campaign {principal.campaign} only; log in to see more")
     return principal
 
 
-Asking = Annotated[Principal, Depends(asking)]
+Authenticated = Annotated[Principal, Depends(authenticated)]
 Viewer = Annotated[Principal, Depends(needs_all_campaigns)]
 Engineer = Annotated[Principal, Depends(RoleNeeded(Role.ENGINEER))]
 Approver = Annotated[Principal, Depends(RoleNeeded(Role.APPROVER))]
 Admin = Annotated[Principal, Depends(RoleNeeded(Role.ADMIN))]
-TheService = Annotated[Service, Depends(answering)]
+TheService = Annotated[Service, Depends(the_service)]
 
 
 def checked_user(request: Request, name: str, password: str) -> User | None:
@@ -190,7 +190,7 @@ def checked_user(request: Request, name: str, password: str) -> User | None:
 
 async def the_campaign(
     service: TheService,
-    principal: Asking,
+    principal: Authenticated,
     campaign: Annotated[str, Path(pattern=CAMPAIGN_ID, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
 ) -> str:
     """Return the id of a campaign after checking that it exists and that the principal may see it.
@@ -218,4 +218,4 @@ def who_may(calls: Iterable[object]) -> str:
         return max(roles).word
     if needs_all_campaigns in known:
         return Role.VIEWER.word
-    return f"{Role.VIEWER.word}, or a shared link" if asking in known else "anybody"
+    return f"{Role.VIEWER.word}, or a shared link" if authenticated in known else "anybody"

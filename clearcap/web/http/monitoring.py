@@ -82,7 +82,7 @@ class Record:
 
         try:
             await self._app(scope, receive, send_recorded)
-        except Refusal:  # raised by the gate, which answers it
+        except Refusal:  # raised by `RequestLimits`, which answers it
             raise
         except Exception:
             if begun:

@@ -11,12 +11,12 @@ from fastapi import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from clearcap.web.http.authentication import is_still_known
+from clearcap.web.http.authentication import is_still_valid
 from clearcap.web.http.problems import described
 
 ONCE = ("/login/", "/shared/")  # paths where GET is not safe: it begins a session, with a link that may work only once
 TEXT = {"type": "string"}  # schema of a document
-TAGGED = (206, 304, 416)  # statuses, besides 200, of a `tagged` answer
+ETAG_STATUSES = (206, 304, 416)  # statuses, besides 200, of a `etag_response` answer
 # policy for a drawing that is opened by itself: it has inline styles, and runs and loads nothing
 _DRAWING_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _RANGE = re.compile(r"bytes=(\d{0,15})-(\d{0,15})")
@@ -48,18 +48,18 @@ async def _while_known(request: Request, events: AsyncGenerator[bytes]) -> Async
     """Yield events as long as the session or token of a request is valid."""
     async with aclosing(events):
         async for event in events:
-            if not is_still_known(request):
+            if not is_still_valid(request):
                 return
             yield event
 
 
 def document(*kinds: str, refused: Iterable[int] = (404, 409), schema: Mapping[str, Any] = TEXT) -> dict[str, Any]:
-    """Return the options of a call whose answer is `tagged`: media types and refusals, for the documentation."""
+    """Return the options of a call whose answer is `etag_response`: media types and refusals, for the documentation."""
     content = {kind.partition(";")[0]: {"schema": schema} if schema else {} for kind in kinds}
-    return {"response_class": Response, "responses": {200: {"content": content}, **described(*TAGGED, *refused)}}
+    return {"response_class": Response, "responses": {200: {"content": content}, **described(*ETAG_STATUSES, *refused)}}
 
 
-def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, str] | None = None) -> Response:
+def etag_response(request: Request, body: bytes, media_type: str, headers: dict[str, str] | None = None) -> Response:
     """Return an answer with its ETag: 304 without a body if the request's ``If-None-Match`` has it.
 
     If the ``Range`` asks for a part of the body, the answer is 206 with that part, or 416 if there is no such part.

@@ -18,7 +18,14 @@ from campaign.store.layout import CANCEL
 from campaign.store.store import comparisons, report_folder
 from clearcap.questions.report import written_report
 from clearcap.web.access import Role
-from clearcap.web.http.authentication import Asking, Engineer, OtherCampaign, TheCampaign, TheService, the_campaign
+from clearcap.web.http.authentication import (
+    Authenticated,
+    Engineer,
+    OtherCampaign,
+    TheCampaign,
+    TheService,
+    the_campaign,
+)
 from clearcap.web.http.problems import Refusal
 from clearcap.web.watch.entry import CampaignEntry
 
@@ -58,7 +65,7 @@ class CampaignStatus(BaseModel):
     remarks: list[str] = Field(description="What is wrong with its files", examples=[[]])
 
 
-async def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
+async def campaign_status(service: TheService, campaign: TheCampaign, who: Authenticated) -> CampaignStatus:
     """Count the rows of a campaign by status; for a running campaign, return the counts of its coordinator."""
     document = await run_in_threadpool(service.statuses.status, campaign)
     if document["heartbeat"]:
@@ -180,7 +187,7 @@ class ReportFiles(BaseModel):
     comparisons: dict[str, list[str]] = Field(description="Of its comparisons, by the id of the other campaign")
 
 
-def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> ReportFiles:
+def report_files(service: TheService, campaign: TheCampaign, who: Authenticated) -> ReportFiles:
     """List the files of a campaign's report and of its comparisons with campaigns that you may see."""
     names = service.store.files.names(report_folder(campaign))
     others = comparisons(service.store, campaign)

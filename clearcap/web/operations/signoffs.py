@@ -14,7 +14,7 @@ from clearcap.questions.signing import (
     digests_of,
     fingerprint,
 )
-from clearcap.web.http.authentication import Approver, Asking, TheCampaign, TheService
+from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
 from clearcap.web.http.problems import Refusal
 from clearcap.web.signing_service import KeptSignoff
 
@@ -98,7 +98,7 @@ def one_at_a_time() -> Iterator[None]:
         raise Refusal(503, busy, headers={"Retry-After": "60"}) from error
 
 
-def show_signing_key(service: TheService, _: Asking) -> SigningKey:
+def show_signing_key(service: TheService, _: Authenticated) -> SigningKey:
     """Show the key that verifies sign-offs; `clearcap verify --key` takes its fingerprint."""
     key = service.signing_service.key.public_key()
     pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo).decode()
@@ -108,7 +108,7 @@ def show_signing_key(service: TheService, _: Asking) -> SigningKey:
 def list_signoffs(
     service: TheService,
     campaign: TheCampaign,
-    _: Asking,
+    _: Authenticated,
     check: bool = Query(False, description="Read every file again, including those that seem unchanged"),
 ) -> SignoffList:
     """List who signed a campaign, and whether it has changed since."""

@@ -10,7 +10,7 @@ from starlette.responses import RedirectResponse, Response
 from campaign.coordinator.heartbeat import observe
 from clearcap.questions.signing import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
-from clearcap.web.http.authentication import Approver, Asking, Engineer, TheCampaign, TheService, Viewer
+from clearcap.web.http.authentication import Approver, Authenticated, Engineer, TheCampaign, TheService, Viewer
 from clearcap.web.operations.campaign_list import ORDERS, ListQuestion, listed
 from clearcap.web.operations.campaigns import (
     FailedRows,
@@ -66,7 +66,7 @@ def _chosen(question: ListQuestion) -> ListQuestion:
     return question.model_copy(update={"owner": question.owner or None, "tag": tags})
 
 
-async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:
+async def frame(request: Request, service: TheService, campaign: str, who: Authenticated) -> dict[str, Any]:
     """Return the values for the frame of a campaign's pages: its entry, and whether the user may delete it."""
     entry = await show_campaign(service, campaign)
     owner = entry.owner or entry.submitted_by
@@ -74,7 +74,7 @@ async def frame(request: Request, service: TheService, campaign: str, who: Askin
 
 
 @router.get("/campaigns/{campaign}")
-async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
     """Show the progress of a campaign, which is updated while rows arrive."""
     seen = await run_in_threadpool(observe, service.store, campaign)
     shown = await frame(request, service, campaign, who)
@@ -82,7 +82,7 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
 
 
 @router.get("/campaigns/{campaign}/report")
-async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
     """Show the report of a campaign in a frame, and its files."""
     files = await run_in_threadpool(report_files, service, campaign, who)
     return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
@@ -195,7 +195,7 @@ async def signoff_page(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     check: Annotated[bool, Query()] = False,
 ) -> Response:
     """Show who signed a campaign, and to an approver the content that they would sign."""

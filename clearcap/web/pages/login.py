@@ -17,10 +17,10 @@ from clearcap.web.http.authentication import (
     TheService,
     Viewer,
     address_of,
-    asking,
+    authenticated,
     check_origin,
     checked_user,
-    known,
+    principal_of,
 )
 from clearcap.web.http.problems import Refusal
 from clearcap.web.operations.people import (
@@ -105,7 +105,7 @@ def use_share(request: Request, service: TheService, secret: str) -> Response:
 
 
 @router.post("/logout")
-def log_out(request: Request, service: TheService, _: Annotated[Principal, Depends(asking)]) -> Response:
+def log_out(request: Request, service: TheService, _: Annotated[Principal, Depends(authenticated)]) -> Response:
     """End the session."""
     answer = RedirectResponse("/login", 303)
     for name in (COOKIE, SHARE_COOKIE):
@@ -250,7 +250,7 @@ def _account_page(request: Request, service: Service, who: Principal, secret: st
 def help_page(request: Request) -> Response:
     """Show what the service does, even to visitors who are not logged in."""
     try:
-        request.state.principal = known(request)
+        request.state.principal = principal_of(request)
     except Refusal:
         request.state.principal = None
     return page(

@@ -17,7 +17,7 @@ from clearcap.questions.mechanisms import MechanismSource, describe, titles, try
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.problems import Refusal, refusal_of
-from clearcap.web.http.responses import tagged
+from clearcap.web.http.responses import etag_response
 from clearcap.web.operations.mechanisms import (
     LONGEST_TEXT,
     MOST_VALUES,
@@ -92,7 +92,7 @@ async def mechanism_page(
 @router.get("/schemas/mechanism.json")
 def schema_document(request: Request, _: Viewer) -> Response:
     """Return the JSON Schema of mechanism files, which the editor uses to propose keys and values."""
-    return tagged(request, _schema(), "application/schema+json")
+    return etag_response(request, _schema(), "application/schema+json")
 
 
 @router.get("/mechanisms/{name}/edit")

@@ -36,7 +36,7 @@ from clearcap.web.pages.campaign_form import (
     first_text,
     started_from,
 )
-from clearcap.web.pages.rendering import marked_lines, page, said, unix_lines
+from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
@@ -100,7 +100,7 @@ class CampaignForm:
     """
 
     def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:
-        self._faults = [(tuple(each["keys"]), said(each)) for each in faults if not each.get("file")]
+        self._faults = [(tuple(each["keys"]), fault_line(each)) for each in faults if not each.get("file")]
         self._tables, self._known = tables, found.get("mechanism") or NO_MECHANISM
         self.top = {key: self._field(key, (key,), tables.get(key)) for key in TOP_KEYS}
         self.variables = list(self._variables(found.get("densities") or {}))

@@ -56,13 +56,13 @@ def marked_lines(text: str, faults: Sequence[Mapping[str, Any]]) -> list[MarkedL
     by_line: dict[int, list[str]] = {}
     for fault in faults:
         if fault.get("line") and not fault.get("file"):
-            by_line.setdefault(fault["line"], []).append(said(fault))
+            by_line.setdefault(fault["line"], []).append(fault_line(fault))
     near = {number for line in by_line for number in range(line - AROUND, line + AROUND + 1)}
     lines = enumerate(text.split("\n"), 1)
     return [MarkedLine(n, line.rstrip("\r"), tuple(by_line.get(n, ()))) for n, line in lines if n in near]
 
 
-def said(fault: Mapping[str, Any]) -> str:
+def fault_line(fault: Mapping[str, Any]) -> str:
     """Return a fault as one line: the key, its value, and what is wrong."""
     value = "" if fault.get("value") is None else f" = {fault['value']}"
     return f"{'.'.join(fault['keys'])}{value}: {fault['text']}" if fault["keys"] else str(fault["text"])

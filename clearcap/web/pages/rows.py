@@ -17,7 +17,7 @@ from clearcap.web.access import Principal
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.http.authentication import (
     CAMPAIGN_ID,
-    Asking,
+    Authenticated,
     Engineer,
     TheCampaign,
     TheService,
@@ -47,7 +47,7 @@ async def samples_page(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     question: Annotated[SampleQuestion, Query()],
 ) -> Response:
     """Show samples in a table, by default the worst first."""
@@ -65,7 +65,7 @@ async def sample_page(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     sample: Sample,
     pictures: Annotated[bool, Query()] = False,
 ) -> Response:
@@ -164,7 +164,7 @@ async def export_page(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     form: Annotated[ExportForm, Query()],
 ) -> Response:
     """Show the files and rows that can be exported, with the command and the Python lines that do the same."""

@@ -14,7 +14,7 @@ from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan, dump_spec
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, Answer
-from clearcap.web.http.authentication import Asking, TheCampaign, TheService
+from clearcap.web.http.authentication import Authenticated, TheCampaign, TheService
 from clearcap.web.operations.samples import WhatIfSettings
 from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.rendering import is_number, page
@@ -34,7 +34,7 @@ async def what_if_page(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
-    who: Asking,
+    who: Authenticated,
     set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
     others: Annotated[str, Query(max_length=MOST_SETTINGS * LONGEST_SETTING)] = "",
 ) -> Response:

@@ -5,8 +5,7 @@ import pytest
 from PIL import Image
 
 from campaign.spec.load import load_campaign
-from clearcap.pictures.play import JournalPositions, journal_positions, merge_runs
-from clearcap.pictures.polarisation import mean_direction, plot_polarisation
+from clearcap.pictures.play import JournalPositions, journal_positions, mean_direction, merge_runs, plot_polarisation
 from clearcap.questions.mechanisms import campaign_journal_positions
 from engine import Recording, read_trajectory, simulate
 from tests.engine.small import made, shipped

@@ -6,7 +6,7 @@ from fastapi.routing import APIRoute
 
 from clearcap.web.access import Role
 from clearcap.web.api import routers
-from clearcap.web.http.authentication import SAFE_METHODS, RoleNeeded, asking, needs_all_campaigns
+from clearcap.web.http.authentication import SAFE_METHODS, RoleNeeded, authenticated, needs_all_campaigns
 from clearcap.web.pages import page_routers
 
 
@@ -42,7 +42,7 @@ class Way:
     @property
     def needs_login(self):
         """Whether it asks who asks."""
-        return asking in self.calls
+        return authenticated in self.calls
 
     @property
     def is_open_to_shares(self):

@@ -6,7 +6,7 @@ import psutil
 import pytest
 
 from clearcap.web.access import Role
-from clearcap.web.connection import LARGEST_HEAD, SEND_BUFFER
+from clearcap.web.server import LARGEST_HEAD, SEND_BUFFER
 from clearcap.web.settings import Limits, Settings
 from tests.clearcap.web.running import PATIENCE, HeldClock, exchange, in_a_thread, taken
 from tests.each import each

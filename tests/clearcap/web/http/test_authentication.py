@@ -5,7 +5,7 @@ import logging
 from inspect import iscoroutinefunction
 
 from clearcap.web.access import Role
-from clearcap.web.http.authentication import answering, asking
+from clearcap.web.http.authentication import authenticated, the_service
 from clearcap.web.http.monitoring import MOST_OF_STRANGERS
 from clearcap.web.http.problems import MEDIA_TYPE
 from tests.clearcap.web.conftest import PASSWORD, URL, serving
@@ -134,5 +134,5 @@ def test_no_secret_in_log_or_trail(client, service, reported, browse, as_user, c
 def test_no_dependency_takes_a_thread():
     """FastAPI calls what is no coroutine in a thread: when all threads wait for a store, nobody could even be known."""
     calls = {call for way in all_ways() for call in way.calls}
-    assert {asking, answering} < calls
+    assert {authenticated, the_service} < calls
     assert [each for each in calls if not any(map(iscoroutinefunction, (each, type(each).__call__)))] == []

@@ -5,7 +5,7 @@ from starlette.applications import Starlette
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
-from clearcap.web.http.responses import TAGGED, tagged
+from clearcap.web.http.responses import ETAG_STATUSES, etag_response
 from tests.clearcap.web.routes import all_ways
 
 BODY = bytes(range(100))
@@ -14,7 +14,7 @@ BODY = bytes(range(100))
 @pytest.fixture(scope="module")
 def client():
     async def answer(request):
-        return tagged(request, BODY, "application/octet-stream")
+        return etag_response(request, BODY, "application/octet-stream")
 
     return TestClient(Starlette(routes=[Route("/", answer)]))
 
@@ -57,7 +57,7 @@ def test_drawing_by_itself_has_its_styles():
     """As a page of its own it would lose them by the policy of the pages; it runs and loads nothing."""
 
     async def drawing(request):
-        return tagged(request, b"<svg/>", "image/svg+xml")
+        return etag_response(request, b"<svg/>", "image/svg+xml")
 
     policy = TestClient(Starlette(routes=[Route("/", drawing)])).get("/").headers["content-security-policy"]
     assert {"sandbox", "default-src 'none'", "style-src 'unsafe-inline'"} <= set(policy.split("; "))
@@ -67,5 +67,5 @@ def test_parts_are_documented():
     """Of each call that promises an ETag, but of rows, which are written while they are sent."""
     ways = [way for way in all_ways() if 304 in way.route.responses]
     assert len(ways) > 10
-    without = {way.path for way in ways if not set(TAGGED) <= way.route.responses.keys()}
+    without = {way.path for way in ways if not set(ETAG_STATUSES) <= way.route.responses.keys()}
     assert without == {"/api/v1/campaigns/{campaign}/rows"}
