@@ -1,5 +1,6 @@
 """Rows of a campaign as Arrow, Parquet or CSV, generated while they are sent, some ten thousand rows at a time."""
 
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -72,13 +73,13 @@ def export_rows(
 def _pieces(store: Store, plan: Plan, kind: str, names: list[str], selection: RowSelection) -> Iterator[bytes]:
     """Yield the pieces of a file; the first may be empty."""
     schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
-    sent = _Pieces()
+    sent = SentBytes()
     with _writer(kind, sent, schema) as writer:
-        yield sent.take()
+        yield sent.taken()
         for table in _selected(store, plan, names, selection):
             writer.write_table(table.cast(schema))
-            yield sent.take()
-    yield sent.take()
+            yield sent.taken()
+    yield sent.taken()
 
 
 def _selected(store: Store, plan: Plan, names: list[str], selection: RowSelection) -> Iterator[pa.Table]:
@@ -98,38 +99,30 @@ def _selected(store: Store, plan: Plan, names: list[str], selection: RowSelectio
             return
 
 
-class _Pieces:
-    """A writable file that keeps what is written until it is taken."""
-
-    closed = False
+class SentBytes(io.RawIOBase):
+    """A file whose bytes are kept until they are sent; it cannot seek, so no byte changes after it was sent."""
 
     def __init__(self) -> None:
-        self._written: list[bytes] = []
-        self._size = 0
+        super().__init__()
+        self._written, self._size = bytearray(), 0
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
 
     def write(self, content: Any) -> int:
-        """Keep `content` until it is taken; return its size [bytes]."""
-        self._written.append(bytes(content))
-        self._size += len(self._written[-1])
-        return len(self._written[-1])
+        """Keep bytes; return their number."""
+        self._written += content
+        self._size += len(content)
+        return len(content)
 
     def tell(self) -> int:
         """Return the number of bytes written in total."""
         return self._size
 
-    def flush(self) -> None:
-        """Do nothing, because nothing is buffered elsewhere."""
-
-    def close(self) -> None:
-        """Do nothing, because the last bytes have not been taken yet."""
-
-    def writable(self) -> bool:
-        """Return True: the file is writable."""
-        return True
-
-    def take(self) -> bytes:
-        """Return the bytes written since the last call."""
-        content = b"".join(self._written)
+    def taken(self) -> bytes:
+        """Return the bytes written since the last call, even after the file was closed."""
+        content = bytes(self._written)
         self._written.clear()
         return content
 
@@ -145,7 +138,7 @@ class _TableWriter(Protocol):
         """Write some rows."""
 
 
-def _writer(kind: str, sink: _Pieces, schema: pa.Schema) -> _TableWriter:
+def _writer(kind: str, sink: SentBytes, schema: pa.Schema) -> _TableWriter:
     """Return a writer of tables in a format."""
     file = pa.PythonFile(sink, "w")
     match kind:

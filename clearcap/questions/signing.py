@@ -4,7 +4,6 @@ An export, a ZIP with a campaign and its sign-offs, is written as a stream, and 
 """
 
 import hashlib
-import io
 import json
 import os
 import re
@@ -26,6 +25,7 @@ from campaign.store import Store
 from campaign.store.files.files import LARGEST, TEMPORARY
 from campaign.store.layout import CAMPAIGN_FILE, PLAN, REPEATS, REPORT, STOPPED
 from campaign.store.repeat_sets import repeat_plans
+from clearcap.questions.exported_rows import SentBytes
 from engine.platform.regular_file import UnfitFile, read_regular_file
 
 LONGEST_COMMENT = 5000  # characters
@@ -211,7 +211,7 @@ def stream_export(
     Each piece is one file, the last one the directory. Raises FileNotFoundError if a file no longer exists; the ZIP is
     then incomplete, and no program can open it.
     """
-    sink = _Sink()
+    sink = SentBytes()
     with ZipFile(sink, "w", ZIP_STORED) as archive:
         for name in names:
             archive.writestr(_entry(campaign, name), store.files.read(f"{campaign}/{name}"))
@@ -223,29 +223,6 @@ def stream_export(
         pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
         archive.writestr(_entry(campaign, KEY), pem)
     yield sink.taken()
-
-
-class _Sink(io.RawIOBase):
-    """A buffer for written bytes until they are sent; it cannot seek, so no byte changes after it was sent."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._written = bytearray()
-
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def write(self, content: "bytes | bytearray | memoryview") -> int:  # type: ignore[override]  # any buffer
-        """Add bytes to the buffer; return their number."""
-        self._written += content
-        return len(content)
-
-    def taken(self) -> bytes:
-        """Return the bytes written since the last call."""
-        content = bytes(self._written)
-        self._written.clear()
-        return content
 
 
 def _entry(campaign: str, name: str) -> ZipInfo:

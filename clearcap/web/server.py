@@ -131,10 +131,7 @@ def check_settings(settings: Settings) -> None:
 
 
 def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
-    """Return a one-time login link for a user; create the first admin if there is no user yet.
-
-    Raises SpecError if there is no such user, or if the user is disabled.
-    """
+    """Return a one-time login link for a user; create the first admin if there is no user yet."""
     if not service.users.all():
         service.users.add(FIRST_ADMIN, Role.ADMIN)
     found = service.users.get(user)
@@ -145,10 +142,7 @@ def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
 
 
 def serve_http(service: Service) -> None:
-    """Answer requests until SIGTERM or Ctrl-C; running requests are finished first.
-
-    Raises SpecError if the port is taken, or if the certificate cannot be used.
-    """
+    """Answer requests until SIGTERM or Ctrl-C; running requests are finished first."""
     show_requests()
     http_server(service).run(sockets=[_listening(service.settings)])
 
@@ -203,10 +197,7 @@ def _listening(settings: Settings) -> socket.socket:
 
 @contextmanager
 def instance_lock(settings: Settings) -> Iterator[None]:
-    """Hold the lock of a data folder in the block; the end of the process releases it too, however it ends.
-
-    Raises SpecError if another server uses the folder. Raises StoreError if the folder's disk is read-only or broken.
-    """
+    """Hold the lock of a data folder in the block; the end of the process releases it too, however it ends."""
     path = settings.data / LOCK
     with ExitStack() as stack:
         try:
@@ -309,10 +300,7 @@ class BoundedConnection(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def _watch_reader(self, waiting: int) -> None:
-        """Check periodically that the client reads a buffered answer fast enough; abort the connection if not.
-
-        `waiting` is the size of the write buffer at the last check [bytes].
-        """
+        """Check periodically that the client reads a buffered answer fast enough; abort the connection if not."""
         left, seconds = self.transport.get_write_buffer_size(), self._limits.read_seconds
         if waiting and not self._has_taken and left > waiting - SLOWEST_READER * seconds:
             self.transport.abort()

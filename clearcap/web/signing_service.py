@@ -70,10 +70,7 @@ class SigningService:
         self.key = _key(database.path.with_name(KEY_FILE))
 
     def content(self, campaign: str, *, anew: bool) -> dict[str, str]:
-        """Return the SHA-256 of each file that a sign-off covers; unless `anew`, read only the files that have changed.
-
-        Raises TimeoutError if another request reads files for more than 20 s.
-        """
+        """Return the SHA-256 of each file that a sign-off covers; only if `anew`, also those unchanged are read."""
         with self._reading():
             if anew:
                 self._digests = {key: kept for key, kept in self._digests.items() if key[0] != campaign}

@@ -153,11 +153,7 @@ class Service:
 
 
 def open_service(settings: Settings) -> Service:
-    """Open the store and the files of a server.
-
-    Raises FolderError if other users could have changed the server's folder. Raises SpecError if the store's URL or the
-    database is invalid.
-    """
+    """Open the store and the files of a server."""
     from engine.platform.private_folder import private_folder
 
     folder = private_folder(settings.data.parent, settings.data.name)

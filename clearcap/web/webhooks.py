@@ -43,10 +43,7 @@ class CampaignEvent:
 
 
 def campaign_events(entry: CampaignEntry, address: str, now: float | None = None) -> list[CampaignEvent]:
-    """Return the news that follows from the state of a campaign; as the state is in the store, no restart loses news.
-
-    `address` is that of the server, for the link; `now` is in seconds since 1970.
-    """
+    """Return the news that follows from the state of a campaign, which is in the store: no restart loses news."""
     if entry.state not in ENDED:
         return []
     since = 0.0 if entry.since is None else entry.since.timestamp()
@@ -310,10 +307,7 @@ class WebhookTarget:
 
 
 def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
-    """Check the address of a webhook, without looking up its host; the configuration names the hosts `allowed`.
-
-    Raises SpecError if the URL is invalid, or if news may not be sent there.
-    """
+    """Check the address of a webhook, without looking up its host; the configuration names the hosts `allowed`."""
     try:
         parts = urlsplit(url)
         host, port = (parts.hostname or "").rstrip("."), parts.port
@@ -331,11 +325,7 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
 
 
 def target_addresses(target: WebhookTarget) -> list[str]:
-    """Look up the addresses of a target and check that news may be sent to each.
-
-    Raises SpecError if the host has no address, or one in the server's own network that the configuration does not
-    allow.
-    """
+    """Look up the addresses of a target and check that news may be sent to each."""
     try:
         found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:

@@ -125,11 +125,7 @@ class Users:
         return _user(row) if row else None
 
     def add(self, name: str, role: Role, password: str | None = None, subject: str | None = None) -> User:
-        """Add a user, who without a password logs in by a link or the login service.
-
-        A name has at most 64 letters, digits and ``. _ @ -``; `subject` is that of `Identity`. Raises SpecError if the
-        name is not allowed, or the password is too short or too long. Raises CampaignError if the name is taken.
-        """
+        """Add a user, who without a password logs in by a link or the login service."""
         if not NAME.fullmatch(name):
             raise SpecError(
                 f"name = {name!r:.80}: not allowed; allowed: 1 to 64 letters, digits and . _ @ -,"
@@ -151,12 +147,7 @@ class Users:
     def change(
         self, name: str, *, role: Role | None = None, password: str | None = None, disabled: bool | None = None
     ) -> User:
-        """Change a user; an argument that is None leaves its property unchanged.
-
-        The user's sessions and one-time links end when the password changes or the user is disabled. Raises SpecError
-        if there is no such user, or the password is too short or too long. Raises CampaignError if no enabled admin
-        would be left.
-        """
+        """Change a user; an argument that is None leaves its property unchanged."""
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: no user has this name")
         kept = None if password is None else hash_password(_checked(password))

@@ -44,10 +44,7 @@ class SourcedColumns:
 
 
 def columns_folder() -> Path:
-    """Return the folder of the columns below the user's cache folder, which is ``XDG_CACHE_HOME`` or ``~/.cache``.
-
-    Raises SpecError if another user could have written to it, or if it cannot be created.
-    """
+    """Return the folder of the columns below the user's cache folder, which is ``XDG_CACHE_HOME`` or ``~/.cache``."""
     try:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
         return private_folder(cache, "clearcap", "columns")
@@ -205,10 +202,7 @@ def _as_it_is(kind: pa.DataType, values: NDArray[np.generic]) -> pa.Array:
 
 
 def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> SourcedColumns:
-    """Return the current columns of a campaign; take what has not changed from the result of an earlier call, if any.
-
-    Raises CampaignError if there are no rows.
-    """
+    """Return the current columns of a campaign; what has not changed is taken from an earlier result."""
     sources = sources_of(store, plan)  # before the rows, so that batches replaced meanwhile are read again next time
     kept = {} if earlier is None or list(earlier.columns.values) != column_names(plan) else earlier.sources
     same = {batch for batch, source in kept.items() if sources.get(batch) == source}

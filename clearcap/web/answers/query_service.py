@@ -174,10 +174,7 @@ class QueryService:
         return await self._ask(user, allocation_answer, [campaign], costs)
 
     async def compare(self, user: str, campaign: str, other: str) -> Answer:
-        """Return the comparison of two campaigns that is in ``capability.json`` of a report against the other one.
-
-        The document is ``{"campaign", "store", "comparison": {...}}``; the errors are those of `what_if`.
-        """
+        """Return the comparison of two campaigns that is in ``capability.json`` of a report against the other one."""
         return await self._ask(user, comparison_answer, [campaign, other])
 
     async def samples(self, user: str, campaign: str, sort: str, status: str | None, cursor: int, count: int) -> Answer:

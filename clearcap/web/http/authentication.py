@@ -65,10 +65,7 @@ async def authenticated(request: Request, _: object = Security(_cookie), __: obj
 
 
 def principal_of(request: Request) -> Principal:
-    """Return the principal of a request's session or token, without reading the body.
-
-    The refusal is 401 without a valid session or token, 429 after many wrong tokens.
-    """
+    """Return the principal of a request's session or token, without reading the body."""
     service = service_of(request)
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
     if scheme:
@@ -166,11 +163,7 @@ TheService = Annotated[Service, Depends(the_service)]
 
 
 def checked_user(request: Request, name: str, password: str) -> User | None:
-    """Return the user with a name and a password; None if the password is wrong or there is no such user.
-
-    The refusal is 429 after many failures for this name or from this address, 503 if too many passwords are being
-    checked.
-    """
+    """Return the user with a name and a password; None if the password is wrong or there is no such user."""
     service = service_of(request)
     by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"
     if wait := service.throttle.attempt(by_name, by_address):

@@ -101,10 +101,7 @@ def cursor_after(entry: CampaignEntry, order: str) -> str:
 
 
 def after_cursor(found: Sequence[Listed], order: str, cursor: str) -> Sequence[Listed]:
-    """Return the campaigns, sorted by `order`, after a cursor from `cursor_after`; an empty cursor is the first page.
-
-    Raises SpecError if the cursor does not belong to a list in this order.
-    """
+    """Return the campaigns, sorted by `order`, after a cursor of `cursor_after`; an empty one is the first page."""
     if not cursor:
         return found
     try:

@@ -85,10 +85,7 @@ class CampaignRequest(BaseModel):
 
 
 async def submit(service: Service, who: Principal, wanted: CampaignRequest) -> SubmittedCampaign:
-    """Submit a campaign; refuse (429) if the user has as many unfinished campaigns as is allowed.
-
-    Raises CampaignError if the campaign has faults, or if the store cannot be written.
-    """
+    """Submit a campaign; refuse (429) if the user has as many unfinished campaigns as is allowed."""
     labels = LabelChange(who.name if wanted.owner is None else wanted.owner, tuple(wanted.tags))
     return await _made(service, who, submit_text, source_of_request(service, wanted), labels, who.name)
 

@@ -107,11 +107,7 @@ def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
 
 
 def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None) -> Tables:
-    """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign.
-
-    Settings, each ``VARIABLE.KEY=VALUE``, change its distributions; raises SpecError if one is not possible. Without
-    `samples` the number of samples stays the same.
-    """
+    """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign."""
     import tomli_w
 
     opened = open_store(store, QUICK)

@@ -93,11 +93,7 @@ def digest(content: Any) -> str:
 
 
 class CampaignForm:
-    """The fields of a campaign's form, with the faults of each.
-
-    The arguments are results of `tables_of`, `clearcap.web.http.problems.faults_of` and
-    `clearcap.web.pages.campaign_form.composed`.
-    """
+    """The fields of a campaign's form, with the faults of each."""
 
     def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:
         self._faults = [(tuple(each["keys"]), fault_line(each)) for each in faults if not each.get("file")]

@@ -170,10 +170,7 @@ def other_settings(fields: Iterable[VariableFields], settings: Sequence[str]) ->
 
 
 def settings_of(fields: Iterable[VariableFields], given: Mapping[str, str], others: str) -> list[str]:
-    """Return the settings of a sent form: those of numbers that differ from the campaign's, then the others.
-
-    `given` has the texts of the numbers, by the name of the field; `others` has one setting on each line.
-    """
+    """Return the settings of a sent form: those of numbers that differ from the campaign's, then the others."""
     changed = []
     for key in (key for each in fields for key in each.keys):
         text = given.get(f"{FIELD}{key.setting}", "").strip()

@@ -140,10 +140,7 @@ class CampaignEntry(BaseModel):
 
 
 def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
-    """Read the list entry of a campaign; the entry of a broken campaign says what is wrong with it.
-
-    The store is one that does not wait; see `Store.hasty`.
-    """
+    """Read the list entry of a campaign; the entry of a broken campaign says what is wrong with it."""
     try:
         return _entry(Store(store.files.listed(campaign_id)), campaign_id)
     except CampaignError as error:
