@@ -37,11 +37,7 @@ class AimedCampaign:
 
 
 def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[str] = ()) -> AimedCampaign:
-    """Return the campaign file with importance sampling that the rows of a campaign suggest; by default for all limits.
-
-    Raises SpecError if the campaign, whose samples must be drawn from distributions or by importance sampling, cannot
-    have it, or a response has no limits; CampaignError if it has too few rows.
-    """
+    """Return the campaign file with importance sampling that a campaign's rows suggest; by default for all limits."""
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
     for name in responses:
         if name not in limits:

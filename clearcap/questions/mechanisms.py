@@ -198,11 +198,7 @@ class MechanismSource:
     values: Mapping[str, float] = field(default_factory=dict)  # by key; they override those of the preset
 
     def load(self) -> Mechanism:
-        """Return the mechanism on its bench, without applying preset and values.
-
-        Raises MechanismError if it has faults, or no such bench. Raises SpecError if no mechanism of this name is
-        shipped.
-        """
+        """Return the mechanism on its bench, without applying preset and values."""
         if self.text is None and self.name not in library_names():
             raise SpecError(f"mechanism {self.name!r:.100}: none of this name; shipped: {', '.join(library_names())}")
         loaded = load_mechanism(self.name) if self.text is None else load_mechanism_text(self.text, self.name)

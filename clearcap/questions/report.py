@@ -133,10 +133,7 @@ def brief_indices(store: Store, plan: Plan) -> list[BriefIndices]:
 
 
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
-    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``.
-
-    Raises CampaignError if one of them has no rows, their samples are corners, or they have no response in common.
-    """
+    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``."""
     mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
     try:
         compared = compare_rows(*mine, *theirs)
@@ -316,10 +313,7 @@ def campaign_end(plan: Plan, store: Store | None) -> str:
 
 
 def report_date() -> str:
-    """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit.
-
-    Raises SpecError if SOURCE_DATE_EPOCH is not a number of seconds since 1970.
-    """
+    """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit."""
     given = os.environ.get(BUILD_DATE)
     if given is None:
         return _in_utc(time.time())

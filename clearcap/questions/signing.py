@@ -250,11 +250,7 @@ class Archive(Protocol):
 
 
 def open_archive(path: Path) -> Archive:
-    """Open an export: a ZIP file, or the folder unpacked from it; raise SpecError if there is nothing.
-
-    Raises UnfitArchive if it is neither, or contains links, names that lead out of it, duplicate names, or too much
-    data.
-    """
+    """Open an export: a ZIP file, or the folder unpacked from it; raise SpecError if there is nothing."""
     if path.is_dir():
         return FolderArchive(path)
     if not path.exists():
@@ -456,10 +452,7 @@ def _public_key(archive: Archive) -> Ed25519PublicKey:
 
 
 def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff]:
-    """Return the document of a sign-off as bytes and as a model.
-
-    Raises CampaignError if it cannot be read, was not signed with the key, or is not a valid sign-off.
-    """
+    """Return the document of a sign-off as bytes and as a model."""
     document = archive.read(document_name(number), LARGEST_SIGNOFF)
     if not is_signed(document, archive.read(signature_name(number), 64), key):
         raise CampaignError(f"{document_name(number)} was changed, or the key of {KEY} did not sign it")

@@ -137,11 +137,7 @@ def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
 
 
 def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
-    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others.
-
-    Raises SpecError if the samples are not drawn from distributions, CampaignError if no response has limits and
-    values.
-    """
+    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others."""
     check_drawn(plan.spec)
     samples, limits, lots = columns.values, _given_limits(plan), lots_of(plan, columns.number)
     variables = {name: samples[name] for name in plan.spec.variables}
@@ -170,11 +166,7 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
 
 
 def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocation:
-    """Return the cheapest standard deviations with which every response meets its target.
-
-    Raises SpecError if the samples are not drawn from distributions, CampaignError if no response has limits and values
-    or the costs are impossible.
-    """
+    """Return the cheapest standard deviations with which every response meets its target."""
     check_drawn(plan.spec)
     samples, limits = columns.values, _given_limits(plan)
     values = {name: samples[name][np.isfinite(samples[name])] for name in limits}

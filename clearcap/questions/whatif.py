@@ -50,11 +50,7 @@ def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, What
 
 
 def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> dict[str, WhatIf]:
-    """Return every response under changed distributions; for the settings see `changed_variables`.
-
-    Raises SpecError if a setting is impossible, or the samples are not drawn from distributions; CampaignError if
-    `reporting` refuses the samples.
-    """
+    """Return every response under changed distributions; for the settings see `changed_variables`."""
     change = change_of(plan, columns, settings)
     responses = {name: columns.values[name] for name in plan.mechanism.responses}
     try:

@@ -1,6 +1,7 @@
 """The service behind the HTTP calls: the store, the server's own database, its coordinator and background tasks."""
 
 import asyncio
+import json
 import logging
 import os
 import signal
@@ -13,6 +14,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
+from typing import Any
 
 from campaign.environment import STORE
 from campaign.safe_path import python_environment
@@ -121,7 +123,7 @@ class Service:
         self.watcher.index.close()
         self.database.close()
 
-    async def kept(self, user: str, job: Callable[..., bytes], *arguments: object) -> bytes:
+    async def kept(self, user: str, job: Callable[..., Any], *arguments: object) -> bytes:
         """Return the result of a job that depends on its arguments alone; recent results are cached.
 
         Equal arguments must have the same ``repr``, which is part of the key.
@@ -132,6 +134,10 @@ class Service:
             known = await self._flights.once(key, lambda: self.pool.run(user, job, *arguments))
             self._kept.put(key, known)
         return known
+
+    async def kept_data(self, user: str, job: Callable[..., Any], *arguments: object) -> Any:
+        """Return the plain data of a job; see `kept`."""
+        return json.loads(await self.kept(user, job, *arguments))
 
     @property
     def store_fault(self) -> str:

@@ -47,8 +47,8 @@ async def mechanisms_page(request: Request, service: TheService, who: Viewer) ->
     saved = await run_in_threadpool(_saved_texts, service)
     shipped = [MechanismSource(name, shipped_text(name).decode()) for name in library_names()]
     own = [MechanismSource(each.name, each.text) for each in saved]
-    said = json.loads(await service.kept(who.name, titles, shipped + own))  # type: ignore[arg-type]  # JSON of a dict
-    return page(request, "mechanisms", shipped=library_names(), saved=saved, titles=said)
+    found = await service.kept_data(who.name, titles, shipped + own)
+    return page(request, "mechanisms", shipped=library_names(), saved=saved, titles=found)
 
 
 @router.post("/mechanisms")
@@ -171,7 +171,7 @@ def _editor(
 
 async def described_mechanism(service: Service, who: Principal, source: MechanismSource) -> dict[str, Any]:
     """Return the description of a mechanism, see `clearcap.questions.mechanisms.describe`; recent ones are cached."""
-    content: dict[str, Any] = json.loads(await service.kept(who.name, describe, source))  # type: ignore[arg-type]
+    content: dict[str, Any] = await service.kept_data(who.name, describe, source)
     return content
 
 
@@ -212,7 +212,7 @@ async def try_out_page(
         on_bench = await source_of(service, name, bench=bench or None, preset=preset or None)
         found = await described_mechanism(service, who, on_bench)
         if (run or values) and who.may(Role.ENGINEER):
-            tried = json.loads(await service.kept(who.name, try_once, replace(on_bench, values=values)))  # type: ignore[arg-type]
+            tried = await service.kept_data(who.name, try_once, replace(on_bench, values=values))
     except (CampaignError, EngineError, Refusal) as error:
         refusal = refusal_of(error)
         assert refusal is not None

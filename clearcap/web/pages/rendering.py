@@ -1,6 +1,7 @@
 """Rendering of pages from templates, also that of a refused request, and of texts with each fault beside its line."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any
@@ -9,7 +10,10 @@ from urllib.parse import quote, urlencode
 from fastapi import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from campaign.errors import CampaignError, StoreError
 from clearcap.web.access import Principal, Role
+from clearcap.web.answers.fair_queue import Busy
+from clearcap.web.answers.query_service import Answer
 from clearcap.web.http.problems import Refusal
 from reporting.render.page_templates import page_environment
 
@@ -79,3 +83,13 @@ def is_number(text: str, value: float | None) -> bool:
         return float(text) == value
     except ValueError:
         return False
+
+
+async def or_fault(answer: Awaitable[Answer]) -> tuple[Any, str]:
+    """Return the document of an answer and an empty text, or None and the fault of the question."""
+    try:
+        return json.loads((await answer).content), ""
+    except (Busy, StoreError):
+        raise
+    except CampaignError as error:
+        return None, str(error)

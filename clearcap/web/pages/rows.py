@@ -9,12 +9,11 @@ from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
-from campaign.errors import CampaignError, StoreError
+from campaign.errors import CampaignError
 from campaign.run_status import FailedStatus
 from clearcap.questions.exported_rows import FORMATS
 from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample, sample_motion
 from clearcap.web.access import Principal
-from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.http.authentication import (
     CAMPAIGN_ID,
     Authenticated,
@@ -28,7 +27,7 @@ from clearcap.web.http.problems import refusal_of
 from clearcap.web.operations.campaigns import report_files, write_comparison
 from clearcap.web.operations.samples import ENDINGS, Sample, SampleQuestion, drawn, replay, show_sample
 from clearcap.web.pages.campaigns import frame
-from clearcap.web.pages.rendering import page
+from clearcap.web.pages.rendering import or_fault, page
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 from engine import EngineError
@@ -113,20 +112,14 @@ async def compare_page(
     other: Annotated[str, Query(alias="with", pattern=CAMPAIGN_ID + "|^$")] = "",
 ) -> Response:
     """Show the comparison of a campaign with another one."""
-    comparison, fault = None, ""
+    found, fault = None, ""
     if other:
         await the_campaign(service, who, other)
-        try:
-            document = json.loads((await service.answers.compare(who.name, campaign, other)).content)
-            comparison = document["comparison"]
-        except (Busy, StoreError):
-            raise
-        except CampaignError as error:
-            fault = str(error)
+        found, fault = await or_fault(service.answers.compare(who.name, campaign, other))
     await service.watcher.list_first()
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
     files = await run_in_threadpool(report_files, service, campaign, who)
-    values: dict[str, Any] = {"other": other, "comparison": comparison, "fault": fault}
+    values: dict[str, Any] = {"other": other, "comparison": found and found["comparison"], "fault": fault}
     values |= {"offered": entries[:MOST_OFFERED], "written": files.comparisons.get(other, [])}
     return page(request, "compare", **values, **await frame(request, service, campaign, who))
 

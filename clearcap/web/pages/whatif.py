@@ -1,7 +1,6 @@
 """The what-if page: results of the samples under changed distributions, advice, and cheapest tolerances."""
 
-import json
-from collections.abc import Awaitable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import quote, urlencode
@@ -10,14 +9,12 @@ from fastapi import APIRouter, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
-from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan, dump_spec
-from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS, Answer
+from clearcap.web.answers.query_service import LONGEST_SETTING, MOST_SETTINGS
 from clearcap.web.http.authentication import Authenticated, TheCampaign, TheService
 from clearcap.web.operations.samples import WhatIfSettings
 from clearcap.web.pages.campaigns import frame
-from clearcap.web.pages.rendering import is_number, page
+from clearcap.web.pages.rendering import is_number, or_fault, page
 from clearcap.web.web_service import Service
 
 WIDTH, HEIGHT = 320.0, 110.0  # size of the drawing, in its own units
@@ -89,12 +86,12 @@ async def _answers(
 ) -> dict[str, Any]:
     """Return the histograms and, with settings, the what-if document, or why there is none."""
     answers = service.answers
-    bins, fault = await _or_fault(answers.histograms(user, campaign, settings, preview=preview))
+    bins, fault = await or_fault(answers.histograms(user, campaign, settings, preview=preview))
     if fault and settings:  # a setting is wrong, so show the samples without settings
-        bins, _ = await _or_fault(answers.histograms(user, campaign, preview=preview))
+        bins, _ = await or_fault(answers.histograms(user, campaign, preview=preview))
     document = None
     if settings and not fault:
-        document, fault = await _or_fault(answers.what_if(user, campaign, settings, preview=preview))
+        document, fault = await or_fault(answers.what_if(user, campaign, settings, preview=preview))
     histograms = sorted(bins["histograms"] if bins else [], key=_has_no_limit)
     figures = {each["response"]: histogram_figure(each) for each in histograms}
     return {"histograms": histograms, "figures": figures, "document": document, "fault": fault}
@@ -109,21 +106,11 @@ async def _advice(service: Service, user: str, campaign: str, asked: dict[str, s
     """Return the advice and the allocation that the URL asks for, or why there are none."""
     shown: dict[str, Any] = {"advice": None, "advice_fault": "", "allocation": None, "allocation_fault": ""}
     if "advice" in asked:
-        shown["advice"], shown["advice_fault"] = await _or_fault(service.answers.advise(user, campaign))
+        shown["advice"], shown["advice_fault"] = await or_fault(service.answers.advise(user, campaign))
     if "costs" in asked:
-        found, shown["allocation_fault"] = await _or_fault(service.answers.allocate(user, campaign, asked["costs"]))
+        found, shown["allocation_fault"] = await or_fault(service.answers.allocate(user, campaign, asked["costs"]))
         shown["allocation"] = found and found["allocation"]
     return shown
-
-
-async def _or_fault(answer: Awaitable[Answer]) -> tuple[Any, str]:
-    """Return the document of an answer and an empty text, or None and the fault of the question."""
-    try:
-        return json.loads((await answer).content), ""
-    except (Busy, StoreError):
-        raise
-    except CampaignError as error:
-        return None, str(error)
 
 
 @dataclass(frozen=True)
