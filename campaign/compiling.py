@@ -2,11 +2,14 @@
 
 import logging
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from campaign.safe_path import python_environment
 from engine import missing_kernels, warm_up
 
 logger = logging.getLogger(__name__)
@@ -24,7 +27,15 @@ def compile_engine() -> None:
     """
     if missing := missing_kernels():
         with announced_compilation(missing):
-            warm_up()
+            _compile_apart()
+
+
+def _compile_apart() -> None:
+    """Compile the engine in a process that ends then: the compiler's half a gigabyte would stay with this one."""
+    words = [sys.executable, "-P", "-c", "import engine; engine.warm_up()"]
+    done = subprocess.run(words, env=python_environment(), stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    if done.returncode:
+        warm_up()  # here its error is seen
 
 
 def load_engine() -> None:

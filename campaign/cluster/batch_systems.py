@@ -6,6 +6,7 @@ tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``
 
 import importlib
 import logging
+import math
 import os
 import shlex
 import shutil
@@ -27,6 +28,7 @@ from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
 from campaign.environment import numerical
 from campaign.errors import SpecError, UnreachableError
+from campaign.waits import counted
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
 # HTTP is neither encrypted nor authenticated.
@@ -54,6 +56,23 @@ def batch_jobs(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement]]:
                 client.close()  # type: ignore[no-untyped-call]
         finally:
             jobs.close()
+
+
+def submission(cluster: Cluster) -> str:
+    """Return what would be submitted to a batch system, or to Kubernetes, and how often; nothing is submitted.
+
+    Raises what `batch_jobs` and `kubernetes_resource` raise before they submit anything.
+    """
+    if cluster.kind == "kubernetes":
+        yaml = _package("yaml", "kubernetes", "kubernetes")
+        return str(yaml.safe_dump(_scaled_manifest(cluster), sort_keys=False))
+    with job_certificates(cluster) as certificates, scratch_folder() as scratch:
+        settings = {**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}
+        with dask.config.set(settings), job_cluster(cluster, certificates) as jobs:
+            each = int(_needed(cluster.kind, "cores"))
+            numbers = [math.ceil((workers or 1) / each) for workers in (cluster.least, cluster.most)]
+            count = counted(numbers[1], "job") if numbers[0] == numbers[1] else f"{numbers[0]} to {numbers[1]} jobs"
+            return f"{count} by {jobs.job_cls.submit_command}, {counted(each, 'worker')} each:\n{jobs.job_script()}"
 
 
 @contextmanager
@@ -163,9 +182,7 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     objects = importlib.import_module("kr8s.objects")
     if security(cluster.tls) is None and not cluster.insecure:
         raise SpecError(f"--cluster kubernetes: {NEEDED}, or add --insecure")
-    manifest = _manifest()
-    if cluster.workers is not None:
-        manifest["spec"]["worker"]["replicas"] = cluster.most
+    manifest = _scaled_manifest(cluster)
     made = objects.new_class("DaskCluster", "kubernetes.dask.org/v1", asyncio=False)
     try:
         resource = made(manifest, namespace=dask.config.get("kubernetes.namespace", None))
@@ -180,6 +197,14 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     finally:
         if created and dask.config.get("kubernetes.shutdown-on-close", True):
             resource.delete()
+
+
+def _scaled_manifest(cluster: Cluster) -> Any:
+    """Return the ``DaskCluster`` that dask's configuration names, with as many workers as are wanted."""
+    manifest = _manifest()
+    if cluster.workers is not None:
+        manifest["spec"]["worker"]["replicas"] = cluster.most
+    return manifest
 
 
 def _manifest() -> Any:

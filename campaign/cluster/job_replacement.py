@@ -44,7 +44,8 @@ LAST_LINES = 5  # of the log of a job
 MOST_IDS = 6  # of jobs in one message
 
 # the words of SLURM, OAR and PBS
-_WAITING = ("PENDING", "CONFIGURING", "REQUEUED", "WAITING", "HOLD", "TOLAUNCH", "Q", "H", "W")
+_WAITING = ("PENDING", "CONFIGURING", "REQUEUED", "WAITING", "HOLD", "TOACKRESERVATION", "TOLAUNCH", "Q", "H", "W", "T")
+_PBS_ENDED = ("C", "F", "X")  # completed, finished, subjob expired: these stay in the table for a while
 
 
 @dataclass(frozen=True)
@@ -78,17 +79,28 @@ def _oar(answer: str) -> dict[str, QueuedJob]:
 
 
 def _pbs(answer: str) -> dict[str, QueuedJob]:
-    """Return the jobs in the table of ``qstat -u``: the id is in the first column, the state in the last but one."""
-    rows = (line.split() for line in answer.splitlines() if re.match(r"\d+", line))
-    # C and F: completed and finished jobs, which stay in the table for a while
-    return {row[0]: QueuedJob(row[-2]) for row in rows if len(row) > 2 and row[-2] not in ("C", "F")}
+    """Return the jobs in the table of ``qstat -s``.
+
+    The id is in the first column, the state in the last but one; below each job may stand the comment of the scheduler.
+    """
+    jobs: dict[str, QueuedJob] = {}
+    last = ""
+    for line in answer.splitlines():
+        row = line.split()
+        if re.match(r"\d+", line) and len(row) > 2:
+            last = row[0]
+            if row[-2] not in _PBS_ENDED:
+                jobs[last] = QueuedJob(row[-2])
+        elif line[:1].isspace() and line.strip(" -") and last in jobs and jobs[last].waits:
+            jobs[last] = QueuedJob(jobs[last].state, line.strip())
+    return jobs
 
 
 # the command, to which the user's name is added, and the reader of its answer
 _QUEUES: dict[str, tuple[tuple[str, ...], Callable[[str], dict[str, QueuedJob]]]] = {
     "slurm": (("squeue", "--noheader", "--format=%i|%T|%r", "--user"), _slurm),
     "oar": (("oarstat", "--json", "--user"), _oar),
-    "pbs": (("qstat", "-u"), _pbs),
+    "pbs": (("qstat", "-s", "-u"), _pbs),
 }
 
 

@@ -21,6 +21,7 @@ from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
 from campaign.safe_path import current_folder_left_out
+from campaign.waits import counted
 
 logger = logging.getLogger(__name__)
 
@@ -113,7 +114,7 @@ def _start(workers: int, security: Security) -> LocalCluster:
             reason = str(error.__cause__ or error) or type(error).__name__
             if attempt == STARTS:
                 raise UnreachableError(
-                    f"{workers} workers cannot be started on this machine: {reason}, {STARTS} times in a row; find out"
+                    f"{counted(workers, 'worker')} cannot be started here: {reason}, {STARTS} times in a row; find out"
                     " what ends them (memory? a process limit?), and try fewer: --workers N"
                 ) from error
             logger.warning("the workers of this machine did not start (%s); trying again", reason)

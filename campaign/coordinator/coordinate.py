@@ -27,7 +27,7 @@ from campaign.coordinator.dispatch import TRIES, Losses, Window, WorkQueue, isol
 from campaign.coordinator.failed_runs import check_failures, lack_of_ok
 from campaign.coordinator.heartbeat import Heartbeat, Progress, Show
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, check_lease, hold_lease
-from campaign.coordinator.state import write_state
+from campaign.coordinator.state import resume_command, write_state
 from campaign.coordinator.stopping_rule import Checkpoints, Verdict
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
@@ -55,6 +55,7 @@ PROBE_EVERY = 10.0  # s between two questions to the store whether it takes a fi
 PROBE = "probe.bin"
 PROBE_BYTES = 65_536  # as large as a part; a heartbeat may find room where no part does
 RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
+MANY_FILES = 1000  # of rows, beyond which they are merged at the end
 STORE_TRIES = 3  # workers in a row for which the store fails, each after trying for minutes
 
 logger = logging.getLogger(__name__)
@@ -94,19 +95,21 @@ def coordinate(
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
         store.plan_header(plan.campaign_id)  # it may have been deleted since; from now on it cannot be
-        write_state(store, plan.campaign_id, "running")
+        options = cluster.options()
+        write_state(store, plan.campaign_id, "running", options=options)
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)
             ready = partial(_ready_workers, plan, cluster, simulate, connect or connect_workers, coordinator.waits)
             coordinator.run(ready)
         except BaseException as error:
-            _write_failure(store, plan.campaign_id, error, is_served=is_served)
+            _write_failure(store, plan.campaign_id, error, options, is_served=is_served)
             raise
+        _merge_small_files(store, plan)
         verdict = coordinator.checkpoints.verdict
         survey = store.survey(plan)
         message = "; ".join(filter(None, (lack_of_ok(plan, survey.statuses), verdict.text() if verdict else "")))
         coordinator.publish_heartbeat("completed")  # before the state, for clients that watch until this state
-        write_state(store, plan.campaign_id, "completed", message, is_open=report_due)
+        write_state(store, plan.campaign_id, "completed", message, is_open=report_due, options=options)
     wall = time.perf_counter() - start
     return Outcome(plan, survey, store.end(plan), coordinator.progress.computed, wall, verdict)
 
@@ -130,7 +133,20 @@ def _ready_workers(
         yield workers
 
 
-def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_served: bool) -> None:
+def _merge_small_files(store: Store, plan: Plan) -> None:
+    """Merge the files of a completed campaign if they are many: each costs every later reader a millisecond or two."""
+    files = len(store.files.names(folder(plan)))
+    if files > MANY_FILES:
+        logger.info("merging %d files of rows into larger ones", files)
+        try:
+            store.compact(plan)
+        except StoreError as error:  # the rows are there all the same
+            logger.warning("%s; to merge them later: %s", error, store.command("compact", plan.campaign_id))
+
+
+def _write_failure(
+    store: Store, campaign_id: str, error: BaseException, options: list[str], *, is_served: bool
+) -> None:
     """Record how a campaign ended; a failure to write this must not hide the original error.
 
     A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator; a campaign ended
@@ -145,7 +161,7 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_s
     # The text of SystemExit is only a number, and for a cancelled campaign the state says everything.
     message = "" if isinstance(error, SystemExit | Cancelled) else str(error)
     with suppress(StoreError):
-        write_state(store.hasty, campaign_id, state, message, is_open=is_open)
+        write_state(store.hasty, campaign_id, state, message, is_open=is_open, options=options)
 
 
 class Coordinator:
@@ -324,7 +340,7 @@ class Coordinator:
         campaign_id = self.plan.campaign_id
         if store.files.exists(f"{campaign_id}/{CANCEL}"):
             raise Cancelled(
-                f"campaign {campaign_id} is cancelled; continue it with: {store.command('resume', campaign_id)}"
+                f"campaign {campaign_id} is cancelled; continue it with: {resume_command(store, campaign_id)}"
             )
         # before the heartbeat, which would replace that of a process that has taken over
         check_lease(store, campaign_id, self._token)

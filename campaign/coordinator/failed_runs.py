@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import pyarrow.compute as pc
 
 from campaign.coordinator.heartbeat import Progress
+from campaign.coordinator.state import resume_command
 from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.store import Store
@@ -28,7 +29,7 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
         on = "raise failures.max_failed and run the campaign again"
     elif progress.done < end and policy.is_hopeless(progress.statuses.get("ok", 0), progress.computed):
         why = f"{lack_of_ok(plan, progress.statuses)}, so the campaign of {end} samples stops here"
-        resume = store.command("resume", plan.campaign_id)
+        resume = resume_command(store, plan.campaign_id)
         on = f"{resume}; with failures.max_failed = {end} in the campaign file it never stops"
     else:
         return

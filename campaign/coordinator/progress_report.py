@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from campaign.coordinator.state import state_of
+from campaign.coordinator.state import resume_command, state_of
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT
 from campaign.store.repeat_sets import repeat_plans, survey_repeats
@@ -71,10 +71,10 @@ def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, An
 
 
 def _dated(state: dict[str, Any]) -> dict[str, Any]:
-    """Return a state with its date as ISO 8601."""
+    """Return a state with its date as ISO 8601, without the options of the command that computed it."""
     since = state["since"]
     date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
-    return {**state, "since": date}
+    return {**{key: value for key, value in state.items() if key != "options"}, "since": date}
 
 
 def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
@@ -94,7 +94,7 @@ def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
     """Return the numbers of a campaign's rows, in all and by status; report bad parts."""
     survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
     for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
-        command = store.command("resume", header.campaign_id)
+        command = resume_command(store, header.campaign_id)
         say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
     done, ok = survey.rows, survey.statuses.get("ok", 0)
     samples = store.end(header)

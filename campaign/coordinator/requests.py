@@ -18,12 +18,13 @@ def cancel_campaign(store: Store, campaign_id: str) -> str:
 
     Unfinished runs are abandoned, finished rows stay. Raises StoreError if the store cannot be written.
     """
-    before = str(state_of(store, campaign_id)["state"])
+    state = state_of(store, campaign_id)
+    before = str(state["state"])
     if before != "completed":
         store.files.write(f"{campaign_id}/{CANCEL}", b"")
         # otherwise its coordinator finds the marker and writes the state
         if not is_coordinated(store, campaign_id):
-            write_state(store, campaign_id, "cancelled")
+            write_state(store, campaign_id, "cancelled", options=state["options"])
     return before
 
 

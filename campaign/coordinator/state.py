@@ -1,6 +1,7 @@
 """The state of a campaign: ``state.json`` in its folder, replaced whenever the state changes."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from campaign.coordinator.lease import is_coordinated, this_process
@@ -12,12 +13,28 @@ LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
 
-def write_state(store: Store, campaign_id: str, state: str, message: str = "", *, is_open: bool = False) -> None:
-    """Write a new state, and whether a coordinator that serves the store shall continue the campaign."""
+def write_state(
+    store: Store,
+    campaign_id: str,
+    state: str,
+    message: str = "",
+    *,
+    is_open: bool = False,
+    options: Sequence[str] = (),
+) -> None:
+    """Write a new state, and whether a coordinator that serves the store shall continue the campaign.
+
+    ``options`` are those of the command that say where the campaign is computed, for whoever continues it.
+    """
     process = this_process()
-    content = {"state": state, "since": time.time(), "message": message, "open": is_open}
+    content = {"state": state, "since": time.time(), "message": message, "open": is_open, "options": [*options]}
     content |= {"pid": process["pid"], "on": process["name"]}
     store.write_json(campaign_id, STATE, content)
+
+
+def resume_command(store: Store, campaign_id: str) -> str:
+    """Return the command that continues a campaign where it was computed last."""
+    return store.command("resume", campaign_id, *state_of(store, campaign_id)["options"])
 
 
 def close_campaign(store: Store, campaign_id: str, message: str | None = None) -> None:
@@ -30,11 +47,11 @@ def close_campaign(store: Store, campaign_id: str, message: str | None = None) -
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     """Return the state of a campaign: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
 
-    Values in the file that clearcap never writes are ignored, and ``fault`` names them; otherwise ``fault`` is None. A
-    campaign that is running according to its file but has no living coordinator is ``interrupted``, and open like a
-    queued one. Without a state in the file, the state follows from the heartbeat; if that says ``completed``, the
-    campaign is open, because its report may be missing. Without either the state is ``planned``. The ``message`` of a
-    running campaign may be that it is being cancelled.
+    ``options`` are those of the command that computed it last. Values in the file that clearcap never writes are
+    ignored, and ``fault`` names them; otherwise ``fault`` is None. A campaign that is running according to its file but
+    has no living coordinator is ``interrupted``, and open like a queued one. Without a state in the file, the state
+    follows from the heartbeat; if that says ``completed``, the campaign is open, because its report may be missing.
+    Without either the state is ``planned``. The ``message`` of a running campaign may be that it is being cancelled.
     """
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES
@@ -48,6 +65,7 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
         "since": _date(content.get("since")),
         "open": orphaned or is_lost or state == "queued" or content.get("open") is True,
         "fault": _fault(content),
+        "options": _options(content.get("options")),
     }
 
 
@@ -66,6 +84,11 @@ def _fault(content: dict[str, Any]) -> str | None:
     }
     odd = [f"{name} = {content[name]!r:.60}" for name, is_sound in sound.items() if not is_sound]
     return f"{STATE} says {', '.join(odd)}, which clearcap never writes; restore or remove it" if odd else None
+
+
+def _options(given: Any) -> list[str]:
+    """Return the options in a state file; none if it has anything else there, as before they were kept."""
+    return given if isinstance(given, list) and all(isinstance(word, str) for word in given) else []
 
 
 def _date(since: Any) -> float | None:

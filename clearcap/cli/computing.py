@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from campaign.run_status import FailedStatus
+from campaign.waits import counted
 from clearcap.cli.drive import drive, fail_without_enough_ok
 from clearcap.cli.options import (
     AT_SERVER,
@@ -38,6 +39,9 @@ def run(
     store: StoreUrl = "runs",
     batch_size: BatchSize = None,
     no_report: NoReport = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check the campaign and print what would be submitted with --cluster.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Simulate a campaign to its end and write its capability report.
@@ -49,11 +53,29 @@ def run(
     from campaign.coordinator.submit import plan_campaign
     from campaign.store.layout import CANCEL
 
+    if dry_run:
+        _print_submission(where, campaign, samples, seed)
+        return
     with PrestartedWorkers(where) as early:
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
-        say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
+        say(f"campaign {plan.campaign_id}: {counted(plan.spec.samples, 'sample')}, store {opened.url}")
         drive(opened, plan, where, with_report=not no_report, as_json=json, early=early)
+
+
+def _print_submission(where: "Cluster", campaign: str, samples: int | None, seed: int | None) -> None:
+    """Print what would be submitted for a campaign, after its file has been checked."""
+    from campaign.cluster.batch_systems import submission
+    from campaign.errors import SpecError
+    from campaign.spec.load import load_campaign
+
+    if where.starts_here or where.scheduler:
+        raise SpecError(
+            "--dry-run: submits nothing in any case without --cluster slurm, oar, pbs or kubernetes; add it"
+        )
+    loaded = load_campaign(campaign, samples=samples, seed=seed)
+    say(f"{counted(loaded.spec.samples, 'sample')}; nothing is submitted")
+    print_text(submission(where), lines=True)
 
 
 @on_cluster
@@ -126,7 +148,7 @@ def rerun(
         nothing = {**document, "samples": 0, "before": {}, "after": {}, "repeats": {}}
         print_json(nothing) if json else print_text(f"{plan.campaign_id}: no run {wanted}, nothing to compute")
         raise typer.Exit(1 if status else 0)
-    say(f"computing {_rows(len(selected))} again")
+    say(f"computing {counted(len(selected), 'row')} again")
     result = compute(opened, plan, selected, where, repeated=repeated)
     if json:
         print_json({**document, **result.to_json()})
@@ -142,12 +164,7 @@ def _print_rerun(result: "RerunResult") -> None:
     if result.repeats:
         counts += f"; {sum(result.repeats.values())} repeats with half the step: "
         counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
-    print_text(f"{_rows(result.samples)} computed again: {counts}")
-
-
-def _rows(count: int) -> str:
-    """Return a number of rows in words."""
-    return f"{count} row{'' if count == 1 else 's'}"
+    print_text(f"{counted(result.samples, 'row')} computed again: {counts}")
 
 
 @on_cluster
@@ -215,7 +232,7 @@ def submit(
         with remote:
             made = remote.submit(campaign, samples=samples, seed=seed, owner=owner, tags=tag)
         words = "; ".join(filter(None, (made["cost"]["text"], made["note"])))
-        say(f"campaign {made['campaign']}: {made['samples']} samples, server {remote.address}; {words}")
+        say(f"campaign {made['campaign']}: {counted(made['samples'], 'sample')}, server {remote.address}; {words}")
         document = {"campaign": made["campaign"], "store": remote.address, "samples": made["samples"]}
         _print_submitted(document | AT_SERVER, json)
         return
@@ -225,7 +242,8 @@ def submit(
     labels = LabelChange(owner, tuple(tag))
     opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, labels)
     assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
-    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text(opened)}")
+    number = counted(plan.spec.samples, "sample")
+    say(f"campaign {plan.campaign_id}: {number}, store {opened.url}; {assignment.text(opened)}")
     document = {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples}
     _print_submitted(document | assignment.to_json(), json)
 
@@ -253,12 +271,13 @@ def cancel(
         place, command = remote.address, command_at(remote, "resume", campaign_id)
     else:
         from campaign.coordinator.requests import cancel_campaign
+        from campaign.coordinator.state import resume_command
         from campaign.store import open_store
 
         opened = open_store(store)
         campaign_id = opened.find(campaign)
         before = cancel_campaign(opened, campaign_id)
-        place, command = opened.url, opened.command("resume", campaign_id)
+        place, command = opened.url, resume_command(opened, campaign_id)
     if json:
         print_json({"campaign": campaign_id, "store": place, "before": before})
     else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from campaign.waits import counted
 from clearcap.cli.output import console, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
         print_text(verdicts.headline)
     print_table(plan.spec.title or plan.spec.name, heads, table, texts=2)
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
-    print_text(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
+    print_text(f"{counted(outcome.samples, 'run')}: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:
         precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
         print_text(f"{precision}: {outcome.verdict.text()}")

@@ -220,12 +220,13 @@ def status(
         command = command_at(remote, "resume", document["campaign"])
     else:
         from campaign.coordinator.progress_report import progress_report
+        from campaign.coordinator.state import resume_command
         from campaign.store import open_store
         from campaign.store.files.retry_policy import QUICK
 
         opened = open_store(store, QUICK)
         document = progress_report(opened, opened.plan_header(opened.find(campaign)), say)
-        command = opened.command("resume", document["campaign"])
+        command = resume_command(opened, document["campaign"])
     if json:
         print_json(document)
     else:

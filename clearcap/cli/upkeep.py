@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.waits import counted
 from clearcap.cli.options import CampaignId, Id, StoreUrl
 from clearcap.cli.output import Json, print_json, print_text, say, visible
 
@@ -57,6 +58,7 @@ def label(
 
 def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Merge the part files of a campaign into a few larger files; the campaign may be running."""
+    from campaign.coordinator.state import resume_command
     from campaign.store import open_store
     from campaign.store.repeat_sets import repeat_plans
 
@@ -65,7 +67,7 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
     rows = opened.compact(header)
     repeats = {table.folder: opened.compact(table) for table in repeat_plans(opened, header)}
     results = [rows, *repeats.values()]
-    resume = opened.command("resume", header.campaign_id)
+    resume = resume_command(opened, header.campaign_id)
     for reason in dict.fromkeys(reason for result in results for reason in result.bad.values()):
         say(f"{reason}: left as it is; compute its samples again with: {resume}")
     written = [*rows.written, *(f"{folder}/{name}" for folder, result in repeats.items() for name in result.written)]
@@ -74,8 +76,8 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
         document = {"campaign": header.campaign_id, "store": opened.url, "written": written}
         print_json({**document, "removed": removed, "files": files, "bad_batches": sorted(rows.bad)})
         return
-    merged = f"{removed} files merged into {len(written)}"
-    print_text(f"{header.campaign_id}: {merged}; the campaign has {files} files of rows now")
+    merged = f"{counted(removed, 'file')} merged into {len(written)}"
+    print_text(f"{header.campaign_id}: {merged}; the campaign has {counted(files, 'file')} of rows now")
 
 
 def delete(
@@ -99,7 +101,7 @@ def delete(
         command = opened.command("cancel", campaign_id)
         raise CampaignError(f"{campaign_id} is being computed; to delete it, end it first with: {command}")
     rows = None if campaign_id in begun else _rows_lost(opened, campaign_id)
-    content = "its plan and its report" if rows is None else f"its plan, its {rows} rows and its report"
+    content = "its plan and its report" if rows is None else f"its plan, its {counted(rows, 'row')} and its report"
     if not yes and campaign_id not in begun:
         if json or not sys.stdin.isatty():
             raise SpecError(

@@ -17,12 +17,13 @@ tls=${CLEARCAP_TLS:-$HOME/.clearcap/tls}
 scratch=$(mktemp -d "$HOME/.clearcap-job.XXXXXX")
 file=$scratch/scheduler.json
 
+python=$(dirname "$(command -v dask)")/python
 network=(--protocol tls)
 listening=(--protocol tls)
 if [ -n "${CLEARCAP_INTERFACE:-}" ]; then
     network+=(--interface "$CLEARCAP_INTERFACE")
     # not its name: dask scheduler refuses an interface beside a protocol
-    address=$("$(dirname "$(command -v dask)")/python" -c '
+    address=$("$python" -c '
 import sys
 from distributed.utils import get_ip_interface
 try:
@@ -47,13 +48,28 @@ done < <(compgen -e | grep -E '^((OPENBLAS|OMP|MKL|BLIS|NPY)_|NUMBA_(CPU_|OPT$)|
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 worker=(env "PATH=$PATH" "${numerical[@]}" "$here/on_node.sh" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}"
-    "${closed[@]}" --nworkers -1 --nthreads 1 --death-timeout 120 --preload-nanny 'import engine; engine.warm_up()')
+    "${closed[@]}" --nworkers -1 --nthreads 1 --death-timeout 600 --preload-nanny 'import engine; engine.warm_up()')
 
 pids=()
 finish() {
+    rm -rf "$scratch"
     kill "${pids[@]}" 2>/dev/null || true
     wait "${pids[@]}" 2>/dev/null || true
-    rm -rf "$scratch"
+}
+end_cluster() { # have the workers end before the scheduler: a step that is killed looks like a failure in the log
+    "$python" -c '
+import json, os, shutil, sys
+from distributed import Client, Security
+file, ca, cert, key = sys.argv[1:]
+security = Security(tls_ca_file=ca, tls_client_cert=cert, tls_client_key=key, require_encryption=True)
+client = Client(json.load(open(file))["address"], security=security, timeout=30, set_as_default=False)
+shutil.rmtree(os.path.dirname(file))  # so that no node starts its workers again
+client.retire_workers(list(client.scheduler_info(n_workers=-1)["workers"]), close_workers=True, remove=False)
+client.close()' "$file" "$tls/ca.pem" "$tls/client.pem" "$tls/client.key" >/dev/null 2>&1 || return 0
+    for _ in {1..60}; do
+        kill -0 "${pids[@]:1}" 2>/dev/null || return 0 # all but the scheduler
+        sleep 1
+    done
 }
 trap finish EXIT
 trap 'exit 143' TERM
@@ -97,4 +113,7 @@ if kill -0 "$campaign" 2>/dev/null; then
     echo "allocation.sh: dask scheduler has ended with status $status; see its message above" >&2
     exit 1
 fi
-wait "$campaign"
+status=0
+wait "$campaign" || status=$?
+end_cluster
+(exit "$status")

@@ -103,7 +103,7 @@ def compiled(monkeypatch):
     """Return what happens in a process with an empty cache: ``compiled`` for all kernels, ``checked`` for a check."""
     happened = []
     monkeypatch.setattr(compiling, "missing_kernels", lambda: () if "compiled" in happened else ("0.nbi",))
-    monkeypatch.setattr(compiling, "warm_up", lambda: happened.append("compiled"))
+    monkeypatch.setattr(compiling, "_compile_apart", lambda: happened.append("compiled"))
     for module in (load, mechanisms):
         monkeypatch.setattr(module, "check", lambda *_: happened.append("checked"))
     return happened
@@ -124,3 +124,18 @@ def test_nothing_is_compiled_again(compiled):
     compile_engine()
     compile_engine()
     assert compiled == ["compiled"]
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(("code", "here"), [("0", 0), ("7", 1)])
+def test_the_compiler_stays_in_a_process_of_its_own(monkeypatch, tmp_path, code, here):
+    """Its memory goes with it; only if it fails this process compiles, and raises what is to be raised."""
+    python, calls = tmp_path / "python", []
+    python.write_text(f'#!/bin/sh\necho "$*" > {tmp_path}/words\nexit {code}\n')
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    monkeypatch.setattr(compiling, "missing_kernels", lambda: ("0.nbi",))
+    monkeypatch.setattr(compiling, "warm_up", lambda: calls.append(1))
+    compile_engine()
+    assert "engine.warm_up()" in (tmp_path / "words").read_text()
+    assert len(calls) == here

@@ -48,6 +48,17 @@ def network(names):
         yield hosts
 
 
+@contextmanager
+def cut_off(host, address):
+    """Drop what goes to and from a host, silently, as a switch that has lost its way does."""
+    switch, port = f"{host.split('-')[0]}-switch", f"port{address.rpartition('.')[2]}"
+    ip("-n", switch, "link", "set", port, "nomaster")
+    try:
+        yield
+    finally:
+        ip("-n", switch, "link", "set", port, "master", "bridge")
+
+
 def inside(host):
     """Return the words that run a command on a host."""
     return ("nsenter", f"--net=/run/netns/{host}")  # unlike ip netns exec it leaves /sys as it is

@@ -1,6 +1,8 @@
 """What test_hosts.py does on its hosts: ``python -m tests.deploy.on_host WHAT ...`` prints JSON."""
 
 import json
+import logging
+import os
 import socket
 import ssl
 import sys
@@ -33,16 +35,27 @@ def submit_slowly(kind, workers, seconds, url, campaign_id):
     return {"batches": sorted(outcome.survey.parts)}
 
 
+def compute_slowly(address, seconds, url, campaign_id):
+    """Compute a planned campaign by a running scheduler, of runs that take so long; say on standard error how it is."""
+    logging.basicConfig(format="%(message)s", level=logging.INFO)
+    store = open_store(url)
+    simulate = partial(fake_engine.takes, float(seconds))
+    outcome = coordinate(store, store.plan(campaign_id), Cluster(address), simulate=simulate)
+    return {"batches": sorted(outcome.survey.parts)}
+
+
 def run_as_told(campaign_id, *words):
     """Compute a planned campaign as ``clearcap run`` would with these words."""
     verb, _, *options = words
     given = dict(zip(options[::2], options[1::2], strict=True))
     tls = Tls(*(given[f"--tls-{name}"] for name in ("ca", "cert", "key")))
     assert verb == "run"
-    return _compute(Cluster(given["--scheduler"], tls=tls), 1, given["--store"], campaign_id)
+    seconds = float(os.environ.get("SECONDS_A_RUN", "0"))
+    simulate = partial(fake_engine.takes, seconds) if seconds else fake_engine.simulate
+    return _compute(Cluster(given["--scheduler"], tls=tls), 1, given["--store"], campaign_id, simulate)
 
 
-def _compute(cluster, workers, url, campaign_id):
+def _compute(cluster, workers, url, campaign_id, simulate=fake_engine.simulate):
     """Compute a planned campaign; return by which hosts, and what was computed."""
     store, hosts = open_store(url), []
     plan = store.plan(campaign_id)
@@ -50,7 +63,7 @@ def _compute(cluster, workers, url, campaign_id):
         with connect(cluster) as (client, _):
             client.wait_for_workers(workers, timeout=600)
             hosts = sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
-    outcome = coordinate(store, plan, cluster, simulate=fake_engine.simulate)
+    outcome = coordinate(store, plan, cluster, simulate=simulate)
     return {"hosts": hosts, "statuses": outcome.survey.statuses, "batches": sorted(outcome.survey.parts)}
 
 
@@ -89,7 +102,7 @@ def read(connection):
         return ""
 
 
-VERBS = {verb.__name__: verb for verb in (compute, submit, submit_slowly, run_as_told, reach, knock)}
+VERBS = {verb.__name__: verb for verb in (compute, compute_slowly, submit, submit_slowly, run_as_told, reach, knock)}
 
 if __name__ == "__main__":
     json.dump(VERBS[sys.argv[1]](*sys.argv[2:]), sys.stdout)

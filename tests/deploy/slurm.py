@@ -1,4 +1,4 @@
-"""A SLURM of one node, the real one, on a network of its own."""
+"""A SLURM of one node or two, the real one, on a network of its own."""
 
 import os
 import re
@@ -17,9 +17,9 @@ CredType=cred/none
 SlurmUser=root
 SlurmdUser=root
 StateSaveLocation={folder}/state
-SlurmdSpoolDir={folder}/spool
+SlurmdSpoolDir={folder}/spool-%n
 SlurmctldPidFile={folder}/slurmctld.pid
-SlurmdPidFile={folder}/slurmd.pid
+SlurmdPidFile={folder}/slurmd-%n.pid
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 SelectType=select/cons_tres
@@ -28,10 +28,12 @@ MpiDefault=none
 SwitchType=switch/none
 ReturnToService=2
 KillWait=5
+MinJobAge=3600
 SlurmdParameters=config_overrides
-NodeName=localhost NodeAddr={address} CPUs=32 RealMemory=64000 State=UNKNOWN
+{nodes}
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
+NODE = "NodeName={name} NodeAddr={address} CPUs=32 RealMemory=64000 State=UNKNOWN"
 UNFINISHED = ("PENDING", "CONFIGURING", "RUNNING", "COMPLETING")
 
 
@@ -42,13 +44,17 @@ def is_here():
 
 
 @contextmanager
-def slurm(folder):
-    """Start SLURM's two daemons and yield what runs a command where they are; end them and their jobs."""
-    for name in ("state", "spool"):
+def slurm(folder, nodes=("n1",)):
+    """Start SLURM's daemons, each node on a host of its own, and yield what runs a command on the first of them.
+
+    At the end they and their jobs are ended.
+    """
+    for name in ("state", *(f"spool-{node}" for node in nodes)):
         (folder / name).mkdir()
-    with network(["slurm"]) as hosts:
-        host, address = hosts["slurm"]
-        (folder / "slurm.conf").write_text(CONFIGURATION.format(address=address, folder=folder))
+    with network(nodes) as hosts:
+        host, address = hosts[nodes[0]]
+        lines = "\n".join(NODE.format(name=node, address=hosts[node][1]) for node in nodes)
+        (folder / "slurm.conf").write_text(CONFIGURATION.format(address=address, folder=folder, nodes=lines))
         (folder / "cgroup.conf").write_text("CgroupPlugin=cgroup/v1\n")  # loaded, not used
         environment = {**os.environ, "SLURM_CONF": str(folder / "slurm.conf")}
 
@@ -64,13 +70,16 @@ def slurm(folder):
 
         daemons = []
         try:
-            for words in (["slurmctld", "-D"], ["slurmd", "-D", "-N", "localhost"]):
-                with (folder / f"{words[0]}.log").open("w") as log:
-                    daemons.append(subprocess.Popen([*inside(host), *words], env=environment, stdout=log, stderr=log))
-            _wait_until_idle(run)
+            places = [(host, ["slurmctld", "-D"])]
+            places += [(hosts[node][0], ["slurmd", "-D", "-N", node]) for node in nodes]
+            for place, words in places:
+                with (folder / f"{words[0]}-{words[-1]}.log").open("w") as log:
+                    daemons.append(subprocess.Popen([*inside(place), *words], env=environment, stdout=log, stderr=log))
+            _wait_until_idle(run, len(nodes))
+            run.host = host
             yield run
             run("scancel", "--user=root")
-            _wait_until_idle(run)
+            _wait_until_idle(run, len(nodes))
         finally:
             for daemon in reversed(daemons):
                 daemon.terminate()
@@ -90,13 +99,13 @@ def wait_for_end(run, job):
     return until(last_state, f"job {job} does not end", pause=0.3)
 
 
-def _wait_until_idle(run):
-    """Wait for the node to be there and to have no job."""
+def _wait_until_idle(run, nodes):
+    """Wait for all nodes to be there and to have no job."""
 
-    def is_idle():
+    def are_idle():
         try:
-            return "idle" in run("sinfo", "--noheader", "--format=%t").split()
+            return run("sinfo", "--noheader", "--Node", "--format=%t").split() == ["idle"] * nodes
         except AssertionError:  # the controller is starting
             return False
 
-    until(is_idle, "SLURM has no idle node", pause=0.3)
+    until(are_idle, "SLURM's nodes are not idle", pause=0.3)

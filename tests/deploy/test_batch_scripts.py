@@ -9,9 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import distributed
 import pytest
 
 from campaign.cluster.tls_certificates import make_certificates
+from tests.campaign.cluster_processes import free_port, scheduler
 from tests.deploy.descriptors import DEPLOY, check_dask, documents, needs, output
 from tests.each import each
 
@@ -65,8 +67,7 @@ def test_worker_commands(name):
     """The workers' commands are right for dask."""
     text = (DEPLOY / "batch" / name).read_text()
     command = re.search(r"^exec .*/on_node.sh\" \\\n +(dask worker (?:.*\\\n)*.*)", text, re.M)[1].replace("\\\n", " ")
-    for variable, value in {r"\$\{LIFETIME:-230m\}": "230m", r"\$\{SLURM_CPUS\w+:-1\}": "16"}.items():
-        command = re.sub(variable, value, command)
+    command = re.sub(r"\$\{SLURM_CPUS\w+:-1\}", "16", command)
     files = ("--tls-ca-file=", "--tls-cert=", "--tls-key=")
     words = [word for word in shlex.split(command) if not word.startswith(files)]
     check_dask(words)
@@ -105,6 +106,54 @@ def test_node_folder(tmp_path, commands):
     assert node_folder(commands, tmp_path) == [compiled, folder]
     shutil.rmtree(folder)
     assert node_folder(commands, tmp_path)[1].name != folder.name
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_workers_that_lost_their_scheduler_come_back(tmp_path):
+    """As after a cut of the network: another worker takes the place of one that ended, and ends with the scheduler."""
+    file, port = tmp_path / "scheduler.json", free_port()
+    words = ["dask", "worker", "--scheduler-file", file, "--nworkers", "1", "--nthreads", "1", "--no-dashboard"]
+    closed = ["--dashboard-address", "127.0.0.1:0", "--death-timeout", "600"]
+    path = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "TMPDIR": str(tmp_path)}
+    command = [DEPLOY / "batch/on_node.sh", *map(str, words), *closed]
+    with (tmp_path / "log").open("w") as log:
+        node = subprocess.Popen(command, env=path, stdout=log, stderr=log)
+        try:
+            pids = set()
+            for _ in range(2):
+                with scheduler(port, "--scheduler-file", str(file)) as process:
+                    client = distributed.Client(f"tcp://127.0.0.1:{port}", set_as_default=False)
+                    client.wait_for_workers(1, timeout=600)
+                    pids |= set(client.run(os.getpid).values())
+                    process.kill()  # its file stays
+                    client.close()
+            assert len(pids) == 2
+            file.unlink()
+            node.terminate()
+            assert node.wait(600) == 143
+            assert (tmp_path / "log").read_text().count("starting them again") >= 1
+        finally:
+            node.kill()
+
+
+@pytest.mark.processes
+def test_workers_end_with_their_scheduler_and_at_their_time(tmp_path):
+    """A scheduler that ended properly has removed its file, in a folder that may be gone; a lifetime may be over."""
+    binaries, folder = tmp_path / "bin", tmp_path / "job"
+    binaries.mkdir()
+    folder.mkdir()
+    (binaries / "dask").write_text(f'#!/bin/sh\necho "$*" >> {tmp_path}/calls\nrm -r {folder}\n')
+    (binaries / "dask").chmod(0o755)
+    file = folder / "scheduler.json"
+    file.touch()
+    path = {"PATH": f"{binaries}:/usr/bin:/bin", "TMPDIR": str(tmp_path)}
+    command = [DEPLOY / "batch/on_node.sh", "dask", "worker", "--scheduler-file", str(file)]
+    output(*command, env=path | {"CLEARCAP_LIFETIME": "1000"})
+    [call] = (tmp_path / "calls").read_text().splitlines()
+    assert call.endswith("--lifetime 1000s --lifetime-stagger 20s")
+    output(*command, env=path | {"CLEARCAP_LIFETIME": "0"})
+    assert len((tmp_path / "calls").read_text().splitlines()) == 1
 
 
 @each("path", sorted(path for path in DEPLOY.rglob("*.*") if path.suffix != ".pyc"))
@@ -169,7 +218,7 @@ def scheduled(tmp_path, **environment):
     binaries, seen = tmp_path / "bin", tmp_path / "seen.json"
     binaries.mkdir()
     (binaries / "clearcap").write_text(SEES_IT.format(seen=seen))
-    (binaries / "srun").write_text("#!/bin/sh\nexec sleep 600\n")
+    (binaries / "srun").write_text("#!/bin/sh\nexec sleep 5\n")
     for command in binaries.iterdir():
         command.chmod(0o755)
     path = f"{binaries}:{Path(sys.executable).parent}:/usr/bin:/bin"

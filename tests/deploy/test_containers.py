@@ -65,3 +65,16 @@ def test_an_image_has_every_package():
     copied = set(re.findall(r"^COPY (\w+) \w+$", (DEPLOY / "Dockerfile").read_text(), re.M))
     shown = set(re.findall(r"^!(\w+)$", (DEPLOY / "Dockerfile.dockerignore").read_text(), re.M))
     assert packages == copied == shown - {"LICENSE"}
+
+
+def test_one_file_for_nodes():
+    """The environment of Apptainer is that of the image: the same files, the same locked packages."""
+    definition, image = ((DEPLOY / name).read_text() for name in ("apptainer.def", "Dockerfile"))
+    sections = re.findall(r"^%(\w+)$", definition, re.M)
+    assert sections == ["help", "files", "post", "environment", "test"]
+    copied = re.findall(r"^    (\S+) /src/(\S+)$", definition, re.M)
+    assert all((ROOT / source).exists() and Path(source).name == target for source, target in copied)
+    assert {source for source, _ in copied} >= set(re.findall(r"^COPY (\w+) \1$", image, re.M))
+    installed = [re.findall(r"/opt/clearcap/bin/pip (.*?)(?: \\)?$", text, re.M) for text in (definition, image)]
+    plain = [[re.sub(r"/src/|/src$|\.$", "", line) for line in lines] for lines in installed]
+    assert plain[0] == plain[1]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import stat
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -43,8 +44,13 @@ def run(tmp_path_factory, home):
     """Return what runs a command where SLURM is, as a user of the certificates would."""
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     user = {"HOME": str(home), "TMPDIR": str(home), "USER": "root", "PATH": path, "PYTHONPATH": str(ROOT)}
-    with slurm(tmp_path_factory.mktemp("slurm")) as plain:
-        yield lambda *words, **more: plain(*words, **(user | more))
+    with slurm(tmp_path_factory.mktemp("slurm"), ("n1", "n2")) as plain:
+
+        def run(*words, **more):
+            return plain(*words, **(user | more))
+
+        run.host = plain.host
+        yield run
 
 
 def test_accepts_the_job_scripts(run, tmp_path):
@@ -59,24 +65,38 @@ def test_accepts_the_job_scripts(run, tmp_path):
         run("sbatch", "--test-only", "--nodes=1", broken)
 
 
-def test_a_campaign_in_one_allocation(run, tmp_path):
-    """campaign.slurm starts scheduler, workers and the coordinator, and nothing stays when the campaign is done."""
-    store, plan = planned(tmp_path, "shared")
+def allocation(run, tmp_path, store, plan, *options, **environment):
+    """Submit campaign.slurm for a plan that the engine's stand-in computes; return the job."""
     binaries = tmp_path / "bin"
-    binaries.mkdir()
+    binaries.mkdir(exist_ok=True)
     stand_in = binaries / "clearcap"  # computes the plan with the engine's stand-in
     stand_in.write_text(
         f'#!/bin/sh\nexec {sys.executable} -m tests.deploy.on_host run_as_told {plan.campaign_id} "$@"\n'
     )
     stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
-    job = run(
-        *("sbatch", "--parsable", *SMALL, f"--output={tmp_path}/log", DEPLOY / "batch/campaign.slurm"),
+    return run(
+        *("sbatch", "--parsable", *SMALL, *options, f"--output={tmp_path}/log", "--open-mode=append"),
+        DEPLOY / "batch/campaign.slurm",
         PATH=f"{binaries}:{Path(sys.executable).parent}:{os.environ['PATH']}",
-        **{"CAMPAIGN": "demo", "STORE": store.url, "CLEARCAP_DEPLOY": str(DEPLOY)},
-    )
-    assert wait_for_end(run, job.strip()) == "COMPLETED", (tmp_path / "log").read_text()
-    assert rows(store, plan).equals(computed_here(tmp_path)), (tmp_path / "log").read_text()
+        **{"CAMPAIGN": "demo", "STORE": store.url, "CLEARCAP_DEPLOY": str(DEPLOY), **environment},
+    ).strip()
+
+
+def test_a_campaign_in_one_allocation(run, tmp_path):
+    """campaign.slurm starts scheduler, workers and the coordinator, on both nodes; nothing stays when it is done.
+
+    Its log has nothing that looks like a failure.
+    """
+    store, plan = planned(tmp_path, "shared")
+    job = allocation(run, tmp_path, store, plan, "--nodes=2", SECONDS_A_RUN="0.5")
+    log = tmp_path / "log"
+    assert wait_for_end(run, job) == "COMPLETED", log.read_text()
+    assert rows(store, plan).equals(computed_here(tmp_path)), log.read_text()
     assert not run("squeue", "--noheader")
+    said = log.read_text()
+    assert not re.search("Traceback|Killed|CANCELLED|[Ee]rror|forcing", said), said
+    assert "10.77.0.1" in said
+    assert "10.77.0.2" in said
 
 
 def test_workers_as_jobs(run, tmp_path):

@@ -10,7 +10,13 @@ import pytest
 import yaml
 
 import campaign.cluster.connect
-from campaign.cluster.batch_systems import _package, job_certificates, job_cluster, kubernetes_resource
+from campaign.cluster.batch_systems import (
+    _package,
+    job_certificates,
+    job_cluster,
+    kubernetes_resource,
+    submission,
+)
 from campaign.cluster.cluster import Cluster, Tls
 from campaign.cluster.connect import connect
 from campaign.cluster.tls_certificates import make_certificates
@@ -82,6 +88,25 @@ def test_a_refused_job_is_told(settings, commands):
     ):
         pass
     assert not list(commands.glob(".clearcap-tls-*"))
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_what_would_be_submitted(kind, settings, commands):
+    """The number of jobs and their script; nothing is submitted, for the batch system would refuse it."""
+    for workers, jobs in ((16, "1 job"), ((17, 17), "2 jobs"), ((2, 40), "1 to 3 jobs")):
+        text = submission(Cluster(kind=kind, workers=workers))
+        assert text.startswith(f"{jobs} by {COMMANDS[kind]}")
+        assert "--nworkers 16" in text
+        subprocess.run(["bash", "-n"], input=text.split("\n", 1)[1], text=True, check=True)
+    assert not list(commands.glob(".clearcap-tls-*"))
+
+
+def test_the_cluster_that_would_be_created():
+    """With as many workers as are wanted."""
+    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/cluster.yaml")}):
+        made = yaml.safe_load(submission(Cluster(kind="kubernetes", workers=7)))
+    assert (made["kind"], made["spec"]["worker"]["replicas"]) == ("DaskCluster", 7)
 
 
 def test_what_must_be_said(settings, commands, monkeypatch):

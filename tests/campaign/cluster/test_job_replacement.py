@@ -301,6 +301,8 @@ ANSWERS = {
             "4711": {"state": "Waiting", "message": "FIFO scheduling OK", "owner": "me"},
             "4712": {"state": "Running", "message": None},
             "4713": {"state": "Terminated", "message": ""},
+            "4714": {"state": "Hold", "message": ""},
+            "4715": {"state": "toError", "message": "", "array_id": 4714, "assigned_network_address": []},
         }
     ),
     "pbs": """
@@ -309,14 +311,28 @@ server:
 Job ID               Username Queue    Jobname    SessID NDS TSK Memory Time  S Time
 -------------------- -------- -------- ---------- ------ --- --- ------ ----- - -----
 101.server           me       workq    dask-worke    --    1  16   32gb 01:00 Q   --
+   Not Running: Insufficient amount of resource: ncpus (R: 16 A: 0 T: 64)
 102.server           me       workq    dask-worke  12345   1  16   32gb 01:00 R 00:10
+   Job run at Fri Nov 27 at 12:00 on (n1:ncpus=16:mem=33554432kb)
 103.server           me       workq    dask-worke  12346   1  16   32gb 01:00 C 00:59
+   --
+104[].server         me       workq    dask-worke    --    1  16   32gb 01:00 H   --
+    --
 """,
 }
 MEANT = {
     "slurm": {"17": (True, "Resources"), "18": (False, ""), "19": (False, "")},
-    "oar": {"4711": (True, "FIFO scheduling OK"), "4712": (False, "")},
-    "pbs": {"101": (True, ""), "102": (False, "")},
+    "oar": {
+        "4711": (True, "FIFO scheduling OK"),
+        "4712": (False, ""),
+        "4714": (True, ""),
+        "4715": (False, ""),
+    },
+    "pbs": {
+        "101": (True, "Not Running: Insufficient amount of resource: ncpus (R: 16 A: 0 T: 64)"),
+        "102": (False, ""),
+        "104": (True, ""),
+    },
 }
 
 

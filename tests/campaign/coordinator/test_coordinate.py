@@ -68,6 +68,25 @@ def test_finished_campaign_computes_nothing(tmp_path, campaign, monkeypatch, wor
     assert rows(store, outcome).equals(before)
 
 
+def test_many_small_files_are_merged_at_the_end(tmp_path, campaign, monkeypatch, workers):
+    """The rows stay the same, and the same command computes nothing; a store that refuses it ends no campaign."""
+    store, outcome = start(tmp_path / "a", campaign)
+    before, name = rows(store, outcome), f"{outcome.plan.campaign_id}/parts"
+    assert len(store.files.names(name)) == 9
+    monkeypatch.setattr(coordinating, "MANY_FILES", 8)
+    with monkeypatch.context() as patch:
+
+        def refuse(store, plan):
+            raise StoreError("full")
+
+        patch.setattr(Store, "compact", refuse)
+        start(tmp_path / "a", campaign)
+        assert len(store.files.names(name)) == 9
+    store, outcome = start(tmp_path / "a", campaign)
+    assert len(store.files.names(name)) == 1
+    assert (outcome.computed, rows(store, outcome).equals(before)) == (0, True)
+
+
 def test_what_dead_writers_left_is_removed(tmp_path, campaign, workers):
     """Temporary files of parts, and of a heartbeat that its coordinator did not live to finish."""
     _, outcome = start(tmp_path / "a", campaign)

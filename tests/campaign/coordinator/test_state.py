@@ -4,7 +4,7 @@ import pytest
 
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.requests import cancel_campaign
-from campaign.coordinator.state import state_of, write_state
+from campaign.coordinator.state import resume_command, state_of, write_state
 from campaign.store.layout import HEARTBEAT, STATE
 from tests.campaign.commands import clearcap_here
 
@@ -15,6 +15,18 @@ def test_state_is_read_back(store, plan):
     state = state_of(store, plan.campaign_id)
     assert (state["state"], state["message"], state["open"]) == ("failed", "because", False)
     assert state["since"] > 1.7e9
+
+
+def test_who_continues_a_campaign_computes_where_it_was_computed(store, plan):
+    """Whatever happens to it in the meantime; options that nobody has written are left out."""
+    options = ["--cluster", "slurm", "--workers", "2:64"]
+    write_state(store, plan.campaign_id, "interrupted", options=options)
+    cancel_campaign(store, plan.campaign_id)
+    words = f"clearcap resume {plan.campaign_id} --cluster slurm --workers 2:64 --store {store.url}"
+    assert (state_of(store, plan.campaign_id)["state"], resume_command(store, plan.campaign_id)) == ("cancelled", words)
+    for odd in (None, "rm", [3], {}):
+        store.write_json(plan.campaign_id, STATE, {"state": "failed", "options": odd})
+        assert resume_command(store, plan.campaign_id) == f"clearcap resume {plan.campaign_id} --store {store.url}"
 
 
 @pytest.mark.parametrize("since", [1e308, -1e308, "yesterday", True, [1], {}, None, 10**400])
