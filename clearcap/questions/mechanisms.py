@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from campaign.compiling import compile_engine
 from campaign.errors import SpecError
-from campaign.inputs.sampling import draw
-from campaign.spec.load import Campaign
 from engine import (
     Recording,
     Run,
@@ -30,14 +28,12 @@ from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 from engine.preflight import cautions
 
 if TYPE_CHECKING:
+    from campaign.spec.load import Campaign
     from clearcap.pictures.play import JournalPositions
 
 PICTURES = ("svg", "png")
-
 ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds
-
 MOST_STEPS = 2000  # steps that are recorded of a run that a page draws
-
 ENDS = 10**9  # recording interval: only the first and the last row of a trajectory are kept
 
 
@@ -316,9 +312,10 @@ def draw_mechanism(source: MechanismSource, kind: str = "svg") -> bytes:
         return picture.read_bytes()
 
 
-def campaign_journal_positions(campaign: Campaign, processes: int) -> "list[JournalPositions]":
+def campaign_journal_positions(campaign: "Campaign", processes: int) -> "list[JournalPositions]":
     """Simulate a campaign of few samples; return the journals' positions, by ring, at the ends of successful runs."""
     from campaign.cluster.process_workers import process_workers
+    from campaign.inputs.sampling import draw
     from clearcap.pictures.play import merge_runs
 
     spec = campaign.spec
