@@ -103,7 +103,7 @@ class Service:
     @asynccontextmanager
     async def _beside(self) -> AsyncIterator[None]:
         """Run the watcher of the store, the webhook sender and the coordinator in the block."""
-        sender = WebhookSender(self.webhooks, self.news, self.settings.webhook_hosts)
+        sender = WebhookSender(self.webhooks, self.events, self.settings.webhook_hosts)
         beside, child = [asyncio.create_task(each.run()) for each in (self.watcher, sender)], None
         if self.settings.coordinate is not None:
             child = CoordinatorChild(self.store, self.settings.coordinate)
@@ -148,10 +148,10 @@ class Service:
         """Return whether a campaign has a sign-off."""
         return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
 
-    def news(self) -> list[CampaignEvent]:
-        """Return the news of all campaigns that follow from their states."""
+    def events(self) -> list[CampaignEvent]:
+        """Return the events of all campaigns that follow from their states."""
         entries = self.watcher.index.entries()
-        return [news for entry, _ in entries for news in campaign_events(entry, self.settings.address)]
+        return [event for entry, _ in entries for event in campaign_events(entry, self.settings.address)]
 
     def end_streams(self) -> None:
         """End all event streams, because the server ends."""

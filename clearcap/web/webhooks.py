@@ -129,12 +129,12 @@ class WebhookRepository:
         with self._database.write() as connection:
             connection.execute("DELETE FROM webhooks WHERE id = ?", (webhook_id,))
 
-    def tell(self, news: Iterable[CampaignEvent]) -> None:
-        """Queue news for the webhooks that want it, except news that was queued for them before."""
+    def enqueue(self, events: Iterable[CampaignEvent]) -> None:
+        """Queue events for the webhooks that want them, except those that were queued for them before."""
         webhooks = self.all()
         rows = [
             (webhook.id, each.key, json.dumps({"id": f"{webhook.id} {each.key}", **each.content}), self._clock())
-            for each in news
+            for each in events
             for webhook in webhooks
             if webhook.wants(each)
         ]
@@ -197,28 +197,28 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class WebhookSender:
-    """Send news about campaigns to webhooks, in the server's own network only to the hosts `allowed`.
+    """Send events of campaigns to webhooks, in the server's own network only to the hosts `allowed`.
 
-    `news` returns what follows from the states of all campaigns, `clock` the time in seconds since 1970.
+    `events` returns what follows from the states of all campaigns, `clock` the time in seconds since 1970.
     """
 
     def __init__(
         self,
-        book: WebhookRepository,
-        news: Callable[[], Iterable[CampaignEvent]],
+        repository: WebhookRepository,
+        events: Callable[[], Iterable[CampaignEvent]],
         allowed: Iterable[str],
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._book, self._news, self._clock = book, news, clock
+        self._repository, self._events, self._clock = repository, events, clock
         self._allowed = tuple(allowed)
-        self._webhooks, self._told = set[int](), set[str]()  # webhooks, and keys of the news, that the book has
+        self._webhooks, self._queued = set[int](), set[str]()  # webhooks, and keys of the events, that are known
 
     async def run(self) -> None:
         """Send news as it comes, until cancelled."""
         while True:
             try:
-                await asyncio.to_thread(self.tell)
-                due = await asyncio.to_thread(self._book.due, AT_ONCE)
+                await asyncio.to_thread(self.enqueue)
+                due = await asyncio.to_thread(self._repository.due, AT_ONCE)
                 await asyncio.gather(*(self._attempt(*each) for each in due))
             except Exception:
                 logger.exception("news could not be sent to webhooks")
@@ -226,21 +226,21 @@ class WebhookSender:
             if len(due) < AT_ONCE:
                 await asyncio.sleep(LOOK_EVERY)
 
-    def tell(self) -> None:
-        """Enter the news since the last call into the book."""
-        webhooks = {webhook.id for webhook in self._book.all()}
+    def enqueue(self) -> None:
+        """Queue the events since the last call."""
+        webhooks = {webhook.id for webhook in self._repository.all()}
         if webhooks != self._webhooks:
-            self._webhooks, self._told = webhooks, set()  # a new webhook may not have been told yet
+            self._webhooks, self._queued = webhooks, set()  # a new webhook may lack some
         if not webhooks:
             return
-        news = list(self._news())
-        self._book.tell(each for each in news if each.key not in self._told)
-        self._told = {each.key for each in news}
+        events = list(self._events())
+        self._repository.enqueue(each for each in events if each.key not in self._queued)
+        self._queued = {each.key for each in events}
 
     async def _attempt(self, webhook: Webhook, delivery: Delivery) -> None:
         """Send news once, and record whether it was accepted."""
         fault = await self.send(webhook, delivery)
-        await asyncio.to_thread(self._book.record, delivery, fault)
+        await asyncio.to_thread(self._repository.record, delivery, fault)
 
     async def send(self, webhook: Webhook, delivery: Delivery) -> str | None:
         """Send news once; return why it was not accepted, or None if it was.

@@ -72,7 +72,7 @@ def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebh
     if new.campaign is not None and service.watcher.index.entry(new.campaign) is None:
         raise Refusal(422, f"campaign = {new.campaign}: no such campaign in the store")
     target_addresses(webhook_target(new.url, service.settings.webhook_hosts))
-    webhook = service.webhooks.add(who.name, new.campaign, new.url, service.news())
+    webhook = service.webhooks.add(who.name, new.campaign, new.url, service.events())
     return MadeWebhook(webhook=ListedWebhook.model_validate(webhook), secret=webhook.secret)
 
 

@@ -52,7 +52,7 @@ def words(tmp_path_factory):
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
     service.users.add("admin", Role.ADMIN)
     secrets = [service.tokens.add("admin", name, Role.ADMIN, 3600.0)[1] for name in ("to be revoked", "examples")]
-    service.webhooks.add("admin", None, "https://quality.example/clearcap", service.news())
+    service.webhooks.add("admin", None, "https://quality.example/clearcap", service.events())
     service.close()
     with live_server(folder, "--no-drive") as server:
         yield {**known, "AUTH": f"Authorization: Bearer {secrets[1]}", "URL": server.url}, folder

@@ -94,7 +94,7 @@ def receiver(*statuses):
 def send_all(book, news=(), allowed=("localhost",)):
     """Tell news, and make one attempt at whatever is due."""
     sender = WebhookSender(book, lambda: news, allowed, book._clock)
-    sender.tell()
+    sender.enqueue()
     for webhook, delivery in book.due(100):
         asyncio.run(sender._attempt(webhook, delivery))
 
@@ -133,8 +133,8 @@ def test_a_small_cpk_is_told_once_a_response(book):
     low = BelowTarget(response="FC-1", cpk=1.2, interval=(1.1, 1.3), target=1.33)
     again = ended(since=datetime(2026, 11, 24, tzinfo=UTC), below_target=[low])
     webhook = book.add("eva", None, "https://quality.example", [])
-    book.tell(news_of(ended(below_target=[low])))
-    book.tell(news_of(again))
+    book.enqueue(news_of(ended(below_target=[low])))
+    book.enqueue(news_of(again))
     events = [delivery.event.split()[0] for delivery in book.deliveries(webhook.id)]
     assert sorted(events) == ["below", "ended", "ended"]
 
@@ -144,7 +144,7 @@ def test_who_is_told(book):
     others = book.add("bob", None, "https://b.example", [])
     of_one = book.add("bob", "c60-1", "https://c.example", [])
     late = book.add("eva", None, "https://d.example", news_of(ended()))
-    book.tell(news_of(ended(), ended(campaign="c60-2")))
+    book.enqueue(news_of(ended(), ended(campaign="c60-2")))
     told = {w.id: [d.event.split()[1] for d in book.deliveries(w.id)] for w in (mine, others, of_one, late)}
     assert told == {mine.id: ["c60-2", "c60-1"], others.id: [], of_one.id: ["c60-1"], late.id: ["c60-2"]}
 
@@ -185,7 +185,7 @@ def test_earlier_tables_keep_webhooks_and_deliveries(tmp_path):
 
 def test_nothing_is_sent_for_a_disabled_user(book, database):
     book.add("eva", None, "https://a.example", [])
-    book.tell(news_of(ended()))
+    book.enqueue(news_of(ended()))
     assert len(book.due(10)) == 1
     with database.write() as connection:
         connection.execute("UPDATE users SET disabled = 1")
@@ -213,7 +213,7 @@ def test_it_is_sent_again_until_it_is_taken(book, now):
 
 def test_it_is_given_up_after_a_day(book, now):
     webhook = book.add("eva", None, "https://a.example", [])
-    book.tell(news_of(ended()))
+    book.enqueue(news_of(ended()))
     for _ in range(MOST_ATTEMPTS):
         (delivery,) = book.deliveries(webhook.id)
         assert delivery.next is not None
