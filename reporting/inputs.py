@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
-from reporting.arrays import Array, centred_ranks
+from reporting.arrays import Array, centred_ranks, random_rows
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, VariableSpec
 
 _FEWEST = 30
-_ROWS = 200_000  # enough to determine a rank correlation to 0.002
 
 
 @dataclass(frozen=True)
@@ -81,9 +80,9 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
 def analyse_correlations(spec: ReportSpec, samples: Samples) -> tuple[CorrelationAnalysis, ...]:
     """Return the requested rank correlations and the largest of the others; empty below 30 samples."""
     names = [v.name for v in spec.variables if v.std > 0]
-    rows = slice(0, _ROWS)
     if len(names) < 2:
         return ()
+    rows = np.sort(random_rows(samples.sample.size))  # of a quasi-random sequence the first rows are no sample
     complete = np.all([np.isfinite(samples.values[name][rows]) for name in names], axis=0)
     n = int(np.count_nonzero(complete))
     if n < _FEWEST:

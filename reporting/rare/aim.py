@@ -3,9 +3,11 @@
 The best centre of a normal component of unit spread is the centre of the rejects in production, E[z | reject]
 (cross-entropy method: R. Rubinstein, D. Kroese, 2004). If the campaign has enough rejects, it is estimated from them
 and their weights; if a few weights dominate, all are raised to a power below 1, which brings them closer together.
-Otherwise a quadratic model of the response, fitted to all runs, replaces the mechanism: simulated runs are drawn from
-widened scores, each with the value of the model plus one of its residuals, and their rejects are used. Rejects in
-different directions get one component each.
+Otherwise a quadratic model of the response, fitted to all runs, replaces the mechanism, and its rejects are found level
+by level (subset simulation: S.-K. Au, J. Beck, 2001): a tenth of the simulated runs reach the next level, and Markov
+chains that start there keep to it, each run with the value of the model plus one of its residuals. It costs no run of
+the mechanism, and finds rejects in any direction and any number of variables. Rejects in different directions get one
+component each; if these are too many to be told apart, one component without a centre reaches as far as they lie.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +18,8 @@ import numpy as np
 from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
 
-MOST = 12  # largest number of directions
+MOST = 40  # largest number of directions
+NO_BETTER = 4  # numbers of directions in a row that no longer improve the criterion
 MOST_POINTS = 2000
 ROUNDS = 40  # of EM: centres need not be exact
 LEAST_VARIANCE = 1.0  # variance of the components that draw the samples
@@ -31,10 +34,13 @@ OFTEN = 0.01  # of production: plain runs find such rejects, so no component aim
 NEVER = 1e-13  # of production: no component aims there either
 AIMED, WIDE = 0.8, 0.1  # shares of the runs of aimed components, and of the wide one for other rejects
 WIDE_SCALE = 2.0
+LOOSE = 1.5  # variance of the rejects around their centres above which the centres do not tell where they lie
 SAME = 0.5  # standard scores: centres closer than this are merged
-IMAGINED = 200_000  # simulated runs of the quadratic model, drawn in pieces
-_PIECE = 20_000
+LEVEL_RUNS, LEVEL_SHARE = 10_000, 0.1  # simulated runs of a level, and how many of them reach the next one
+STEPS = 10  # of each chain in a level
+ACCEPTED = 0.4  # share of the steps that stay in the level; the length of the steps is adapted to it
 _LARGEST = 8.0  # standard scores of a centre
+_WIDEST = 5.0  # scale of a component
 _DECIMALS = 2  # of a centre
 
 
@@ -44,37 +50,46 @@ _DECIMALS = 2  # of a centre
 # "Estimating the dimension of a model", 1978, with the effective number of weighted points as the sample size.
 
 
-def directions(points: Array, weights: Array) -> Parts:
-    """Return the centre of the points in each direction, and its share of the total weight.
+def directions(points: Array, weights: Array) -> tuple[Parts, float]:
+    """Return the centre and share of the total weight of the points in each direction, and the variance around them.
 
     `points`, shape (m, d), are standard scores, m above 0; `weights`, shape (m,), are above 0.
     """
     rows = random_rows(weights.size)[:MOST_POINTS]
     x, w = points[rows], weights[rows] / weights[rows].sum()
     effective, d = 1.0 / float(w @ w), x.shape[1]
-    centres, shares, least = (w @ x)[None], np.ones(1), np.inf
-    best = centres, shares
+    centres, shares, least, best_k = (w @ x)[None], np.ones(1), np.inf, 1
+    best = centres, shares, LEAST_VARIANCE
     for k in range(1, min(MOST, x.shape[0]) + 1):
         if k > 1:
             # The new centre is the heaviest point far from all others, so that the result depends on no random start.
-            distance = np.min(np.sum((x[:, None] - centres) ** 2, axis=2), axis=1)
+            distance = np.min(_squares(x, centres), axis=1)
             centres = np.vstack([centres, x[np.argmax(w * distance)]])
             shares = np.append(shares * (k - 1) / k, 1.0 / k)
-        centres, shares, likelihood = _fitted(x, w, centres, shares)
+        centres, shares, variance, likelihood = _fitted(x, w, centres, shares)
         # Parameters: k centres, k - 1 shares and the common variance.
         criterion = -2.0 * effective * likelihood + k * (d + 1) * np.log(effective)
         if criterion < least:
-            best, least = (centres, shares), criterion
+            best, least, best_k = (centres, shares, variance), criterion, k
+        elif k >= best_k + NO_BETTER:
+            break
     kept = best[1] >= LEAST_PART
     parts = best[1][kept] / best[1][kept].sum()
-    return tuple((tuple(centre.tolist()), float(part)) for centre, part in zip(best[0][kept], parts, strict=True))
+    found = zip(best[0][kept], parts, strict=True)
+    return tuple((tuple(centre.tolist()), float(part)) for centre, part in found), best[2]
 
 
-def _fitted(x: Array, w: Array, centres: Array, shares: Array) -> tuple[Array, Array, float]:
-    """Return centres and shares after EM from the given ones, and the mean log-density."""
+def _squares(x: Array, centres: Array) -> Array:
+    """Return the squared distance of each point from each centre, shape (n, k)."""
+    products = np.sum(x * x, axis=1)[:, None] - 2.0 * x @ centres.T + np.sum(centres * centres, axis=1)
+    return np.asarray(np.maximum(products, 0.0))
+
+
+def _fitted(x: Array, w: Array, centres: Array, shares: Array) -> tuple[Array, Array, float, float]:
+    """Return centres, shares and variance after EM from the given ones, and the mean log-density."""
     d, variance, likelihood = x.shape[1], 1.0, -np.inf
     for _ in range(ROUNDS):
-        squares = np.sum((x[:, None] - centres) ** 2, axis=2)
+        squares = _squares(x, centres)
         logs = np.log(shares) - 0.5 * squares / variance - 0.5 * d * np.log(2.0 * np.pi * variance)
         largest = logs.max(axis=1, keepdims=True)
         density = np.exp(logs - largest)
@@ -84,7 +99,7 @@ def _fitted(x: Array, w: Array, centres: Array, shares: Array) -> tuple[Array, A
         shares = np.maximum(belongs.sum(axis=0), 1e-12)
         centres = belongs.T @ x / shares[:, None]
         variance = max(float(np.sum(belongs * squares)) / d, LEAST_VARIANCE)
-    return centres, shares / shares.sum(), likelihood
+    return centres, shares / shares.sum(), variance, likelihood
 
 
 @dataclass(frozen=True)
@@ -105,6 +120,7 @@ class Target:
     ppm: float  # approximate share of production beyond it
     by: str  # source of the estimate: counted rejects, or the model
     centres: Parts  # of the rejects, each with its share of them; empty if no component should aim there
+    scale: float = 1.0  # spread of the scores around a centre
 
 
 def find_targets(
@@ -136,7 +152,9 @@ def aims(targets: Sequence[Target], dimensions: int) -> tuple[Aim, ...]:
     """Return the components: the aimed runs are divided equally among the targets, and one wide component is added."""
     found = [target for target in targets if target.centres]
     parts = [
-        Aim(AIMED * part / len(found), 1.0, centre, f"{t.name}: {t.by}") for t in found for centre, part in t.centres
+        Aim(AIMED * part / len(found), t.scale, centre, f"{t.name}: {t.by}")
+        for t in found
+        for centre, part in t.centres
     ]
     wide = Aim(WIDE if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "rejects that the others miss")
     return (*_merged(parts), wide)
@@ -155,8 +173,13 @@ def _target(name: str, z: Array, weights: Array, beyond: Array) -> Target:
         by = f"quadratic model of {beyond.size} runs, R2 {model.determination:.3f}"
     if not NEVER < share < OFTEN:
         return Target(name, 1e6 * share, by, ())
-    centres = tuple((_rounded(centre), part) for centre, part in directions(points, w))
-    return Target(name, 1e6 * share, by, centres)
+    parts, variance = directions(points, w)
+    if variance > LOOSE:
+        # As many runs inside the rejects as outside: the mean square of their scores is that of the component.
+        scale = float(np.sqrt((w @ np.sum(points * points, axis=1)) / w.sum() / points.shape[1]))
+        centre = (0.0,) * points.shape[1]
+        return Target(name, 1e6 * share, f"{by}, in many directions", ((centre, 1.0),), round(min(scale, _WIDEST), 2))
+    return Target(name, 1e6 * share, by, tuple((_rounded(centre), part) for centre, part in parts))
 
 
 def _tempered(w: Array) -> Array:
@@ -173,35 +196,53 @@ class _Model:
         # Three runs for each coefficient: the residuals of a model that fits exactly would be too small.
         self._interactions = y.size >= 3 * (1 + 2 * d + d * (d - 1) // 2)
         self._squares = y.size >= 3 * (1 + 2 * d)
-        features = self._features(z)
-        self._coefficients = np.linalg.lstsq(features, y, rcond=None)[0]
-        self._residuals = y - features @ self._coefficients
+        columns, pairs = [np.ones((z.shape[0], 1)), z], np.triu_indices(d, 1)
+        columns += [z * z] if self._squares else []
+        columns += [z[:, pairs[0]] * z[:, pairs[1]]] if self._interactions else []
+        coefficients = np.linalg.lstsq(np.hstack(columns), y, rcond=None)[0]
+        self._constant, self._linear, rest = coefficients[0], coefficients[1 : d + 1], coefficients[d + 1 :]
+        self._quadratic = np.diag(rest[:d]) if self._squares else np.zeros((d, d))
+        if self._interactions:
+            self._quadratic[pairs] = rest[d:]
+        self._residuals = y - self._value(z)
         spread = float(np.var(y))
         self.determination = 1.0 - float(np.var(self._residuals)) / spread if spread > 0.0 else 0.0
-        self._dimensions = d
+        self._dimensions, self._length = d, 0.5
 
     def rejects(self) -> tuple[Array, Array, float]:
         """Return standard scores and weights of simulated rejects, and their share of production."""
         # A fixed seed: the same runs always give the same targets.
-        rng, d = np.random.Generator(np.random.PCG64(0)), self._dimensions
-        found, weights = [np.zeros((0, d))], [np.zeros(0)]
-        for _ in range(IMAGINED // _PIECE):
-            z = WIDE_SCALE * rng.standard_normal((_PIECE, d))
-            y = self._features(z) @ self._coefficients + rng.choice(self._residuals, _PIECE)
-            z = z[y > 0.0]
-            squares = np.sum(z * z, axis=1)
-            found.append(z)
-            weights.append(WIDE_SCALE**d * np.exp(-0.5 * squares * (1.0 - WIDE_SCALE**-2)))
-        w = np.concatenate(weights)
-        return np.concatenate(found), w, float(w.sum()) / IMAGINED
+        rng, keep, share = np.random.Generator(np.random.PCG64(0)), round(LEVEL_SHARE * LEVEL_RUNS), 1.0
+        z = rng.standard_normal((LEVEL_RUNS, self._dimensions))
+        rest = rng.choice(self._residuals, LEVEL_RUNS)
+        while True:
+            y = self._value(z) + rest
+            beyond = y > 0.0
+            if np.count_nonzero(beyond) >= keep or share < NEVER:
+                share *= float(np.mean(beyond))
+                return z[beyond], np.ones(np.count_nonzero(beyond)), share
+            best = np.argsort(-y, kind="stable")[:keep]
+            share *= LEVEL_SHARE
+            z, rest = self._chains(rng, z[best], rest[best], float(y[best].min()))
 
-    def _features(self, z: Array) -> Array:
-        """Return the columns of the model, shape (n, columns)."""
-        first, second = np.triu_indices(z.shape[1], 1)
-        columns = [np.ones((z.shape[0], 1)), z]
-        columns += [z * z] if self._squares else []
-        columns += [z[:, first] * z[:, second]] if self._interactions else []
-        return np.hstack(columns)
+    def _chains(self, rng: np.random.Generator, z: Array, rest: Array, level: float) -> tuple[Array, Array]:
+        """Return simulated runs of production at or above a level: states of chains that start from runs there."""
+        states, rests = [], []
+        for _ in range(STEPS):
+            step = np.minimum(self._length * z.std(axis=0), 1.0)
+            # Production is left as it is by z -> sqrt(1 - s^2) z + s xi, and its residuals by drawing another one.
+            new = np.sqrt(1.0 - step * step) * z + step * rng.standard_normal(z.shape)
+            other = np.where(rng.random(rest.size) < 0.5, rng.choice(self._residuals, rest.size), rest)
+            kept = self._value(new) + other >= level
+            self._length = min(self._length * float(np.exp(np.mean(kept) - ACCEPTED)), 1.0)
+            z, rest = np.where(kept[:, None], new, z), np.where(kept, other, rest)
+            states.append(z)
+            rests.append(rest)
+        return np.concatenate(states), np.concatenate(rests)
+
+    def _value(self, z: Array) -> Array:
+        """Return the model at points, shape (n, d)."""
+        return np.asarray(self._constant + z @ self._linear + np.sum((z @ self._quadratic) * z, axis=1))
 
 
 def _rounded(centre: tuple[float, ...]) -> tuple[float, ...]:
@@ -213,7 +254,8 @@ def _merged(parts: Sequence[Aim]) -> tuple[Aim, ...]:
     """Return the components; those with nearly the same centre are merged."""
     result: list[Aim] = []
     for part in parts:
-        near = next((i for i, other in enumerate(result) if _distance(part, other) < SAME), None)
+        same = [other.scale == part.scale and _distance(part, other) < SAME for other in result]
+        near = same.index(True) if any(same) else None
         if near is None:
             result.append(part)
         else:

@@ -62,7 +62,7 @@ class RareRejects:
     together: RareShare | None  # beyond any limit of any response; None without limits
     failed: RareShare  # runs that failed or have no value of a response with limits
     with_failures: RareShare | None  # beyond any limit, or failed; None without limits
-    # Largest region of rejects behind a flat limit that may have been missed [ppm]; runs would have met a larger one.
+    # Largest region of rejects that may have been missed behind a flat limit [ppm]; runs would have met a larger one.
     unseen_ppm: float
     checks: tuple[PlainCheck, ...]  # against plain Monte Carlo
 
@@ -105,7 +105,9 @@ def rare_estimates(rare: RareRejects | None) -> dict[str, tuple[IndexEstimate, .
     """Return the estimates from the weighted shares on the scale of Cpk, by response."""
     if rare is None:
         return {}
-    return {r.response: (IndexEstimate("rare rejects", *_ends(r), _words(r.total)),) for r in rare.responses}
+    # Without a reject only the bound by the plain runs is left, which their own count has told already.
+    found = [r for r in rare.responses if r.total.rejects]
+    return {r.response: (IndexEstimate("rare rejects", *_ends(r), _words(r.total)),) for r in found}
 
 
 def plain_check(
@@ -137,7 +139,7 @@ def _draws(samples: Samples, spec: ReportSpec, confidence: float) -> Draws:
     scales = [1.0, *(part.scale for part in spec.proposal)]
     drawn = np.bincount(component[by_chance], minlength=len(scales)) / component.size
     spreads = tuple((float(drawn[k]), scales[k]) for k in np.flatnonzero(~shifted))
-    return Draws(np.exp(samples.importance["log_weight"]), by_chance, unshifted, spreads, confidence)
+    return Draws(np.exp(samples.importance["log_weight"]), by_chance, unshifted, spreads, confidence, component == 0)
 
 
 def _beyond(samples: Samples, spec: ResponseSpec) -> dict[str, NDArray[np.bool_]]:
@@ -151,8 +153,9 @@ def _response(name: str, beyond: dict[str, NDArray[np.bool_]], draws: Draws) -> 
     """Return the rare rejects of one response."""
     sides = {side: rare_share(rejects, draws) for side, rejects in beyond.items()}
     share = max(side.ppm for side in sides.values())
-    high, low = (_index(max(side.interval[end] for side in sides.values())) for end in (0, 1))
     total = rare_share(np.any(list(beyond.values()), axis=0), draws)
+    # Neither side has more than both together, which may be known where one side is not.
+    high, low = (_index(min(max(s.interval[end] for s in sides.values()), total.interval[1])) for end in (0, 1))
     interval = (-np.inf if low is None else low, high)
     return RareResponse(name, sides.get("below"), sides.get("above"), total, _index(share), interval)
 
@@ -172,5 +175,5 @@ def _ends(rare: RareResponse) -> tuple[float, float, float]:
 def _words(share: RareShare) -> str:
     """Return a share in words."""
     low, high = (ppm(end) for end in share.interval)
-    known = f"at most {high} ppm" if share.doubt or not share.rejects else f"{ppm(share.ppm)} ppm ({low} to {high})"
+    known = f"at most {high} ppm" if share.doubt else f"{ppm(share.ppm)} ppm ({low} to {high})"
     return f"{known} out of limits by weighted runs"

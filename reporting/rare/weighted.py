@@ -1,16 +1,16 @@
 """A share of rejects from weighted runs, and its reliability.
 
 The estimate is the sum of the rejects' weights divided by the number of all runs. It is unbiased, because every weight
-is the known ratio of the density in production to that in the campaign. Its interval has three parts:
+is the known ratio of the density in production to that in the campaign. Its interval:
 
-- the gamma limits of Fay and Feuer (1997) for the observed weights,
-- a bound for rejects where no component aims: they were found by chance, and their few weights say little about their
-  sum. Their number says more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of
-  production, and the share Phi(-b / s) of a component that spreads all scores s times as far. The upper end of the
-  interval is the Phi(-b) at which this small a number is just plausible. A share without any reject is bounded in the
-  same way,
-- if the weights are insufficient (few effective ones, one that dominates the sum, or a heavy tail), only this last
-  bound is given.
+- the gamma limits of Fay and Feuer (1997) for the weights of all rejects, aimed at or found by chance;
+- where a few rejects were found by chance, at which no component aims, their few weights say little about their sum.
+  Their number says more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of production,
+  and the share Phi(-b / s) of a component that spreads all scores s times as far. The Phi(-b) at which this small a
+  number is just plausible is added to the upper end;
+- the upper end never exceeds what the plain runs allow by their count alone (Clopper and Pearson). That bound assumes
+  nothing. It is the only one if there are fewer than five rejects, or if their weights do not determine their sum: few
+  effective ones, one that dominates, or a heavy tail.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,14 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv, ndtr
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, share_upper_bound
 from reporting.capability.shares import PPM, weighted_share_interval
 from reporting.shape.pareto import posterior_mean_fit
 
 FEWEST = 20  # effective rejects: with fewer the coverage of the gamma limits is too low
-LARGEST_PART = 0.1  # largest part of one weight in the sum
+LEAST = 5  # rejects: with fewer there is no estimate, only the bound by the plain runs
+CAP = 0.995  # confidence of the plain runs' bound as a cap: so high that it is hardly ever wrong where it cuts
+LARGEST_PART = 0.05  # largest part of one weight in the sum: that of one among 20 equal ones
 HEAVIEST = 0.7  # Pareto shape of the weights above which their mean is unreliable (Vehtari et al. 2024)
 FARTHEST = 37.0  # standard scores: shares beyond are 0 in double precision
 _TAIL = 5  # fewest weights for the fit of a tail
@@ -42,6 +44,7 @@ class Draws:
     # where no other component aims, and its scale.
     spreads: tuple[tuple[float, float], ...]
     confidence: float  # of the two-sided intervals
+    plain: NDArray[np.bool_]  # drawn from the distributions themselves
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class RareShare:
     largest: float  # share of the largest weight in the sum; 0 without a reject
     tail_shape: float | None  # Pareto shape of the largest weights; None with too few of them
     by_chance: int  # rejects where no component aims, found by a component without shift
-    by_chance_ppm: float  # allowance of the upper end of the interval for such regions, found or not
+    by_chance_ppm: float  # allowance of the upper end of the interval for such regions, behind a flat limit
     plain_runs: float | None  # plain independent runs with the same precision; None without a reject
     doubt: str  # why the weights do not support a lower end, and a remedy; empty if they do
 
@@ -67,14 +70,16 @@ def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
     share, square = float(np.sum(w)) / n, float(np.sum(w * w)) / n
     variance = max(square - share * share, 0.0) / n
     by_chance = rejects & draws.by_chance
-    sought = draws.weights[rejects & ~by_chance]
-    doubt = _doubt(sought)
-    counted = by_chance if not doubt else rejects & draws.unshifted
-    bound = flat_bound(int(np.count_nonzero(counted)), n, draws)
-    low, high = 0.0, bound
-    if not doubt:
-        low = _gamma_limits(w, n, draws.confidence)[0]
-        high = min(_gamma_limits(sought, n, draws.confidence)[1] + bound, 1.0)
+    chance, sought = draws.weights[by_chance], draws.weights[rejects & ~by_chance]
+    few_by_chance = bool(chance.size) and bool(_doubt(chance))
+    # A few found by chance, with an allowance of their own, do not spoil what the sought ones tell.
+    doubt = _doubt(w) and _doubt(sought if sought.size and few_by_chance else w)
+    counted, plain = int(np.count_nonzero(rejects & draws.plain)), int(np.count_nonzero(draws.plain))
+    allowance = flat_bound(chance.size if few_by_chance else 0, n, draws)
+    low, high = 0.0, _most(counted, plain, 0.5 + draws.confidence / 2)
+    if w.size and not doubt:
+        low, high = _gamma_limits(w, n, draws.confidence)
+        high = min(high + allowance, _most(counted, plain, CAP))
     return RareShare(
         ppm=PPM * share,
         interval=(PPM * low, PPM * max(high, share)),
@@ -83,11 +88,16 @@ def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
         effective=_kish(w),
         largest=float(w.max() / w.sum()) if w.size else 0.0,
         tail_shape=tail_shape(w),
-        by_chance=int(np.count_nonzero(by_chance)),
-        by_chance_ppm=PPM * bound,
+        by_chance=chance.size,
+        by_chance_ppm=PPM * allowance,
         plain_runs=share * (1 - share) / variance if variance > 0 else None,
         doubt=doubt,
     )
+
+
+def _most(count: int, plain: int, confidence: float) -> float:
+    """Return the one-sided upper bound of a share by the plain runs alone; 1 without plain runs."""
+    return share_upper_bound(count, plain, confidence) if plain else 1.0
 
 
 def flat_bound(count: int, n: int, draws: Draws) -> float:
@@ -135,9 +145,11 @@ def _gamma_limits(w: Array, n: int, confidence: float) -> Interval:
 
 
 def _doubt(w: Array) -> str:
-    """Return why the weights of aimed rejects do not determine their sum; empty if they do, or without such rejects."""
+    """Return why the weights of rejects do not determine their sum; empty if they do, or without rejects."""
     if not w.size:
         return ""
+    if w.size < LEAST:
+        return f"{w.size} rejects were found, and {LEAST} are the least for an estimate"
     effective, largest, shape = _kish(w), float(w.max() / w.sum()), tail_shape(w)
     if effective < FEWEST:
         return f"its {w.size} rejects are worth {effective:.2g} of equal weight, and {FEWEST} are needed"

@@ -37,7 +37,6 @@ class TailShare:
     excesses: int | None = None  # values beyond it
     shape: float | None = None  # of the Pareto tail; if negative it has an end
     scale: float | None = None
-    effective: float | None = None  # always None: the values have equal weights
     note: str = ""  # why the estimate is refused, or why there is only a bound; may be empty
 
 

@@ -261,7 +261,11 @@ def _rare_shares_known(rare: RareRejects) -> Check:
         error = format_numbers.percent(found[widest])
         text += f" Shares are known to a standard error of {error} or better (widest: {widest})."
     if none:
-        text += f" No reject of {', '.join(none)} was found: below {format_numbers.ppm(rare.unseen_ppm)} ppm."
+        most = format_numbers.ppm(max(shares[response].interval[1] for response in none))
+        text += (
+            f" No reject of {', '.join(none)} was found: at most {most} ppm by the plain runs alone, and below"
+            f" {format_numbers.ppm(rare.unseen_ppm)} ppm if the limit is flat."
+        )
     return Check(name, "good", text)
 
 

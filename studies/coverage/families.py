@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from studies.coverage.estimates import contents, counts, indices, methods, products, verdicts
+from studies.coverage.limit_states import DESIGNED, designed_shares
 from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.questions import advice, attributions, causes, changes, differences
@@ -51,7 +52,7 @@ REPLICATIONS: dict[Estimate, int] = {
     contents: 300,
 }
 # Estimates for some productions only.
-OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS, OF_VERDICTS = 60, 60, 200, 100, 40
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
 
 
 def cases(share: float = 1.0) -> list[Case]:
@@ -66,6 +67,7 @@ def cases(share: float = 1.0) -> list[Case]:
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
     found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
+    found += [Case(designed_shares, p, max(SIZES), round(share * OF_DESIGNED)) for p in DESIGNED]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
     # So that no process is left with a long case when the others have finished.
     return sorted(found, key=lambda case: -case.n * case.replications)

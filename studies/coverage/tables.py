@@ -28,7 +28,9 @@ GROUPS = {
     "advice: factor": "advice: factor",
     "differences of two campaigns": "difference .*|ratio .*",
     "at the stop: Cpk, mean, sigma": "at the stop: .*",
-    "rare rejects": "rare, .*",
+    "rare rejects": "rare, (below|above|total)",
+    "rare rejects, designed": "rare, designed",
+    "rare rejects, bound only": "rare, bound",
 }
 # Production and smallest number of values for which the report should not warn; but for a share far out in a tail it
 # may say that so few values do not exclude another shape.

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.stats import chi2, norm
 
 from reporting.errors import ReportError
 from reporting.rare.aim import aims, find_targets
@@ -16,6 +18,14 @@ EVENLY = np.ones(7) / np.sqrt(7.0)
 def plain(dimensions, n=2000, seed=1):
     """Return standard scores and weights of plain runs."""
     return np.random.default_rng(seed).standard_normal((n, dimensions)), np.ones(n)
+
+
+def curved_share(curvature, dimensions, limit):
+    """Return the share of x0 - curvature * sum of the other squares above a limit."""
+    k = dimensions - 1
+    return quad(lambda s: norm.sf(limit + curvature * s) * chi2.pdf(s, k), 0.0, chi2.isf(1e-14, k), points=[k / 2, k])[
+        0
+    ]
 
 
 def tables(found):
@@ -32,6 +42,30 @@ def test_a_model_of_plain_runs_finds_the_design_point():
     assert np.linalg.norm(centre - 4.95 * EVENLY) < 0.5  # the mean of a normal score beyond 4.753 is 4.95
     assert target.ppm == pytest.approx(1.0, rel=0.3)
     assert (part, target.by) == (1.0, "quadratic model of 2000 runs, R2 1.000")
+
+
+def test_a_limit_that_curves_away_is_found_in_many_variables():
+    """x0 - 0.2 sum x_i^2 in 30 variables, 300 ppm beyond: its rejects are near the middle of all scores but one."""
+    z, w = plain(30)
+    y = z[:, 0] - 0.2 * np.sum(z[:, 1:] ** 2, axis=1)
+    limit = brentq(lambda t: curved_share(0.2, 30, t) - 3e-4, -20.0, 5.0)
+    [target] = find_targets(z, w, {"y": y}, {"y": (None, limit)})
+    assert target.ppm == pytest.approx(300.0, rel=0.3)
+    [(centre, _)] = target.centres
+    assert centre[0] > 1.5
+    assert np.abs(centre[1:]).max() < 0.3
+
+
+def test_rejects_in_all_directions_have_one_wide_component():
+    """A sphere in 20 variables, 2 ppm outside: no centre, and a spread at which half of its runs are outside."""
+    z, w = plain(20)
+    radius = np.sqrt(chi2.isf(2e-6, 20))
+    [target] = find_targets(z, w, {"y": np.sum(z * z, axis=1)}, {"y": (None, radius**2)})
+    assert target.ppm == pytest.approx(2.0, rel=0.5)
+    assert target.centres == (((0.0,) * 20, 1.0),)
+    assert target.scale == pytest.approx(radius / np.sqrt(20.0), rel=0.05)
+    found = aims((target,), 20)
+    assert [aim.scale for aim in found] == [target.scale, 2.0]
 
 
 def test_rejects_that_are_there_need_no_model():

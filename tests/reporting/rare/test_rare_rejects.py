@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pytest
-from scipy.stats import norm
+from scipy.integrate import quad
+from scipy.stats import chi2, norm
 
 from campaign.inputs.sampling.proposal import Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design, ReportSpec, ResponseSpec
@@ -56,7 +57,7 @@ def draws_of(components, own):
     by_chance = unshifted & ~own["aimed"]
     scales = {0: 1.0} | {k: c.get("scale", 1.0) for k, c in enumerate(components, 1) if "shift" not in c}
     spreads = tuple((float(np.mean(by_chance & (own["component"] == k))), scale) for k, scale in scales.items())
-    return Draws(np.exp(own["log_weight"]), by_chance, unshifted, spreads, 0.95)
+    return Draws(np.exp(own["log_weight"]), by_chance, unshifted, spreads, 0.95, own["component"] == 0)
 
 
 def linear(z):
@@ -89,6 +90,7 @@ def test_one_ppm_to_a_few_percent():
     assert share.doubt == ""
 
 
+CURVED = quad(lambda b: norm.sf(1.5 + 0.2 * b * b) * norm.pdf(b), -9.0, 9.0)[0]  # 4.6 % of production
 THIRD = 3.5 / np.sqrt(2.0)
 POINTS = ((2.12, 2.12), (-2.12, -2.12), (-THIRD, THIRD), (THIRD, -THIRD))  # of the series system
 SCENES = {  # limit state, truth, components, runs
@@ -104,6 +106,8 @@ SCENES = {  # limit state, truth, components, runs
     "one of four": (series, 2.2228e-3, [*(at(0.28, *p) for p in POINTS[:3]), WIDE], 20_000),
     "nothing aimed": (linear, ONE_PPM, [at(0.8, 0.0, -4.0), WIDE], 3000),
     "no spread": (linear, ONE_PPM, [at(0.8, 0.0, -4.0)], 3000),
+    "curved away": (lambda z: z["a"] - 0.2 * z["b"] ** 2 > 1.5, CURVED, [{"share": 0.9, "scale": 2.0}], 3000),
+    "curved, aimed": (lambda z: z["a"] - 0.2 * z["b"] ** 2 > 1.5, CURVED, [at(0.8, 2.0), WIDE], 3000),
 }
 
 
@@ -128,9 +132,41 @@ def test_four_branches():
     assert part.interval[0] < 2223.0 < part.interval[1]
 
 
+def test_rejects_in_all_directions():
+    """2 ppm outside a sphere in 7 variables, found by a component without shift: a narrow interval that holds."""
+    radius = chi2.isf(2e-6, 7)
+    components = [{"share": 0.8, "scale": 2.45}, WIDE]
+    share = share_of(lambda z: sum(x * x for x in z.values()) > radius, components, 20_000, 5, 7)
+    assert share.doubt == ""
+    assert share.interval[0] < 2.0 < share.interval[1] < 1.3 * share.ppm
+
+
+def test_the_upper_end_has_the_error_of_weights_found_by_chance():
+    """3 % beyond a limit at which nothing aims: the estimate and two standard errors."""
+    share = share_of(SCENES["curved away"][0], [{"share": 0.9, "scale": 2.0}], 3000, 8)
+    assert share.interval[1] / share.ppm == pytest.approx(1.0 + 2.0 * share.standard_error, abs=0.02)
+
+
+def test_plain_runs_cap_the_upper_end():
+    """Seven rejects far out, found by chance, would allow a third of production behind a flat limit."""
+    draws = Draws(
+        np.full(3000, 1e-7),
+        np.arange(3000) < 800,
+        np.arange(3000) < 1000,
+        ((0.1, 1.0), (0.2, 5.0)),
+        0.95,
+        np.arange(3000) < 300,
+    )
+    share = rare_share(np.isin(np.arange(3000), [*range(500, 507), *range(2000, 2400)]), draws)
+    assert share.doubt == ""
+    assert share.by_chance == 7
+    assert share.interval[1] <= 1e6 * (1.0 - 0.005 ** (1 / 300))
+
+
 def test_a_flat_limit_that_nobody_meets():
     """2,000 of the runs spread twice: an unseen flat limit holds at most 0.004 ppm; without them, 1,800 ppm."""
-    draws = Draws(np.ones(0), np.zeros(0, bool), np.zeros(0, bool), ((0.1, 1.0), (0.1, 2.0)), 0.95)
+    none = np.zeros(0, bool)
+    draws = Draws(np.ones(0), none, none, ((0.1, 1.0), (0.1, 2.0)), 0.95, none)
     b = -norm.ppf(flat_bound(0, 20_000, draws))
     assert 2000 * norm.sf(b / 2) + 2000 * norm.sf(b) == pytest.approx(3.689, rel=1e-3)
     assert flat_bound(0, 20_000, draws) < 4e-9
@@ -144,19 +180,24 @@ def test_doubts_have_words():
     weights = np.full(1000, 1e-6)
     none = np.zeros(1000, bool)
     spreads = ((0.2, 1.0), (0.1, 2.0))
-    draws = Draws(weights, none, none, spreads, 0.95)
+    draws = Draws(weights, none, none, spreads, 0.95, np.arange(1000) >= 800)
     rejects = np.arange(1000) < 10
     few = rare_share(rejects, draws)
     assert few.doubt == "its 10 rejects are worth 10 of equal weight, and 20 are needed"
     assert few.interval[0] == 0.0
-    assert few.interval[1] == pytest.approx(1e6 * flat_bound(0, 1000, draws))
+    by_count = 1e6 * (1.0 - 0.025 ** (1 / 200))  # no reject among 200 plain runs
+    assert few.interval[1] == pytest.approx(by_count)
     heavy = replace(draws, weights=np.where(np.arange(1000) == 3, 1e-5, 1e-6))
     assert rare_share(np.arange(1000) < 60, heavy).doubt == "one reject has 14 % of the weight of all"
-    tail = replace(draws, weights=1e-6 * (1.0 - (np.arange(1000) + 0.5) / 1000.0) ** -0.75)
+    many = np.ones(9000, bool)
+    weights = 1e-6 * (1.0 - (np.arange(9000) + 0.5) / 9000.0) ** -0.75
+    tail = Draws(weights, ~many, ~many, spreads, 0.95, ~many)
     assert tail_shape(tail.weights) > 0.7
-    assert "heavy tail (Pareto shape 0." in rare_share(~none, tail).doubt
+    assert "heavy tail (Pareto shape 0." in rare_share(many, tail).doubt
     nothing = rare_share(none, draws)
     assert (nothing.ppm, nothing.interval[0], nothing.standard_error, nothing.doubt) == (0.0, 0.0, None, "")
+    assert nothing.interval[1] == pytest.approx(by_count)
+    assert "4 rejects were found" in rare_share(np.arange(1000) < 4, draws).doubt
 
 
 def table_of(components, n, seed=1, fails=None):
@@ -254,7 +295,8 @@ def test_what_is_not_known_is_a_line_of_the_card():
     request = replace(request, responses=(replace(request.responses[0], lsl=-9.0, usl=None),))
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "good"
-    assert "No reject of y was found: below 0.004" in known.text
+    assert "No reject of y was found: at most" in known.text
+    assert "below 0.004" in known.text
 
 
 def test_nothing_to_say():

@@ -8,6 +8,7 @@ import pytest
 from studies.coverage import families
 from studies.coverage.__main__ import lines
 from studies.coverage.families import Case, all_tallies, cases
+from studies.coverage.limit_states import DESIGNED
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES
 from studies.coverage.rarities import AIMED
@@ -70,6 +71,7 @@ def test_every_number_has_a_row():
     for estimate in (*families.REPLICATIONS, families.attributions, families.verdicts):
         numbers |= {key[0] for key in Case(estimate, LOTS[0], 50, 1).tallies()}
     numbers |= {key[0] for key in Case(families.rare_shares, AIMED[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(families.designed_shares, DESIGNED[0], 50, 1).tallies()}
     numbers |= {key[0] for key in Case(families.stops, LOTS_IN_TURN[0], 100, 1).tallies()}
     rows = {number: [group for group, pattern in GROUPS.items() if re.fullmatch(pattern, number)] for number in numbers}
     assert {number: found for number, found in rows.items() if len(found) != 1} == {}

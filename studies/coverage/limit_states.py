@@ -1,0 +1,105 @@
+"""Rare rejects of limits with a known share: a plain campaign, then two that aim by the rows before, as users do it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.special import ndtri
+from scipy.stats import chi2, norm
+
+from campaign.inputs.sampling.proposal import Component, Proposal, aimed, drawn_from, log_weights, moved
+from reporting.arrays import Array
+from reporting.rare.aim import Aim, aims, find_targets
+from reporting.rare.weighted import LEAST, Draws, rare_share
+from studies.coverage.outcomes import Statement
+from studies.coverage.productions import CONFIDENCE, Production
+
+PLAIN, FIRST = 2000, 3000  # runs of the plain campaign, and of the first that aims
+WRITTEN = 0.999  # of the components' shares: rounding must not take from the plain runs
+
+
+@dataclass(frozen=True)
+class LimitState:
+    """A response of standard scores, shape (n, d), and the limit beyond which a known share lies."""
+
+    dimensions: int
+    share: float
+    response: Callable[[Array], Array]
+    limit: float
+
+
+def flat(dimensions: int, share: float) -> LimitState:
+    """Return a limit of a weighted sum."""
+    return LimitState(dimensions, share, lambda z: z.sum(axis=1) / np.sqrt(dimensions), -float(ndtri(share)))
+
+
+def sphere(dimensions: int, share: float) -> LimitState:
+    """Return a limit of the distance from the middle: rejects lie in all directions."""
+    return LimitState(dimensions, share, lambda z: np.sum(z * z, axis=1), float(chi2.isf(share, dimensions)))
+
+
+def curved(dimensions: int, curvature: float, share: float) -> LimitState:
+    """Return a limit of ``x0 - curvature (x1^2 + ...)``, which curves away from the middle if `curvature` is above 0.
+
+    The sum of the squares has a chi-square distribution, so the share is one integral.
+    """
+    k = dimensions - 1
+
+    def beyond(limit: float) -> float:
+        ends = 0.0, float(chi2.isf(1e-14, k))
+        return float(quad(lambda s: norm.sf(limit + curvature * s) * chi2.pdf(s, k), *ends, points=[k / 4, k])[0])
+
+    limit = brentq(lambda t: beyond(t) - share, -10.0 - 3.0 * abs(curvature) * k, 10.0 + 3.0 * abs(curvature) * k)
+    return LimitState(dimensions, share, lambda z: z[:, 0] - curvature * np.sum(z[:, 1:] ** 2, axis=1), float(limit))
+
+
+STATES = {
+    "flat, 7": flat(7, 1e-6),
+    "flat, 20": flat(20, 1e-6),
+    "sphere, 7": sphere(7, 2e-6),
+    "sphere, 20": sphere(20, 2e-6),
+    "curved, 3": curved(3, 0.05, 0.03),
+    "curved, 7": curved(7, 0.1, 1e-3),
+    "curved, 20": curved(20, 0.2, 3e-4),
+    "curved, 50": curved(50, 0.1, 3e-4),
+}
+DESIGNED = tuple(Production(name, "normal") for name in STATES)
+
+
+def designed_shares(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the interval of the last campaign, of n runs; a share of which only a bound is told counts as warned of."""
+    state = STATES[production.name]
+    names = [f"x{i}" for i in range(state.dimensions)]
+    z, weights = rng.standard_normal((PLAIN, state.dimensions)), np.ones(PLAIN)
+    for runs in (FIRST, n):
+        targets = find_targets(z, weights, {"y": state.response(z)}, {"y": (None, state.limit)})
+        proposal = _proposal(aims(targets, state.dimensions), names)
+        component = drawn_from(proposal, rng.random(runs))
+        scores = moved(proposal, component, {name: rng.standard_normal(runs) for name in names})
+        z, weights = np.column_stack(list(scores.values())), np.exp(log_weights(proposal, scores))
+    unshifted = np.array([True, *(not part.shift for part in proposal.components)])
+    by_chance = unshifted[component] & ~aimed(proposal, scores)
+    scales = np.array([1.0, *(part.scale for part in proposal.components)])
+    drawn = np.bincount(component[by_chance], minlength=scales.size) / n
+    spreads = tuple(zip(drawn[unshifted].tolist(), scales[unshifted].tolist(), strict=True))
+    draws = Draws(weights, by_chance, unshifted[component], spreads, CONFIDENCE, component == 0)
+    found = rare_share(state.response(z) > state.limit, draws)
+    bound = bool(found.doubt) or found.rejects < LEAST
+    yield Statement("rare, designed", found.interval, 1e6 * state.share, warned=bound)
+    yield Statement("rare, bound", found.interval if bound else None, 1e6 * state.share)
+
+
+def _proposal(components: tuple[Aim, ...], names: list[str]) -> Proposal:
+    """Return the proposal that a campaign file would have."""
+    return Proposal(
+        components=tuple(
+            Component(
+                share=WRITTEN * aim.share,
+                scale=aim.scale,
+                shift={name: x for name, x in zip(names, aim.centre, strict=True) if x},
+            )
+            for aim in components
+        )
+    )
