@@ -66,6 +66,19 @@ def test_rank_correlations_are_scipys_with_ties_and_holes() -> None:
     assert other.asked == 0.0
 
 
+def test_correlations_of_many_rows_are_of_all_of_them():
+    """Of 300,000 rows, 200,000 are taken: not the first, which may differ from the last."""
+    n = 300_000
+    x, y = np.random.default_rng(1).standard_normal((2, n))
+    y[200_000:] = x[200_000:]
+    table, spec = c60_table(40), c60_spec(40)
+    few = read_samples(table, spec)
+    spec = replace(spec, variables=spec.variables[:2], correlations=())
+    values = few.values | {spec.variables[0].name: x, spec.variables[1].name: y}
+    (found,) = analyse_correlations(spec, replace(few, values=values, sample=np.arange(n)))
+    assert found.found == pytest.approx(1.0 / 3.0, abs=0.02)
+
+
 @pytest.mark.parametrize("x", [np.zeros(0), np.array([np.nan] * 50), np.array([0.1])])
 def test_nothing_drawn_is_none(x) -> None:
     found = analyse_variable(NORMAL, x, np.arange(x.size))
