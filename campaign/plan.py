@@ -12,7 +12,7 @@ from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, s
 from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
-from campaign.spec.result_columns import ENERGY_COLUMNS, results_schema
+from campaign.spec.result_columns import LATER_COLUMNS, results_schema
 from engine import MechanismError, build_id
 from engine.mechanism import Mechanism, mechanism_from
 
@@ -63,7 +63,7 @@ class Plan(PlanHeader):
             raise unreadable_plan(error) from error
         if document["format"] != FORMAT:  # format 1 has no digest
             campaign_id = _identity(spec, mechanism, {"engine": engine})
-            columns = [c for c in _columns(spec, mechanism, campaign_id) if c["name"] not in ENERGY_COLUMNS]
+            columns = [c for c in _columns(spec, mechanism, campaign_id) if c["name"] not in LATER_COLUMNS]
             if campaign_id != header.campaign_id or columns != header.columns:
                 raise changed_plan()
         content = (header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)

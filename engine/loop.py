@@ -8,6 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly import Assembly
+from engine.assembly.bilateral import turning_arm
 from engine.jit import Kernel
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
@@ -33,6 +34,7 @@ from engine.platform.clock import set_after
 
 TIMEOUT, CANCELLED = 1, 2  # values of the stop flag
 SLOW = 100  # a speed below this multiple of (drift allowed in the window of rest / window) is slow
+LOST = 1e6  # a body that moves in a step by more than this multiple of the mechanism's extent is lost
 ROOM = 2_000_000  # numbers of a trajectory that are buffered in memory before they are written
 
 
@@ -70,7 +72,14 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
         drift=sim.rest.drift,
         full_horizon=full_horizon,
         pauses=False,
+        lost=LOST * _extent(mechanism),
     )
+
+
+def _extent(mechanism: Mechanism) -> float:
+    """Return the largest distance of a body from the world's origin at the start, or its own size if that is larger."""
+    far = [float(np.linalg.norm(body.origin)) for body in mechanism.bodies.values()]
+    return max([*far, *(turning_arm(mechanism, [name]) for name, body in mechanism.bodies.items() if not body.fixed)])
 
 
 def prepare(assembly: Assembly, control: Control) -> None:

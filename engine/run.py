@@ -5,6 +5,9 @@ from typing import Literal
 
 Status = Literal["ok", "not_at_rest", "not_converged", "jammed", "diverged", "timeout", "cancelled", "invalid"]
 
+LARGEST_TURN = 0.5  # rad, of a body in a step: the gyroscopic moment is that of the middle of the step
+MUCH_LOST = 0.1  # share of the largest kinetic energy
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -23,11 +26,22 @@ class Certificate:
     max_penetration : float
         Largest penetration left after a step, in the mechanism's unit of length.
     max_violation : float
-        Largest violation of an ideal joint or prescribed motion left after a step, in the same unit.
+        Largest violation of an ideal joint or prescribed motion left after a step, in the same unit; also of what
+        closed loops hold twice, where `simulation.joint_violation` does not limit it.
     max_created_energy : float
         Largest energy that contacts and projection created in one step, in the mechanism's unit of energy.
     created_energy : float
         Sum of the energy created over all steps that created any, in the same unit.
+    max_lost_energy : float
+        Largest energy that one step lost to its own length: by joints, lasting contacts and projection, in the same
+        unit. What friction, impacts and dampers dissipate is not lost.
+    lost_energy : float
+        Sum of the energy lost over all steps that lost any, in the same unit.
+    max_kinetic_energy : float
+        Largest kinetic energy of all bodies together, in the same unit; at least that of bodies as slow as the test of
+        rest can tell.
+    max_turn : float
+        Largest angle by which a body turned in one step [rad]; above 0.5 its spin is not accurate.
     settled : bool
         Whether the mechanism was at rest at the end.
     iterations : int
@@ -44,9 +58,28 @@ class Certificate:
     max_violation: float
     max_created_energy: float
     created_energy: float
+    max_lost_energy: float
+    lost_energy: float
+    max_kinetic_energy: float
+    max_turn: float
     settled: bool
     iterations: int
     repeated: int
+
+    def doubts(self) -> list[str]:
+        """Return what may be inaccurate in the motion although every step met its tolerances; empty: nothing."""
+        found = []
+        if self.max_turn > LARGEST_TURN:
+            found.append(
+                f"a body turns by {self.max_turn:.3g} rad in a step, and its spin is not accurate above"
+                f" {LARGEST_TURN:g} rad; shorten simulation.step"
+            )
+        if not self.settled and self.lost_energy > MUCH_LOST * self.max_kinetic_energy:
+            found.append(
+                f"the steps lost {100 * self.lost_energy / self.max_kinetic_energy:.3g} % of the largest kinetic"
+                " energy to their own length (lost_energy); shorten simulation.step"
+            )
+        return found
 
 
 @dataclass(frozen=True)

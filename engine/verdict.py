@@ -8,13 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
 from engine.friction.infeasibility import squeezing_impulses
 from engine.kernels import time_loop
-from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
+from engine.kernels.bilateral import row_violations, slack, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
 from engine.kernels.projection import REACH
@@ -77,6 +78,7 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     off, point, direction = at_pose.violation, at_pose.point, at_pose.direction
     find_contacts(contacts, state.x, state.R, state.gap, sites.point, sites.frame)
     row_violations(model.bilateral, state.x, state.R, at_pose.target[1], off, point, direction)
+    direction[_within_slack(assembly)] = 0.0  # such a row constrains nothing
     whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, point, direction, problem.bilateral.J)
     J = _bilateral_rows(assembly)
     worst = float(max(-state.gap.min(initial=0.0), np.abs(off).max(initial=0.0)))
@@ -92,6 +94,13 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     # contacts are judged after the displacement that closes the joints, as in the projection
     closing = np.linalg.lstsq(J, -off, rcond=None)[0] if len(J) else np.zeros(J.shape[1])
     return _squeeze(chosen, N, state.gap[chosen] + N @ closing, worst, J)
+
+
+def _within_slack(assembly: Assembly) -> NDArray[np.bool_]:
+    """Return the bilateral rows that others hold already, and whose violation therefore does not count, shape (nt,)."""
+    model, at_pose = assembly.model, assembly.work.bilateral
+    allowed = [slack(model.metric, model.bilateral, at_pose, i) for i in range(len(at_pose.violation))]
+    return np.asarray(at_pose.redundant & (np.abs(at_pose.violation) <= allowed))
 
 
 def _squeeze(numbers: Integers, rows: Array, q: Array, speed: float, J: Array, locked: bool = False) -> Jam | None:
@@ -188,7 +197,9 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
     where = f"contact {assembly.contact_names[contact]}" if contact >= 0 else "no contact"
     at = f"at step {n[time_loop.STEPS]}, t = {now[time_loop.TIME]:.6g} {mechanism.unit('time')}"
     if code == time_loop.DIVERGED:
-        return "diverged", f"the motion is not finite {at} ({where}); a smaller simulation.step may help"
+        moved = float(now[time_loop.STEP] * now[time_loop.FASTEST])
+        lost = f"a body moves by {moved:.3g} {length} in a step" if math.isfinite(moved) else "it is not finite"
+        return "diverged", f"the motion is lost {at}: {lost} ({where}); a smaller simulation.step may help"
     if jam := find_jam(assembly, code):
         return "jammed", f"{at}: {_reason(mechanism, assembly, jam)}"
     if code == time_loop.NOT_CONVERGED:
@@ -202,7 +213,7 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
             f"allowed: simulation.penetration = {sim.penetration:g}"
         )
     if code == time_loop.VIOLATION:
-        row = int(abs(assembly.work.bilateral.violation).argmax())
+        row = int(np.where(_within_slack(assembly), 0.0, abs(assembly.work.bilateral.violation)).argmax())
         return "not_converged", (
             f"joint {assembly.row_names[row]}: off by {now[time_loop.MAX_VIOLATION]:.3g} {length} {at}; "
             f"allowed: simulation.joint_violation = {sim.joint_violation:g}; a smaller simulation.step may help"

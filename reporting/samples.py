@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 CERTIFICATE = ("sample", "status", "message", "max_residual", "max_penetration", "settled")
 OPTIONAL = "wall_s"
+LATER = ("created_energy", "lost_energy", "max_kinetic_energy", "max_turn")  # rows of earlier builds lack them
 IMPORTANCE = ("component", "log_weight", "aimed")
 OK = "ok"
 MESSAGES_KEPT = 20  # of each status
@@ -51,6 +52,8 @@ class Samples:
     run_seconds: float | None  # total time of the runs [s]; None if the rows do not state it
     # "component", "log_weight" and "aimed"; empty for others
     importance: dict[str, Array] = field(default_factory=dict)
+    # The columns of `LATER`, NaN where a row has none; empty if no row has them all.
+    later: dict[str, Array] = field(default_factory=dict)
     # Group of production batches of each sample, where variables have batches of different sizes: samples of different
     # groups share no shift. None where each production batch is such a group.
     lot: NDArray[np.int64] | None = None
@@ -76,6 +79,7 @@ class Samples:
             lot=None if self.lot is None else self.lot[rows],
             values={name: column[rows] for name, column in self.values.items()},
             importance={name: column[rows] for name, column in self.importance.items()},
+            later={name: column[rows] for name, column in self.later.items()},
         )
 
 
@@ -91,7 +95,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     needed += [spec.production_batch_column] if spec.production_batch_column else []
     needed += IMPORTANCE if spec.proposal else ()
     # One empty array each, because a campaign may have no table yet.
-    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in needed}
+    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in (*needed, *LATER)}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
     for table in _tables(rows):
@@ -99,9 +103,13 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         unit = _unit(table, "max_penetration") or unit
         for name in needed:
             pieces[name].append(_numbers(table, name))
+        for name in LATER:
+            there = name in table.column_names
+            pieces[name].append(_numbers(table, name) if there else np.full(table.num_rows, np.nan))
         codes.append(_statuses(table, statuses, messages))
         if OPTIONAL in table.column_names:
             seconds = (seconds or 0.0) + float(np.nansum(_numbers(table, OPTIONAL)))
+    later = {name: np.concatenate(pieces.pop(name)) for name in LATER}
     columns = {name: np.concatenate(pieces.pop(name)) for name in needed}
     sample, status = columns.pop("sample").astype(np.int64), np.concatenate(codes)
     _check_rows(sample, spec.requested)
@@ -121,6 +129,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         lot=whole_lots(sample, sizes),
         run_seconds=seconds,
         importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},
+        later=later if all(np.isfinite(column).any() for column in later.values()) else {},
         values=columns,
     )
 

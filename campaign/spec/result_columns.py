@@ -7,7 +7,15 @@ import pyarrow as pa
 from engine.mechanism import Mechanism, unit_of
 from engine.mechanism.quantities import Quantity, UnitSystem
 
-ENERGY_COLUMNS = ("max_created_energy", "created_energy")  # earlier builds did not have them
+# earlier builds did not have them
+LATER_COLUMNS = (
+    "max_created_energy",
+    "created_energy",
+    "max_lost_energy",
+    "lost_energy",
+    "max_kinetic_energy",
+    "max_turn",
+)
 CERTIFICATE_COLUMNS = (
     "sample",
     "status",
@@ -16,7 +24,7 @@ CERTIFICATE_COLUMNS = (
     "wall_s",
     "max_residual",
     "max_penetration",
-    *ENERGY_COLUMNS,
+    *LATER_COLUMNS,
     "settled",
     "attempts",
     "earlier_attempts",
@@ -28,6 +36,10 @@ _QUANTITIES = {  # of the numbers of a run's certificate that have a unit
     "max_violation": "length",
     "max_created_energy": "energy",
     "created_energy": "energy",
+    "max_lost_energy": "energy",
+    "lost_energy": "energy",
+    "max_kinetic_energy": "energy",
+    "max_turn": "angle",
 }
 
 OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.bool_()}
@@ -57,7 +69,7 @@ def results_schema(
         _number("wall_s", units["wall_s"]),
         _number("max_residual", "1"),
         _number("max_penetration", units["max_penetration"]),
-        *(_number(name, units[name]) for name in ENERGY_COLUMNS),
+        *(_number(name, units[name]) for name in LATER_COLUMNS),
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),

@@ -21,7 +21,7 @@ from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.plan_header import SETTINGS, PlanHeader, RepeatPlan, plan_repeats
 from campaign.spec.campaign_file import RETRIED, SimulationSettings
-from campaign.spec.result_columns import ENERGY_COLUMNS
+from campaign.spec.result_columns import LATER_COLUMNS
 from campaign.store import BadPart, Store, open_store
 from campaign.store.layout import CANCEL
 from campaign.store.repeat_sets import repeat_plans
@@ -80,7 +80,7 @@ def crashed_row(
     ``values`` are its inputs by variable name, ``status`` is ``crashed`` or ``timeout``, ``wall_s`` how long the run
     took [s], if known.
     """
-    empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *ENERGY_COLUMNS))
+    empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *LATER_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
     return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
 
@@ -142,7 +142,7 @@ def _attempt(
         "wall_s": run.certificate.wall_s,
         "max_residual": run.certificate.max_residual,
         "max_penetration": run.certificate.max_penetration,
-        **{name: getattr(run.certificate, name) for name in ENERGY_COLUMNS},
+        **{name: getattr(run.certificate, name) for name in LATER_COLUMNS},
         "settled": run.certificate.settled,
     }
 
@@ -343,7 +343,7 @@ def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] |
 def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:
     """Return whether two rows agree in everything that the sample determines."""
     names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
-    names += [name for name in ENERGY_COLUMNS if name in stored]
+    names += [name for name in LATER_COLUMNS if name in stored]
     return all(_equal(row[name], stored[name]) for name in names)
 
 

@@ -79,6 +79,8 @@ def simulate(
     if step is not None and run.status == "not_at_rest":
         run = _with_longest_step(run, set_values(loaded, values), step, horizon)
     _print_run(run, files.named(), json)
+    for doubt in run.certificate.doubts():
+        say(f"warning: {doubt}")
     if run.status != "ok":
         for caution in cautions(set_values(loaded, values)):
             say(f"warning: {caution}")

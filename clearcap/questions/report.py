@@ -40,7 +40,7 @@ from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, analyse, compare_rows
 from reporting.rounding import leveled
-from reporting.samples import Repeats, read_samples
+from reporting.samples import LATER, Repeats, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
 from reporting.write import USUAL
@@ -148,6 +148,7 @@ def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
     If the campaign has production batches, a further column holds the number of each row's batch.
     """
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
+    columns += [name for name in LATER if name in plan.schema.names]
     columns += sampler_named(plan.spec.sampler).columns
     tables = chain([plan.schema.empty_table().select(columns)], store.stream(plan, columns))
     if not _has_production_batches(plan):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array, copied
-from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows
+from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
@@ -86,8 +86,11 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
     unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs])
     contacts, laws = contact_arrays(pairs, unknowns.contact_pair)
+    root = np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia
+    bodies = Bodies(mass, inertia, root, unknowns.body)
     model = Model(
-        bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, unknowns.body),
+        bodies=bodies,
+        metric=rank_metric(bodies, rows),
         contacts=contacts,
         laws=laws,
         bilateral=bilateral_arrays(rows, len(mechanism.phases)),
@@ -99,7 +102,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     nc = len(pairs)
     assembly = Assembly(
         model,
-        state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
+        state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
         _scratch(len(moving), nc, len(rows), model.responses.offset),
         _problem(unknowns),
         tuple(pair.name for pair in pairs),
@@ -121,16 +124,19 @@ def _problem(unknowns: Unknowns) -> FrictionArrays:
     problem = friction_arrays(unknowns.system, nc, bilateral=nt)
     rows = problem.bilateral
     rows.at[:], rows.node[:], rows.pair[:] = unknowns.at, unknowns.row_body, unknowns.row_pair
+    rows.owner[unknowns.at] = np.arange(nt)
     return problem
 
 
 def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     """Allocate the workspace of a run."""
-    bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
+    bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((5, nc, 3))
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
-        bilateral=BilateralState(np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3))),
-        start=StepStart(np.zeros((nb + 1, 16)), bodies[2], contacts[3]),
+        bilateral=BilateralState(
+            np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3)), np.zeros(nt, bool)
+        ),
+        start=StepStart(np.zeros((nb + 1, 16)), bodies[2], contacts[3], contacts[4]),
         sites=ContactSites(contacts[0], np.zeros((nc, 3, 3))),
         wrench=bodies[0],
         free=bodies[1],

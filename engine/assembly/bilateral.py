@@ -10,7 +10,7 @@ from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.loads import active_phases
 from engine.friction.blocks import BODY, ROW, Elimination
 from engine.friction.elimination import eliminate_nodes
-from engine.kernels.model import SLIDE, TURN, BilateralRows, State
+from engine.kernels.model import SLIDE, TURN, BilateralRows, Bodies, State
 from engine.mechanism.models import Mechanism
 from engine.mechanism.time_laws import Translation
 
@@ -52,7 +52,38 @@ def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows
         phase=acts,
         offset=np.zeros(len(rows)),
         acts=acts[:, 0].copy(),
+        closed=np.array([_close_loops(rows)]),
     )
+
+
+def _close_loops(rows: list[BilateralRow]) -> bool:
+    """Return whether the joints and motions that the rows belong to connect some bodies in more than one way."""
+    root: dict[int, int] = {}
+
+    def group(body: int) -> int:
+        return group(root[body]) if root.setdefault(body, body) != body else body
+
+    for a, b in {(row.name.partition(".")[0], row.law >= 0): (row.a, row.b) for row in rows}.values():
+        first, second = group(a), group(b)
+        if first == second:
+            return True
+        root[second] = first
+    return False
+
+
+def rank_metric(bodies: Bodies, rows: list[BilateralRow]) -> Bodies:
+    """Return bodies of mass 1 with a radius of gyration of their farthest joint, or their own if it is larger.
+
+    What joints hold does not depend on masses; in this metric no row is long because it acts far from a body's centre.
+    """
+    size = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))
+    for row in rows:
+        if row.kind == SLIDE:
+            for body, first in ((row.a, 0), (row.b, 6)):
+                if body < size.size:
+                    size[body] = max(size[body], np.linalg.norm(row.geometry[first : first + 3]))
+    inertia = size[:, None, None] ** 2 * np.eye(3)
+    return Bodies(np.ones_like(size), inertia, np.eye(3) / size[:, None, None], bodies.node)
 
 
 # Prescribed motions as bilateral rows with a time law as their target.

@@ -105,4 +105,4 @@ def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, Bod
         x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
         v[i] = [*body.velocity, *body.angular_velocity]
     empty = np.zeros(0)
-    return frames, State(x, p, R, v, empty, empty, empty)
+    return frames, State(x, p, R, v, empty, empty, empty, empty)

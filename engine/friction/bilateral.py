@@ -5,8 +5,9 @@ that the system
 
     B = [[I, J'], [-J, eps I]],    rows of J scaled to length one,
 
-has few blocks. Its symmetric part is positive definite, so no pivoting is needed and redundant rows (a planar four-bar
-linkage in space) do no harm. The remainder due to eps, J w = eps l, is removed by one more solve.
+has few blocks. Its symmetric part is positive definite, so no pivoting is needed. The remainder due to eps,
+J w = eps l, is removed by one more solve. Rows that repeat others exactly do no harm; those that do so only nearly must
+be left out (`engine.friction.redundancy`).
 """
 
 from typing import NamedTuple
@@ -34,20 +35,28 @@ class BilateralSystem(NamedTuple):
     F: np.ndarray  # (48 nodes,)
     right: np.ndarray  # (n,) right-hand side, workspace
     miss: np.ndarray  # (n,) workspace
+    owner: np.ndarray  # (n,) int64, the row of each multiplier among the unknowns; -1: another unknown
+    left: np.ndarray  # (6, 6) products of a node's rows, workspace of `redundancy`
 
 
 @kernel
 def factorise_bilateral(system, rows):
     """Write the lengths of the rows and the factors of B; call it after each change of J."""
+    measure_rows(rows)
+    if rows.at.shape[0] > 0:
+        start_system(system, rows.K)
+        add_bilateral(rows, rows.K)
+        factorise(system, rows.K, rows.F)
+
+
+@inner
+def measure_rows(rows):
+    """Write the lengths of the rows."""
     for i in range(rows.at.shape[0]):
         s = 0.0
         for a in range(2 * ROW):
             s += rows.J[i, a] * rows.J[i, a]
         rows.length[i] = np.sqrt(s)
-    if rows.at.shape[0] > 0:
-        start_system(system, rows.K)
-        add_bilateral(rows, rows.K)
-        factorise(system, rows.K, rows.F)
 
 
 @inner

@@ -117,19 +117,25 @@ def factorise(system, K, F):
     transposed. K_kb becomes L_k^-1 K_kb and K_bk' becomes U_k'^-1 K_bk', so that K_bc is reduced by K_bk K_kc.
     """
     for k in range(system.begin.shape[0]):
-        at, target = PIECE * k, system.begin[k]
-        _factorise_diagonal(K, F, at)
-        for e in range(system.first[k], system.first[k + 1]):
-            _eliminate_pair(K, F, at, PIECE * system.pair[e])
-        for e in range(system.first[k], system.first[k + 1]):
-            right = PIECE * system.pair[e]
-            below = right + PIECE
-            _subtract_product(K, PIECE * system.later[e], below, right)
-            for f in range(e + 1, system.first[k + 1]):
-                pair, other = PIECE * system.target[target], PIECE * system.pair[f]
-                target += 1
-                _subtract_product(K, pair, below, other)
-                _subtract_product(K, pair + PIECE, right, other + PIECE)
+        eliminate_node(system, K, F, k)
+
+
+@inner
+def eliminate_node(system, K, F, k):
+    """Eliminate node k, the next one of `factorise`."""
+    at, target = PIECE * k, system.begin[k]
+    _factorise_diagonal(K, F, at)
+    for e in range(system.first[k], system.first[k + 1]):
+        _eliminate_pair(K, F, at, PIECE * system.pair[e])
+    for e in range(system.first[k], system.first[k + 1]):
+        right = PIECE * system.pair[e]
+        below = right + PIECE
+        _subtract_product(K, PIECE * system.later[e], below, right)
+        for f in range(e + 1, system.first[k + 1]):
+            pair, other = PIECE * system.target[target], PIECE * system.pair[f]
+            target += 1
+            _subtract_product(K, pair, below, other)
+            _subtract_product(K, pair + PIECE, right, other + PIECE)
 
 
 @inner

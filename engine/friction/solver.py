@@ -81,6 +81,7 @@ def solve_friction(nc, p, tolerance):
         load += c.q[0, i] * c.q[0, i] + c.q[1, i] * c.q[1, i] + c.q[2, i] * c.q[2, i]
         warm = warm or c.r[0, i] != 0.0
     load /= max(nc, 1)
+    warm = warm and load > 0.0  # without any velocity no impulse is the answer, which those given only approach
     budget, total, best, weight, last = max(LEAST_BUDGET, BUDGET // (nc + 30)), 0, np.inf, 1.0, len(WEIGHT) - 1
     for attempt in range(-2 if warm else 0, last + 1):  # -2, -1: natural map and interior point from given impulses
         given = attempt < 0

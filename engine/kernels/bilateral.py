@@ -13,13 +13,18 @@ Both describe a velocity of b relative to a: along t at the common point P_b, or
 import numpy as np
 
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
-from engine.friction.blocks import ROW
+from engine.friction.blocks import BODY, ROW
+from engine.friction.redundancy import mark_redundant
 from engine.jit import inner, kernel
 from engine.kernels.contacts import add_whitened
 from engine.kernels.loads import time_law, time_law_rate
 from engine.kernels.model import SLIDE
 from engine.kernels.motion import NOTHING
 from engine.kernels.vectors import to_world, turn_to_world
+
+# Share of a row's length that the others must leave for it to count: ten times what joints may be off at the start, in
+# rad, see `engine.assembly.start`. Axes of a closed linkage that agree to within that hold no more than exact ones.
+REDUNDANT = 1e-4
 
 
 @kernel
@@ -64,6 +69,43 @@ def row_violations(rows, x, R, target, violation, point, direction):
             cosine = d0 * e0 + d1 * e1 + d2 * e2
             cs, sn = np.cos(target[i]), np.sin(target[i])
             violation[i] = rows.arm[i] * np.arctan2(sine * cs - cosine * sn, cosine * cs + sine * sn)
+
+
+@inner
+def find_redundant_rows(metric, rows, state, at_pose, problem):
+    """Mark the rows that closed loops hold already at the current pose, where the joints are exact.
+
+    The ``metric`` is that of bodies with equal masses, because what a joint holds does not depend on them. The
+    bilateral system of ``problem`` is overwritten.
+    """
+    if rows.closed[0]:
+        c, point, direction = at_pose.violation, at_pose.point, at_pose.direction
+        row_violations(rows, state.x, state.R, at_pose.target[1], c, point, direction)
+        whitened_bilateral_rows(metric, rows, state.x, state.R, point, direction, problem.bilateral.J)
+        mark_redundant(problem.system, problem.bilateral, REDUNDANT, at_pose.redundant)
+
+
+@inner
+def rows_at_pose(rows, state, at_pose):
+    """Write violations, points and directions at the current pose; the direction of a redundant row is 0."""
+    row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
+    if rows.closed[0]:
+        for i in range(at_pose.redundant.shape[0]):
+            if at_pose.redundant[i]:
+                at_pose.direction[i, 0] = at_pose.direction[i, 1] = at_pose.direction[i, 2] = 0.0
+
+
+@kernel
+def slack(metric, rows, at_pose, i):
+    """Return the violation that row i may have: what a redundant one of a joint can gain where others hold exactly."""
+    if not at_pose.redundant[i] or rows.law[i] >= 0:
+        return 0.0
+    size = 0.0
+    for side in range(2):
+        body = rows.a[i] if side == 0 else rows.b[i]
+        if body < metric.mass.shape[0]:
+            size = max(size, 1 / metric.inverse_root[body, 0, 0])
+    return REDUNDANT * size
 
 
 @inner
@@ -149,12 +191,13 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
 
     The mean velocity of a step of length ``h`` must satisfy the joints, with the twists at its start in ``state``; if
     ``h`` is 0, the velocity at the end must. The bilateral system of ``problem`` and its unknowns are overwritten.
+    Return the kinetic energy that joints remove from the velocities at the end; what they do to a mean one is no work.
     """
     x, R = state.x, state.R
     if at_pose.violation.shape[0] == 0:
-        return
+        return 0.0
+    rows_at_pose(rows, state, at_pose)
     c, point, direction = at_pose.violation, at_pose.point, at_pose.direction
-    row_violations(rows, x, R, at_pose.target[1], c, point, direction)
     for i in range(c.shape[0]):
         c[i] = row_velocity(rows, x, R, point, direction, twist, i)
         if h > 0.0:
@@ -168,3 +211,16 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
     factorise_bilateral(problem.system, problem.bilateral)
     hold_bilateral(problem.system, problem.bilateral, c, problem.w)
     add_whitened(bodies, problem.w, twist)
+    if h > 0.0:
+        return 0.0
+    driven = False
+    for i in range(c.shape[0]):
+        if rows.law[i] >= 0 and rows.acts[i]:
+            c[i], driven = 0.0, True
+    if driven:  # the speed that a motion gives is no loss, even where it jumps
+        hold_bilateral(problem.system, problem.bilateral, c, problem.w)
+    removed = 0.0
+    for body in range(bodies.mass.shape[0]):
+        for k in range(BODY):
+            removed += 0.5 * problem.w[ROW * bodies.node[body] + k] ** 2
+    return removed

@@ -29,12 +29,16 @@ def kinetic_energy(bodies, v):
 
 @inner
 def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
-    """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts; negative: they dissipate energy.
+    """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts, and what lasting contacts remove.
 
-    The state has the pose within the step and the twists at its end. ``work.u``, the relative velocities at the start
-    of the step, is computed here unless the scheme is ``plain``, whose contact frames belong to another pose.
+    The first is negative where contacts dissipate energy. The state has the pose within the step and the twists at its
+    end; its relative velocities, and ``work.u``, those at the start of the step, are computed here. In the ``plain``
+    scheme ``work.u`` is given, because its contact frames belong to another pose.
+
+    Between the poses of two steps the relative velocity of a contact that lasts changes although no impulse acts: on a
+    curved surface, or where a body rolls, the tangent plane turns. What impulses do against this part is no friction.
     """
-    gained = 0.0
+    gained, removed = 0.0, 0.0
     for j in range(n):
         i = work.chosen[j]
         for k in range(3):
@@ -45,7 +49,12 @@ def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
         for k in range(3):
             gained += (1 - theta) * problem.r[j, k] * work.u[i, k]
-    return gained - (theta - 0.5) * _square_of_change(bodies, work.start.v, state.v) if n > 0 else 0.0
+            if work.start.r[i, 0] > 0.0:
+                removed -= 0.5 * problem.r[j, k] * (work.u[i, k] - work.start.u[i, k])
+            state.u[i, k] = problem.u[j, k] - (work.shift[i] if k == 0 else 0.0)
+    if n > 0:
+        gained -= (theta - 0.5) * _square_of_change(bodies, work.start.v, state.v)
+    return gained, removed
 
 
 @inner

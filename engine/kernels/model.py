@@ -98,6 +98,7 @@ class BilateralRows(NamedTuple):
     phase: np.ndarray  # (nt, n_phase) bool, whether it acts
     offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; start of the motion; written by the run
     acts: np.ndarray  # (nt,) bool, in the current phase; written by the run
+    closed: np.ndarray  # (1,) bool, whether joints and motions close loops; otherwise no row is redundant
 
 
 @by_address
@@ -153,6 +154,7 @@ class Model(NamedTuple):
     """The constants of a run."""
 
     bodies: Bodies
+    metric: Bodies  # the same with mass 1 and a radius of gyration that no joint exceeds, see `redundancy`
     contacts: Contacts
     laws: Laws
     bilateral: BilateralRows
@@ -171,6 +173,7 @@ class State(NamedTuple):
     R: np.ndarray  # (nb + 1, 3, 3) their rotations
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
+    u: np.ndarray  # (nc, 3) relative velocities at its end, where r is not 0
     slip: np.ndarray  # (nc,) relative tangential speed of the contacts that carried load in the last step
     gap: np.ndarray  # (nc,) at the end of the step; for contacts that are not near, a lower bound
 
@@ -193,6 +196,7 @@ class BilateralState(NamedTuple):
     violation: np.ndarray  # (nt,) a length, or its rate
     point: np.ndarray  # (nt, 3)
     direction: np.ndarray  # (nt, 3)
+    redundant: np.ndarray  # (nt,) bool, others hold it already, see `engine.friction.redundancy`
 
 
 @by_address
@@ -202,6 +206,7 @@ class StepStart(NamedTuple):
     pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation
     v: np.ndarray  # (nb + 1, 6)
     r: np.ndarray  # (nc, 3)
+    u: np.ndarray  # (nc, 3)
 
 
 @by_address
@@ -258,6 +263,7 @@ class Control(NamedTuple):
     drift: float  # length by which something may move in that time and still count as unmoved
     full_horizon: bool  # go on to the horizon even at rest
     pauses: bool  # return at the end of a phase at rest in which forces are read, so that they can be balanced
+    lost: float  # displacement of a body in a step with which a run has lost the mechanism
 
 
 class RunArrays(NamedTuple):
@@ -288,10 +294,14 @@ class StepResult(NamedTuple):
     """The outcome of one time step."""
 
     status: int  # of the friction solver: CONVERGED or NOT_CONVERGED
-    residual: float  # relative residual of the step's last friction problem, which contains the earlier ones' contacts
+    residual: float  # largest relative residual of the step's friction problems
     penetration: float  # largest remaining penetration
     contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
-    violation: float  # largest remaining joint violation
+    violation: float  # largest remaining joint violation that counts, see `projection.project_positions`
+    widest: float  # largest remaining joint violation, also of rows that others hold already
     created: float  # energy that contacts and projection created; negative: dissipated
+    lost: float  # energy that joints, lasting contacts and projection removed, see `energy`; negative: added
+    braked: float  # the part of it that joints removed, if closed loops hold anything twice; otherwise 0
     speed: float  # of the fastest body at the end of the step, see `motion.fastest_body`
+    spin: float  # largest angular speed of a body at the end of the step
     iterations: int  # of the friction solver

@@ -100,6 +100,7 @@ def save_start(state, start):
     for i in range(state.r.shape[0]):
         for k in range(3):
             start.r[i, k] = state.r[i, k]
+            start.u[i, k] = state.u[i, k]
 
 
 @inner
@@ -120,6 +121,7 @@ def restore_start(state, work):
         budget[i] = 0.0
         for k in range(3):
             state.r[i, k] = start.r[i, k]
+            state.u[i, k] = start.u[i, k]
 
 
 @inner
@@ -134,3 +136,12 @@ def fastest_body(bodies, v):
                 twice += t[3 + k] * J[k, j] * t[3 + j]
         fastest = max(fastest, twice / bodies.mass[body])
     return np.sqrt(fastest)
+
+
+@inner
+def fastest_spin(v):
+    """Return the largest angular speed of a body."""
+    square = 0.0
+    for body in range(v.shape[0]):
+        square = max(square, v[body, 3] ** 2 + v[body, 4] ** 2 + v[body, 5] ** 2)
+    return np.sqrt(square)

@@ -11,7 +11,7 @@ from engine.friction.blocks import ROW
 from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.jit.lanes import fused, read, spread, total
-from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
+from engine.kernels.bilateral import rows_at_pose, slack, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.energy import work_of_displacement
@@ -23,21 +23,24 @@ TOLERANCE = 1e-4  # of a displacement problem: the next round removes the remain
 
 
 @inner
-def project_positions(bodies, contacts, rows, state, work, problem, control):
+def project_positions(model, state, work, problem, control):
     """Displace the bodies until each contact and joint violates its constraint by at most half its limit.
 
-    Return the largest remaining penetration, its contact (-1: none), the largest remaining joint violation, and the
-    work of the displacement against the loads of the step, ``work.wrench``.
+    Return the largest remaining penetration, its contact (-1: none), the largest remaining joint violation that counts,
+    the largest of all, and the work of the displacement against the loads of the step, ``work.wrench``. That of a row
+    that others hold already counts only beyond its `slack`.
     """
-    at_pose = work.bilateral
-    worst, contact, off, lifted, displacement = 0.0, -1, 0.0, 0.0, work.free
-    for _ in range(ROUNDS):
+    bodies, contacts, rows, at_pose = model.bodies, model.contacts, model.bilateral, work.bilateral
+    worst, contact, off, widest, lifted, displacement = 0.0, -1, 0.0, 0.0, 0.0, work.free
+    for made in range(ROUNDS + 1):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
         worst, contact = largest_penetration(state.gap)
-        row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
-        off = largest_violation(at_pose.violation)
+        rows_at_pose(rows, state, at_pose)
+        off, widest = largest_violations(model.metric, rows, at_pose)
         # the second condition: NaN or infinite, which the time loop reports as diverged
         if (worst <= 0.5 * control.penetration and off <= 0.5 * control.violation) or not worst + off < 1e300:
+            break
+        if made == ROUNDS:
             break
         within = REACH * max(worst, off)
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, within, state.gap)
@@ -61,7 +64,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
         consume_budget(contacts, displacement, 1.0, work.broad_phase)
         lifted -= work_of_displacement(state.R, work.wrench, displacement)
         displace(displacement, state)
-    return worst, contact, off, lifted
+    return worst, contact, off, widest, lifted
 
 
 @inner
@@ -75,13 +78,16 @@ def largest_penetration(gap):
 
 
 @inner
-def largest_violation(violation):
-    """Return the largest absolute joint violation; NaN if any violation is NaN."""
-    off = 0.0
-    for i in range(violation.shape[0]):
-        if not abs(violation[i]) <= off:
-            off = abs(violation[i])
-    return off
+def largest_violations(metric, rows, at_pose):
+    """Return the largest joint violation beyond a row's slack, and the largest of all; NaN if any is NaN."""
+    off, widest = 0.0, 0.0
+    for i in range(at_pose.violation.shape[0]):
+        size = abs(at_pose.violation[i])
+        if not size <= widest:
+            widest = size
+        if not size <= off and not size <= slack(metric, rows, at_pose, i):
+            off = size
+    return off, widest
 
 
 @inner

@@ -10,7 +10,7 @@ from engine.friction.interior import BOLD, interior_point
 from engine.friction.newton import newton
 from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
-from engine.kernels.bilateral import hold_joints, row_targets
+from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.energy import kinetic_energy
@@ -54,6 +54,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     row_targets(model.bilateral, model.time_laws, t, 0.0, target)
     for i in range(target.shape[1]):
         target[2, i] = 0.0  # a motion is held where it is
+    find_redundant_rows(model.metric, model.bilateral, state, work.bilateral, problem)
     hold_joints(bodies, model.bilateral, state, work.bilateral, problem, work.free, 0.0, 0.5)
     nc, diagonal = _gather_touching(model, state, work, problem, touching_gap)
     status = UNSOLVED

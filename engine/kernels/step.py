@@ -4,15 +4,17 @@ A step is a sequence of stages, each a kernel in its own module. All stages read
 `StepContext`.
 """
 
-from engine.friction.arrays import CONVERGED
+import numpy as np
+
+from engine.friction.arrays import CONVERGED, NOT_CONVERGED
 from engine.friction.solver import solve_friction
 from engine.jit import inner
-from engine.kernels.bilateral import hold_joints, row_targets
+from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
 from engine.kernels.energy import work_of_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
-from engine.kernels.motion import damp, fastest_body, free_twist, move, save_start
+from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (
     apply_impulses,
@@ -35,6 +37,7 @@ def step(context):
     bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
     save_start(state, work.start)
+    find_redundant_rows(model.metric, bilateral, state, work.bilateral, problem)
 
     # free motion to within the step, and the twists at its end without contact impulses; the plain scheme evaluates
     # joints and normals at the end of the step, as reached with the twists at its start
@@ -61,29 +64,36 @@ def step(context):
     if plain:
         move(state, after)
         look_at_active_contacts(contacts, state, work)
-    status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
-    for growth in range(GROWTH_ROUNDS):
+    status, residual, iterations, fastest, spin = CONVERGED, 0.0, 0, 0.0, 0.0
+    for growth in range(GROWTH_ROUNDS + 1):
         nc = gather_problem(bodies, contacts, laws, state, work, problem)
         if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
         if nc > 0:
-            status, spent, residual = solve_friction(nc, problem, control.tolerance)
+            status, spent, left = solve_friction(nc, problem, control.tolerance)
             iterations += spent
+            residual = max(residual, left)
         apply_impulses(bodies, state, work, problem, nc)
+        if status == CONVERGED:
+            if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce) == 0:
+                break
+            if growth == GROWTH_ROUNDS:
+                status = NOT_CONVERGED  # contacts still close, which the last problem does not contain
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
-            return StepResult(status, residual, 0.0, contact, 0.0, 0.0, fastest, iterations)
-        if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce) == 0:
-            break
-    fastest = fastest_body(bodies, state.v)
-    created = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
+            return StepResult(status, residual, 0.0, contact, 0.0, 0.0, 0.0, 0.0, 0.0, fastest, spin, iterations)
+    fastest, spin = fastest_body(bodies, state.v), fastest_spin(state.v)
+    created, lost = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
 
     # the rest of the displacement, the projection of the positions, and twists consistent with the joints at the new
     # pose
     move(state, after)
     consume_budget(contacts, state.v, after, work.broad_phase)
-    projected = project_positions(bodies, contacts, bilateral, state, work, problem, control)
-    penetration, contact, violation, lifted = projected
+    penetration, contact, violation, widest, lifted = project_positions(model, state, work, problem, control)
+    braked, energy = 0.0, created + lifted
     if not plain:
-        hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
-    return StepResult(status, residual, penetration, contact, violation, created + lifted, fastest, iterations)
+        braked = hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
+    lost += braked - lifted
+    braked = braked if np.any(work.bilateral.redundant) else 0.0
+    errors = residual, penetration, contact, violation, widest
+    return StepResult(status, *errors, energy, lost, braked, fastest, spin, iterations)

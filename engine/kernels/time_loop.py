@@ -14,9 +14,10 @@ from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported
 from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
+from engine.run import LARGEST_TURN
 
 HALVINGS = 4
-CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create
+CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create, or closed loops remove
 LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that creates more; below the second, none
 MUCH_CREATED = 0.1  # share of it that all steps together may create before the longest step is halved
 ROUNDING = 1e-6  # share of a step by which the sum of all steps may be off
@@ -30,6 +31,7 @@ SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED, BALANCED = range(6, 1
 TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
 PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
 MOST_CREATED, ALL_CREATED, PEAK_KINETIC, LATELY_CREATED = range(10, 14)
+MOST_LOST, ALL_LOST, SPIN, MOST_TURN = range(14, 18)
 
 PATIENCE = 3  # windows of rest: a mechanism that is slow for this long without coming to rest gets shorter steps
 
@@ -42,17 +44,18 @@ class Course(NamedTuple):
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated; BALANCED: the
     # last phase at whose end the forces at rest were determined
     counts: np.ndarray
-    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: longest step
+    # (18,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: longest step
     # currently allowed in the phase; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
     # moved, -1 before a phase's first step; MOST_CREATED, ALL_CREATED: energy created by one step, and by all steps;
     # PEAK_KINETIC: largest kinetic energy so far, at least that of all bodies at the speed that counts as slow;
-    # LATELY_CREATED: energy created by steps since LONGEST was set
+    # LATELY_CREATED: energy created by steps since LONGEST was set; MOST_LOST, ALL_LOST: the same of energy that is
+    # lost; SPIN: largest angular speed at the end of the last step; MOST_TURN: largest rotation of a body in a step
     reals: np.ndarray
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(13, np.int64), np.zeros(14)
+    counts, reals = np.zeros(13, np.int64), np.zeros(18)
     # as no speed is known yet, an infinite one makes the first step the shortest
     counts[PHASE] = counts[BALANCED] = -1
     reals[STEP], reals[FASTEST] = control.step, np.inf
@@ -65,8 +68,9 @@ def run_to_end(arrays, control, course, rows, every, stop):
 
     A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
     down to that many halvings of the shortest step. So is a step that creates more than ``CREATED`` of the largest
-    kinetic energy so far, except in the plain scheme. If even the shortest such step does, it is repeated with less
-    restitution, down to none, and is then accepted.
+    kinetic energy so far, or in which a closed loop of joints brakes its own motion by as much, except in the plain
+    scheme. If even the shortest such step creates it, it is repeated with less restitution, down to none, and is then
+    accepted.
 
     Every ``every``-th step (0: none) is written into ``rows``, see `kernels.record`. When they are full, the status is
     FULL, and the run continues when it is called again with room in them. With ``control.pauses`` the status is
@@ -170,13 +174,13 @@ def _event_happened(phases, phase, values):
 def _next_step_length(control, course):
     """Return the length of the next step.
 
-    It is at most twice the previous one, and is halved until the fastest body moves little enough in it. The last step
-    of a phase ends with the phase: a remainder of less than half a step is added to it.
+    It is at most twice the previous one, and is halved until no body moves or turns too far in it. The last step of a
+    phase ends with the phase: a remainder of less than half a step is added to it.
     """
     n, now = course.counts, course.reals
     h = now[STEP] if n[SHORTENED] != 0 else 2 * now[STEP]
     h = min(h, now[LONGEST])
-    while h > control.step and h * now[FASTEST] > control.travel:
+    while h > control.step and (h * now[FASTEST] > control.travel or h * now[SPIN] > LARGEST_TURN):
         h = max(0.5 * h, control.step)
     left = now[PHASE_END] - now[TIME]
     return left if ROUNDING * control.step < left - h < 0.5 * control.step else min(h, left)
@@ -198,12 +202,13 @@ def _advance(arrays, control, course, theta, bounce):
         done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta, bounce))
         n[STEPS] += 1
         n[ITERATIONS] += done.iterations
-        now[FASTEST] = done.speed
+        now[FASTEST], now[SPIN] = done.speed, done.spin
         now[PEAK_KINETIC] = max(peak, kinetic_energy(model.bodies, state.v))
         within = done.penetration <= control.penetration and done.violation <= control.violation
         solved = done.status == CONVERGED and within
-        created_little = control.plain or done.created <= CREATED * now[PEAK_KINETIC]
-        if solved and (created_little or (now[STEP] < 1.5 * shortest and bounce == 0.0)):
+        share, last = CREATED * now[PEAK_KINETIC], now[STEP] < 1.5 * shortest
+        created_little = control.plain or done.created <= share or (last and bounce == 0.0)
+        if solved and created_little and (control.plain or done.braked <= share or last):
             break
         n[REPEATED] += 1
         n[SHORTENED] = 1
@@ -222,18 +227,21 @@ def _advance(arrays, control, course, theta, bounce):
     now[TIME] += now[STEP]
     now[MAX_RESIDUAL] = max(done.residual, now[MAX_RESIDUAL])
     now[MAX_PENETRATION] = max(done.penetration, now[MAX_PENETRATION])
-    now[MAX_VIOLATION] = max(done.violation, now[MAX_VIOLATION])
+    now[MAX_VIOLATION] = max(done.widest, now[MAX_VIOLATION])
     now[MOST_CREATED] = max(done.created, now[MOST_CREATED])
     now[ALL_CREATED] += max(done.created, 0.0)
     now[LATELY_CREATED] += max(done.created, 0.0)
+    now[MOST_LOST] = max(done.lost, now[MOST_LOST])
+    now[ALL_LOST] += max(done.lost, 0.0)
+    now[MOST_TURN] = max(now[STEP] * done.spin, now[MOST_TURN])
     n[CONTACT] = done.contact
-    n[STATUS] = _status(done, control, state.v)
+    n[STATUS] = _status(done, control, state.v, now[STEP])
 
 
 @inner
-def _status(done, control, v):
-    """Return the status of a run after a step."""
-    if not _finite(v) or not done.penetration < np.inf:
+def _status(done, control, v, h):
+    """Return the status of a run after a step of length ``h``."""
+    if not _finite(v) or not done.penetration < np.inf or not h * done.speed < control.lost:
         return DIVERGED
     if done.status != CONVERGED:
         return NOT_CONVERGED

@@ -1,7 +1,7 @@
 """All cautions about a mechanism, and one about a fixed step with which it does not come to rest."""
 
 from engine.mechanism import Mechanism, set_values
-from engine.preflight.plausibility import Caution, duplicates, implausible_numbers, stiff_springs
+from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
 from engine.preflight.start_gaps import start_gap_cautions
 from engine.simulate import simulate
 
@@ -13,7 +13,7 @@ LONGEST_TRIAL = 10.0  # s
 
 def cautions(mechanism: Mechanism) -> list[Caution]:
     """Return the cautions about a mechanism that `engine.check` accepts: numbers, then motions, in the file's order."""
-    drawn = [*start_gap_cautions(mechanism), *duplicates(mechanism)]
+    drawn = [*start_gap_cautions(mechanism), *duplicates(mechanism), *fast_spins(mechanism), *_closed_loops(mechanism)]
     numbers = [*implausible_numbers(mechanism), *stiff_springs(mechanism)]
     moving = sum(not body.fixed for body in mechanism.bodies.values())
     ends_at_rest = any(phase.duration is None and phase.until is None for phase in mechanism.phases)
@@ -30,6 +30,16 @@ def cautions(mechanism: Mechanism) -> list[Caution]:
         *unloaded_cautions(mechanism, small),
         *undamped_modes(mechanism, small),
     ]
+
+
+def _closed_loops(mechanism: Mechanism) -> list[Caution]:
+    """Return the cautions about closed loops of ideal joints."""
+    if sum(joint.ideal for joint in mechanism.joints.values()) < 2:
+        return []
+    from engine.assembly import assemble
+    from engine.preflight.closed_loops import closed_loop_cautions
+
+    return [*closed_loop_cautions(mechanism, assemble(mechanism))]
 
 
 # Test whether a mechanism comes to rest with a fixed step, and otherwise which shorter step does.

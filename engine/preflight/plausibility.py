@@ -12,6 +12,7 @@ import numpy as np
 
 from engine.mechanism import Mechanism
 from engine.mechanism.loads import Damper, Spring
+from engine.run import LARGEST_TURN
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 GRAVITY_FACTOR = 100.0  # allows for centrifuges and the moon; a wrong unit is off by a factor of a thousand
@@ -190,6 +191,23 @@ def stiff_springs(mechanism: Mechanism) -> Iterator[Caution]:
                 own = f"{inert / damper.damping:.3g} {unit}"
                 key, value = f"{table}.{name}.damping", damper.damping
                 yield _too_stiff(key, value, mechanism.unit(quantity), own, step, 0.1 * inert / step)
+
+
+def fast_spins(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield a caution about the step if it is too long for a body's spin at the start."""
+    step, unit = mechanism.simulation.step, mechanism.unit("time")
+    spins = {name: math.hypot(*body.angular_velocity) for name, body in mechanism.bodies.items() if not body.fixed}
+    name = max(spins, key=spins.__getitem__, default="")
+    if name and spins[name] * step > LARGEST_TURN:
+        yield Caution(
+            "simulation.step",
+            step,
+            unit,
+            f"bodies.{name} turns by {spins[name] * step:.3g} rad in a step at its spin at the start: too far for the"
+            " gyroscopic moment of the middle of the step",
+            f"up to {LARGEST_TURN / spins[name]:.3g} {unit}",
+            "shorten the step",
+        )
 
 
 def _too_stiff(key: str, value: float, unit: str, own: str, step: float, most: float) -> Caution:

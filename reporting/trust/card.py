@@ -14,6 +14,7 @@ from reporting.trust.checks import (
     Check,
     complete,
     drawn_as_requested,
+    energy,
     failures,
     largest,
     settled,
@@ -57,6 +58,7 @@ def trust_checks(
         normal_shape(responses),
         largest("Friction residual", samples, samples.max_residual, "", RESIDUAL_BAR),
         largest("Penetration", samples, samples.max_penetration, unit, PENETRATION_BAR.get(unit)),
+        *energy(samples),
         settled(samples),
         drawn_as_requested(variables, correlations, production=design.production),
     )

@@ -3,6 +3,7 @@
 Each run is computed, succeeded, obeyed the laws of contact and came to rest; the inputs were drawn as requested.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ INPUT_P_BAR = 1e-5
 RESIDUAL_BAR = 1e-6
 # The same length in both units; in any other unit there is no bound to compare with.
 PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
+# Share of a run's largest kinetic energy that its steps may create or lose in all, and rotation of a body in a step.
+ENERGY_BAR, TURN_BAR = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,39 @@ def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | 
     level = "good" if most <= bar else "bad"
     text += f"; {'within' if level == 'good' else 'over'} the bound of {format_numbers.plain(bar)}{suffix}."
     return Check(name, level, text, most)
+
+
+def energy(samples: Samples) -> Iterator[Check]:
+    """Check the energy that steps created and lost, and how far bodies turned in them; nothing for earlier builds."""
+    rows = np.flatnonzero(samples.ok)
+    if not samples.later or rows.size == 0:
+        return
+    later = {name: column[rows] for name, column in samples.later.items()}
+    kinetic = later["max_kinetic_energy"]
+    nothing = np.zeros_like(kinetic)
+    shares = [
+        np.divide(later[f"{name}_energy"], kinetic, out=nothing.copy(), where=kinetic != 0.0)
+        for name in ("created", "lost")
+    ]
+    missing = int(np.count_nonzero(~np.isfinite(shares[0] + shares[1])))
+    if missing:
+        yield Check("Energy", "bad", f"{missing} ok samples do not have the energy that their steps created and lost.")
+    else:
+        most = [float(share.max()) for share in shares]
+        created, lost = map(format_numbers.short_percent, most)
+        at = samples.sample[rows[int(shares[int(np.argmax(most))].argmax())]]
+        text = (
+            f"Steps created at most {created} of a run's largest kinetic energy, and lost at most {lost}"
+            f" (largest: sample {at}); "
+        )
+        at_rest = bool(samples.settled[rows].all())  # what was lost on the way to a pose at rest does not change it
+        good = most[0] <= ENERGY_BAR and (at_rest or most[1] <= ENERGY_BAR)
+        over = "all runs end at rest, where losses on the way do not count"
+        over = over if good else "the motion is not accurate: use shorter steps"
+        bound = format_numbers.short_percent(ENERGY_BAR)
+        text += f"within the bound of {bound}." if max(most) <= ENERGY_BAR else f"over the bound of {bound}; {over}."
+        yield Check("Energy", "good" if good else "attention", text, max(most))
+    yield largest("Rotation in a step", samples, samples.later["max_turn"], "rad", TURN_BAR)
 
 
 def settled(samples: Samples) -> Check:

@@ -85,6 +85,10 @@ def test_schema_has_units(plan):
         "max_penetration": b"mm",
         "max_created_energy": b"mJ",
         "created_energy": b"mJ",
+        "max_lost_energy": b"mJ",
+        "lost_energy": b"mJ",
+        "max_kinetic_energy": b"mJ",
+        "max_turn": b"rad",
     }
     assert expected.items() <= units.items()
     assert plan.schema.metadata[b"campaign"].decode() == plan.campaign_id

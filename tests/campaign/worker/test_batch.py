@@ -29,6 +29,10 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
         "max_penetration": 1e-9,
         "max_created_energy": 2e-9,
         "created_energy": 3e-9,
+        "max_lost_energy": 4e-9,
+        "lost_energy": 5e-9,
+        "max_kinetic_energy": 6e-6,
+        "max_turn": 7e-3,
         "settled": True,
     }
     ending = {"status": "ok", "message": "", "attempts": 1, "earlier_attempts": ""}

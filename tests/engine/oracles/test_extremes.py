@@ -28,6 +28,35 @@ def ran(data: dict[str, Any]) -> Run:
     return run
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_ball_that_stops_exactly_and_then_bears_nothing(friction):
+    """At 100 m/s, a metre a step, from 9.5 m: it touches at the middle of a step, and no load acts afterwards."""
+    contact = {
+        "a": {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": 0.5}},
+        "b": {"body": "ground", "plane": FLOOR},
+        "friction": friction,
+    }
+    ball = {"mass": 1.0, "inertia": [0.1] * 3, "origin": [0, 0, 10.0], "velocity": [0, 0, -100.0]}
+    bodies = {"ground": GROUND, "ball": ball}
+    found = ran(moving(1e-2, 3.0, bodies=bodies, contacts={"touch": contact}, responses=coordinates("ball")))
+    assert found.responses["z"] == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_motion_that_a_step_is_too_long_for_is_lost_at_once():
+    """A spring of 1e9 N/m at a step of 10 ms throws its body ever further: the run ends within a few steps of that."""
+    spring = {
+        "type": "linear",
+        "a": {"body": "ground", "point": [0, 0, 0]},
+        "b": {"body": "block", "point": [0, 0, 0]},
+        "stiffness": 1e9,
+        "free_length": 1.0,
+    }
+    bodies = {"ground": GROUND, "block": brick(1.0, (0.1, 0.1, 0.1), origin=[0, 0, 1.001])}
+    run = simulate(made(moving(1e-2, 1.0, bodies=bodies, springs={"s": spring})))
+    assert run.status == "diverged"
+    assert run.certificate.steps <= 4
+
+
 def top(spin: float, tilt: float, step: float) -> tuple[float, float]:
     """Return the precession in a second of a heavy top on its point, simulated and in closed form [rad].
 
