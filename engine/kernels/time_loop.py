@@ -241,7 +241,7 @@ def _advance(arrays, control, course, theta, bounce):
 @inner
 def _status(done, control, v, h):
     """Return the status of a run after a step of length ``h``."""
-    if not _finite(v) or not done.penetration < np.inf or not h * done.speed < control.lost:
+    if not _finite(v) or not done.penetration < np.inf or h * done.speed > control.lost:
         return DIVERGED
     if done.status != CONVERGED:
         return NOT_CONVERGED

@@ -38,6 +38,7 @@ def tied_bodies(
         for k in range(rows):
             i, node = body * rows + k, number[links + body]
             p.bilateral.at[i] = ROW * node + k
+            p.bilateral.owner[ROW * node + k] = i
             for side, other in enumerate((body, before)):
                 if other >= 0:
                     p.bilateral.node[i, side], p.bilateral.pair[i, side] = number[other], piece[number[other], node]

@@ -85,7 +85,7 @@ def bricard(step: float) -> dict[str, Any]:
 
 
 def four_bars(
-    count: int, step: float, horizon: float, speed: float, *, angle: float, tilt: float = 0.0, off: float = 0.0
+    count: int, step: float, horizon: float, speed: float, angle: float, tilt: float = 0.0, off: float = 0.0
 ) -> dict[str, Any]:
     """Describe a row of parallelograms: ``count`` + 1 cranks of 1 m on the ground, joined by bars of 1 m.
 
