@@ -76,13 +76,14 @@ def test_check_names_loops_and_what_they_could_be():
         assert f"the loop {loop} holds 3 motions twice" in found
         assert "cylindrical" in found
         assert "spherical" in found
-        one, other = found.partition("to change that, make ")[2].split(" and ")
-        for change in (one, other):
+        for change in found.partition("to change that, make ")[2].split(" and "):
             joint, kind = change.split()
-            data["joints"][joint]["type"] = kind
+            was = data["joints"][joint]
             if kind == "spherical":
-                for side in ("bearing", "journal"):
-                    del data["joints"][joint][side]["axis"]
+                points = [{key: was[side][key] for key in ("body", "point")} for side in ("bearing", "journal")]
+                data["joints"][joint] = {"type": kind, "socket": points[0], "ball": points[1]}
+            else:
+                was["type"] = kind
         assert not [caution for caution in cautions(made(data)) if "twice" in str(caution)]
 
 
