@@ -107,9 +107,9 @@ class Spreads:
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             tried = with_spread(old, exp(middle))
-            said = self._refusal(name, ends, tried.law)
-            low, high = (low, middle) if said else (middle, high)
-            best, refusal = (best, said) if said else (tried, refusal)
+            refused = self._refusal(name, ends, tried.law)
+            low, high = (low, middle) if refused else (middle, high)
+            best, refusal = (best, refused) if refused else (tried, refusal)
         return replace(best, limit=refusal)
 
     def _refusal(self, name: str, ends: tuple[float, float], new: Distribution) -> str:

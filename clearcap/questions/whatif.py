@@ -191,11 +191,11 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
         ]
         raise SpecError("\n  ".join(["--set:", *faults])) from error
     changed = {name: v for name, v in new.variables.items() if v != spec.variables[name]}
-    said = (_said(name, spec.variables[name], v, assumed.get(name, "")) for name, v in changed.items())
-    return ChangedVariables(changed, tuple(filter(None, said)))
+    assumptions = (_assumption(name, spec.variables[name], v, assumed.get(name, "")) for name, v in changed.items())
+    return ChangedVariables(changed, tuple(filter(None, assumptions)))
 
 
-def _said(name: str, old: Distribution, new: Distribution, assumed: str) -> str:
+def _assumption(name: str, old: Distribution, new: Distribution, assumed: str) -> str:
     """Describe a new distribution if some of its values were taken from the old one; empty otherwise."""
     sigma = f"its sigma was {old.moments()[1]:.4g} and is {new.moments()[1]:.4g}"
     return f"{name} is now {new.text()} ({assumed.strip('; ')}); {sigma}" if assumed else ""

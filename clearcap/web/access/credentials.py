@@ -2,7 +2,7 @@
 
 import secrets
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from sqlite3 import Row
 
 from clearcap.web.access.database import Database
@@ -136,14 +136,12 @@ class Tokens:
 
 def _token(row: Row) -> Token:
     """Return the token of a database row."""
-    times = (row["created"], row["expires"], row["used"], row["revoked"])
-    return Token(row["id"], row["user"], row["name"], Role.of(row["role"]), *times)
+    return Token(**{**{each.name: row[each.name] for each in fields(Token)}, "role": Role.of(row["role"])})
 
 
 def _shared_link(row: Row) -> SharedLink:
     """Return the shared link of a database row."""
-    times = (row["created"], row["expires"], row["revoked"])
-    return SharedLink(row["id"], row["campaign"], row["by"], row["note"], *times)
+    return SharedLink(**{each.name: row[each.name] for each in fields(SharedLink)})
 
 
 class Sessions:
