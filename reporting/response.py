@@ -143,7 +143,9 @@ def analyse_response(
         plot=probability_plot(x, confidence=confidence),
         fits=fits,
         methods=methods,
-        tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
+        tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots)
+        if request.design.production
+        else None,
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
         scatters=()

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from reporting.arrays import Array
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, cpm_interval, mean_interval, std_interval
-from reporting.capability.lots import FEW_LOTS, Lots
+from reporting.capability.lots import Lots
 from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
 from reporting.capability.robust_intervals import joint_interval, robust_intervals
@@ -142,8 +142,7 @@ def _of_lots(lots: Lots) -> str:
         f"Values of a production lot share a shift: the intervals rest on the differences between {lots.count} lots, "
         f"whose values are worth {lots.effective:.0f} independent ones."
     )
-    few = f" Fewer than {FEW_LOTS} lots: if shifts are strongly skewed the intervals are too narrow."
-    return text + (few if lots.worth < FEW_LOTS else "")
+    return f"{text} {lots.blind}".rstrip()
 
 
 def _of_moments(n: int, p: float, freedom: float) -> str:

@@ -15,8 +15,11 @@ from scipy.special import ndtr, ndtri, stdtrit
 from reporting.arrays import Array
 
 # Measured coverage of 95 % intervals with normal shifts, sigma between lots 0 to 1 times the sigma within: 95 to 98 %
-# for five lots or more. For strongly skewed shifts it is about 90 % below twenty lots.
+# for five lots or more. For strongly skewed shifts it is about 90 % below twenty lots; if one lot in twenty is bad by
+# three sigmas, 42 to 63 %, because a sample of twenty lots often has none of them.
 LEAST_LOTS, FEW_LOTS = 5, 20
+# So many lots contain, in 95 % of cases, one of a kind to which one lot in twenty belongs.
+ALL_KINDS = 59
 _HERMITE_POINTS = 60
 
 
@@ -29,6 +32,17 @@ class Lots:
     effective: float  # independent values that determine the mean equally well, at most the number of values
     intraclass: float  # share of the variance that lies between lots (intraclass correlation), from 0 to 1
     least: int = LEAST_LOTS  # smallest number of lots of equal size for which intervals are given
+
+    @property
+    def blind(self) -> str:
+        """What so few lots do not show, in one sentence; empty with `ALL_KINDS`, whatever the lots look like."""
+        if round(self.worth) >= ALL_KINDS:
+            return ""
+        unseen = 100 * (1 - 0.05 ** (1 / self.worth))
+        return (
+            f"Of {self.count} lots, a kind to which fewer than {unseen:.0f} % of the lots belong may be missing: if "
+            "rare lots are bad, the intervals are too narrow."
+        )
 
     @property
     def enough(self) -> bool:
@@ -84,8 +98,9 @@ def describe_lots(x: Array, lots: NDArray[np.generic]) -> Lots:
 
 def lots_worth(weights: Array | NDArray[np.int64]) -> float:
     """Return the number of equally weighted lots that determine a mean as well as lots with these weights (Kish)."""
-    share = np.asarray(weights, np.float64) / np.sum(weights)
-    return float(1 / np.sum(share**2))
+    # sums of whole numbers are exact, so that 20 equal lots are worth 20
+    share = np.asarray(weights, np.float64)
+    return float(np.sum(share) ** 2 / np.sum(share**2))
 
 
 def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None) -> tuple[float, float]:

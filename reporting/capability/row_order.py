@@ -8,8 +8,8 @@ order is accidental; each sees what the others overlook:
 - trend: rank correlation with the place (Spearman);
 - groups: differences between groups of consecutive values, as many groups as values in each (Kruskal and Wallis 1952).
 
-Mean and variance of the first two are exact for any ties. Neighbours that differ too much (a machine that is readjusted
-after each part) make intervals too wide, not too narrow, and raise no alarm.
+Mean and variance of the first two are exact for any ties. Neighbours may resemble each other too much, or differ too
+much: parts come from two spindles in turn, or a machine is readjusted after each part.
 """
 
 import math
@@ -26,6 +26,7 @@ FALSE_ALARMS = 0.01
 # Fewer values, or lots, show only what is plain to see; of fewer different ones the tests raise too many alarms.
 FEWEST, FEWEST_DIFFERENT = 20, 5
 _TESTS = 3
+DIFFER = "differ more than chance would have it"
 
 
 @dataclass(frozen=True)
@@ -80,10 +81,10 @@ def _means(x: Array, lots: NDArray[np.generic]) -> Array:
 
 
 def _of_neighbours(centred: Array, squares: float) -> tuple[float, float]:
-    """Return the correlation of each value with the next, and how probable a larger one is in random order."""
+    """Return the correlation of each value with the next, and how probable one as far from 0 is in random order."""
     total = float(centred[:-1] @ centred[1:])
     mean, variance = neighbours_in_random_order(centred)
-    return total / squares, float(ndtr(-(total - mean) / math.sqrt(variance)))
+    return total / squares, 2 * float(ndtr(-abs(total - mean) / math.sqrt(variance)))
 
 
 def neighbours_in_random_order(centred: Array) -> tuple[float, float]:
@@ -102,7 +103,8 @@ def _seen(neighbours: tuple[float, float], trend: tuple[float, float], groups: t
     if _TESTS * trend[0] < FALSE_ALARMS:
         seen.append(f"they {'rise' if trend[1] > 0 else 'fall'} from row to row (rank correlation {trend[1]:+.2f})")
     if _TESTS * neighbours[0] < FALSE_ALARMS:
-        seen.append(f"neighbours resemble each other (rank correlation {neighbours[1]:+.2f})")
+        word = "resemble each other" if neighbours[1] > 0 else DIFFER
+        seen.append(f"neighbours {word} (rank correlation {neighbours[1]:+.2f})")
     if not seen:
         seen.append(f"consecutive groups differ ({100 * groups[1]:.0f} % of the variance lies between them)")
     return ", and ".join(seen)
@@ -112,7 +114,14 @@ def _finding(what: str, p: float, seen: str) -> str:
     """Return what is wrong and what to do."""
     remedy = "; if they were made in lots, give the lot of each" if what == "values" else ""
     chance = "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
+    said = f"The {what} are not in random order (p {chance}): {seen}."
+    if seen.startswith(f"neighbours {DIFFER}"):
+        return (
+            f"{said} They may come from two sources in turn (spindles, cavities, fixtures), or the machine is "
+            "readjusted after each part: the intervals, which take them for independent, are too wide or too narrow. "
+            "Find the cause; analyse the sources apart."
+        )
     return (
-        f"The {what} are not in random order (p {chance}): {seen}. The process was not stable, so the intervals are too"
-        f" narrow and say little about the parts that it will make next. Find the cause{remedy}."
+        f"{said} The process was not stable, so the intervals are too narrow and say little about the parts that it "
+        f"will make next. Find the cause{remedy}."
     )

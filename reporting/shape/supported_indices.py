@@ -7,7 +7,7 @@ as good as the best contributes an interval of more than the stated confidence, 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -60,8 +60,7 @@ def supported_indices(
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
     sample = bin_sample(ties(ordered).spread(), BINNED)
-    bar = float(chdtri(1, 1 - confidence)) + AIC_MARGIN
-    parts = [_intervals(fit, sample, lsl, usl, math.sqrt(max(bar - handicap(fit, fits), 0.0))) for fit in candidates]
+    parts = [_intervals(fit, sample, lsl, usl, _within(fit, fits, confidence)) for fit in candidates]
     ppm = _union(part["ppm"] for part in parts)
     results = []
     for point in points:
@@ -76,11 +75,38 @@ def supported_indices(
     return tuple(results)
 
 
+def supported_quantiles(x: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
+    """Return the outermost ends of the intervals of quantiles over all candidates but the normal distribution.
+
+    The shape is (confidences, shares, 2); minus and plus infinity, inside out, where there is no other candidate. `x`
+    are the fitted values, all finite.
+    """
+    found = np.stack([np.full((len(confidences), len(shares)), end) for end in (math.inf, -math.inf)], axis=-1)
+    sample = bin_sample(ties(np.sort(x)).spread(), BINNED)
+    for fit in fits.fits:
+        if fit.family not in fits.candidates or fit.family == "normal":
+            continue
+        theta, weights = parameter_draws(fit, sample)
+        with np.errstate(all="ignore"):
+            quantiles = fit.shift + centred(fit, list(theta.T[:, :, None])).ppf(shares)
+        for ends, confidence in zip(found, confidences, strict=True):
+            within = _within(fit, fits, confidence)
+            for i, interval in enumerate(_interval(column, weights, within) for column in quantiles.T):
+                if interval is not None:
+                    ends[i] = min(ends[i, 0], interval[0]), max(ends[i, 1], interval[1])
+    return found
+
+
+def _within(fit: Fit, fits: Fits, confidence: float) -> float:
+    """Return the confidence of the interval that a candidate contributes, less the farther it is from the best."""
+    bar = float(chdtri(1, 1 - confidence)) + AIC_MARGIN
+    return max(float(2 * ndtr(math.sqrt(max(bar - handicap(fit, fits), 0.0))) - 1), 0.0)
+
+
 def _intervals(
-    fit: Fit, sample: BinnedSample, lsl: float | None, usl: float | None, reach: float
+    fit: Fit, sample: BinnedSample, lsl: float | None, usl: float | None, confidence: float
 ) -> dict[str, Interval | None]:
-    """Return the intervals of one family by method and index; they extend `reach` normal quantiles to each side."""
-    confidence = max(float(2 * ndtr(reach) - 1), 0.0)
+    """Return the intervals of one family by method and index."""
     theta, weights = parameter_draws(fit, sample)
     low, high = less(lsl, fit.shift), less(usl, fit.shift)
     with np.errstate(all="ignore"):

@@ -86,9 +86,9 @@ def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...
     )
     if not lots.enough:
         text += f" Intervals need at least {lots.least} lots."
-    elif lots.worth < FEW_LOTS:
-        text += f" With fewer than {FEW_LOTS} lots intervals are too narrow if the lots' shifts are strongly skewed."
-    level = "attention" if lots.worth < FEW_LOTS else "info"
+    elif lots.blind:
+        text += f" {lots.blind}"
+    level = "attention" if round(lots.worth) < FEW_LOTS else "info"
     return (Check("Production lots", level, text, float(lots.count)),)
 
 
@@ -118,7 +118,7 @@ def row_order(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
     found = [f"{response}: {order.finding}" for response, order in tested if order.finding]
     smallest_p = min(order.p for _, order in tested)
     if not found:
-        text = "No response drifts from row to row, and neighbours do not resemble each other beyond chance"
+        text = "No response drifts from row to row, and neighbours neither resemble each other nor differ beyond chance"
         return (Check(name, "good", f"{text} (smallest p {format_numbers.probability(smallest_p)}).", smallest_p),)
     alarm = f"By chance alone this is said of {100 * FALSE_ALARMS:.0f} % of stable responses."
     return (Check(name, "attention", f"{' '.join(found)} {alarm}", smallest_p),)

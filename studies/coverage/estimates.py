@@ -18,6 +18,7 @@ from reporting.capability.summary import NOT_NORMAL, capability
 from reporting.capability.target_indices import target_indices
 from reporting.capability.verdict import class_of, index_of_share
 from reporting.product_yield import product_yield
+from reporting.shape.fitting import fit_families
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
 from reporting.tolerance_intervals import tolerance_intervals
@@ -148,14 +149,13 @@ def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterat
 def contents(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the share that each tolerance interval claims to contain at least, and the share that it contains."""
     y = production.draw(n, rng)
-    found = tolerance_intervals(y, normality(y, CONFIDENCE), CONFIDENCE, production.lot_of(n))
+    found = tolerance_intervals(y, normality(y, CONFIDENCE), fit_families(y), CONFIDENCE, production.lot_of(n))
     for claim in found.claims:
         if claim.content not in CONTENTS:
             continue
-        cautioned = "contains less" in found.note
-        for kind, between, above, below, warned in (
-            ("normal", claim.normal, claim.normal_lower, claim.normal_upper, cautioned),
-            ("any", claim.free, claim.free_lower, claim.free_upper, False),
+        for kind, between, above, below in (
+            ("normal", claim.normal, claim.normal_lower, claim.normal_upper),
+            ("any", claim.free, claim.free_lower, claim.free_upper),
         ):
             shares = (
                 ("between", None if between is None else _share(production.shape, *between)),
@@ -164,7 +164,7 @@ def contents(production: Production, n: int, rng: np.random.Generator) -> Iterat
             )
             for side, share in shares:
                 claimed = None if share is None else (claim.content, 1.0)
-                yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0, warned)
+                yield Statement(f"contains {claim.content}, {kind}, {side}", claimed, share or 0.0)
 
 
 def _share(shape: str, low: float, high: float) -> float:

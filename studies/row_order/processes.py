@@ -47,6 +47,11 @@ def neighbours(correlation: float) -> Draw:
     return drawn
 
 
+def readjusted(shocks: Array) -> Array:
+    """Return values of sigma 1 from which 0.6 of the deviation before has been taken: a moving average."""
+    return np.asarray((shocks[1:] - 0.6 * shocks[:-1]) / np.hypot(1.0, 0.6))
+
+
 STABLE = (
     Process("normal", lambda rng, n: rng.normal(size=n), stable=True),
     Process("lognormal (0.5)", lambda rng, n: rng.lognormal(0.0, 0.5, n), stable=True),
@@ -60,4 +65,8 @@ UNSTABLE = (
     Process("mean swings by 0.7 sigma, five periods", cycle(0.7, 5.0)),
 )
 CORRELATED = {rho: Process(f"neighbours correlated by {rho}", neighbours(rho)) for rho in (0.2, 0.4, 0.6)}
-PROCESSES = (*STABLE, *UNSTABLE, *CORRELATED.values())
+ALTERNATING = (
+    Process("two spindles in turn, 2 sigmas apart", lambda rng, n: rng.normal(size=n) + (-1.0) ** np.arange(n)),
+    Process("readjusted by 0.6 of each deviation", lambda rng, n: readjusted(rng.normal(size=n + 1))),
+)
+PROCESSES = (*STABLE, *UNSTABLE, *CORRELATED.values(), *ALTERNATING)

@@ -181,3 +181,13 @@ def test_lots_that_differ_are_no_drift() -> None:
     x, lots = in_lots(np.random.default_rng(11), 40, 50, 0.2)
     x[1000:] += 2.0
     assert abs(drift(x, -5, 9, lots)) > 4
+
+
+def test_few_lots_say_what_they_do_not_show() -> None:
+    """20 equal lots are worth 20, and may lack a kind of lot that is rarer than 14 %; 59 show all from 5 % on."""
+    for count, unseen in ((20, "fewer than 14 %"), (50, "fewer than 6 %"), (59, "")):
+        x, lots = in_lots(np.random.default_rng(1), count, 250, 1.0)
+        found = capability(x, -9.0, 9.0, lots=lots, batches=lots, ordered=False)
+        assert found.lots.worth == count
+        assert unseen in found.lots.blind
+        assert bool(unseen) == ("too narrow" in found.interval_reason)

@@ -8,7 +8,7 @@ import pytest
 from reporting import capability
 from reporting.capability.row_order import FALSE_ALARMS, FEWEST, neighbours_in_random_order, row_order
 from reporting.capability.verdict import verdict
-from studies.row_order.processes import CORRELATED, STABLE, drift, step
+from studies.row_order.processes import ALTERNATING, CORRELATED, STABLE, drift, step
 from tests.each import each
 
 
@@ -41,6 +41,16 @@ def test_a_process_that_is_not_stable_is_told(draw, n, words) -> None:
     assert found.p < FALSE_ALARMS
     assert words in found.finding
     assert "The process was not stable" in found.finding
+
+
+@each("process", ALTERNATING)
+def test_sources_in_turn_and_readjustment_are_told(process) -> None:
+    """Neighbours that differ too much: no drift, but not one stable process of independent parts either."""
+    found = row_order(process.draw(np.random.default_rng(3), 125))
+    assert found.p < FALSE_ALARMS
+    assert found.neighbours < -0.3
+    assert "The process was not stable" not in found.finding
+    assert "spindles" in found.finding
 
 
 def test_mean_and_variance_over_all_orders_are_exact() -> None:
