@@ -225,10 +225,10 @@ def _refused(n: int, shape: Normality) -> str:
 
 def _basis(n: int, fits: Fits) -> str:
     """Return what the normal intervals assume."""
-    others = [fit.title for fit in fits.fits if fit.family in fits.candidates and fit.family != "normal"]
+    others = sum(family != "normal" for family in fits.candidates)
     text = "The normal intervals assume a normal distribution, which these values do not contradict"
     if others:
-        text += f"; they are widened to hold for the others that the values allow ({', '.join(others)})"
+        text += f"; they are widened to hold for {others} others that the values allow as well"
     # 1 - 0.05^(1/n): absent from n values in 5 % of cases
     unseen = 100 * (1 - 0.05 ** (1 / n))
     return f"{text}. They do not allow for a second population in fewer than {unseen:.2g} % of the parts."

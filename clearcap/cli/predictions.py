@@ -225,7 +225,8 @@ def _print_allocation(proposal: "Allocation") -> None:
     for r in proposal.responses:
         bound = ", which limits the tolerances" if r.binding else ""
         price = f"; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding and r.price is not None else ""
-        print_text(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}{price}")
+        ends = "" if r.cpk_interval is None else "{:.4g} to {:.4g}, ".format(*r.cpk_interval)
+        print_text(f"{r.response}: Cpk {r.cpk:.4g} ({ends}target {r.target:g}){bound}{price}")
     for note in proposal.notes:
         say(note)
     print_text(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")

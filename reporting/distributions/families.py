@@ -108,7 +108,8 @@ class Family:
     title: str  # the name in words
     parameters: Mapping[str, Kind]  # by name, in the order of theta and of the arguments of `form`
     # How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
-    # values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
+    # values fill -1 to 1), "skewed" (the same, for values skewed upwards), "bounds" (known bounds become 0 and 1),
+    # "free mirrored" or "skewed mirrored".
     frame: str
     form: Callable[..., ClosedForm]
     start: Start  # theta at which the search starts
@@ -196,6 +197,7 @@ _LOGISTIC = _of_moments(lambda m, s: (m, math.log(s * math.sqrt(3) / math.pi)))
 _NORMAL = {"mean": PLACE, "sd": WIDTH}
 _LOGNORMAL = {"mean of log": OF_LOG, "sd of log": RATIO}
 _SHAPE_AND_SCALE = {"shape": RATIO, "scale": WIDTH}
+_LOG_LOGISTIC = {"mean of log": OF_LOG, "scale of log": RATIO}
 _MODE_AND_SCALE = {"mode": PLACE, "scale": WIDTH}
 _POWER = {"lambda": PLAIN, "mean": PLAIN, "sd": RATIO}
 
@@ -206,6 +208,14 @@ FAMILIES = {
         Family("lognormal", "lognormal", _LOGNORMAL, "positive", partial(forms.lognormal, 0.0), _of_logs(_moments)),
         Family("weibull", "Weibull", _SHAPE_AND_SCALE, "positive", partial(forms.weibull, 0.0), _WEIBULL),
         Family("gamma", "gamma", _SHAPE_AND_SCALE, "positive", partial(forms.gamma, 0.0), _GAMMA),
+        Family(
+            "exponential", "exponential", {"scale": WIDTH}, "positive", partial(forms.exponential, 0.0),
+            lambda z, w: (math.log(_mean(z, w)),),
+        ),
+        Family(
+            "log_logistic", "log-logistic", _LOG_LOGISTIC, "positive",
+            partial(forms.log_logistic, 0.0), _of_logs(_LOGISTIC),
+        ),
         Family(
             "half_normal", "half-normal", {"sd": WIDTH}, "positive",
             partial(forms.folded_normal, 0.0), _root_mean_square,
@@ -239,12 +249,24 @@ FAMILIES = {
             forms.yeo_johnson_normal, lambda z, w: (1.0, *_moments(z, w)), framed=True,
         ),
         Family(
-            "johnson_sl", "Johnson SL, lognormal above a threshold", {"low": BELOW} | _LOGNORMAL, "range",
+            "weibull_above", "Weibull above a threshold", {"low": BELOW} | _SHAPE_AND_SCALE, "range",
+            forms.weibull, _above_threshold(_WEIBULL),
+        ),
+        Family(
+            "gamma_above", "gamma above a threshold", {"low": BELOW} | _SHAPE_AND_SCALE, "skewed",
+            forms.gamma, _above_threshold(_GAMMA),
+        ),
+        Family(
+            "log_logistic_above", "log-logistic above a threshold", {"low": BELOW} | _LOG_LOGISTIC, "skewed",
+            forms.log_logistic, _above_threshold(_of_logs(_LOGISTIC)),
+        ),
+        Family(
+            "johnson_sl", "Johnson SL, lognormal above a threshold", {"low": BELOW} | _LOGNORMAL, "skewed",
             forms.lognormal, _above_threshold(_of_logs(_moments)),
         ),
         Family(
             "johnson_sl_mirrored", "Johnson SL, lognormal below a threshold", {"high": BELOW} | _LOGNORMAL,
-            "range mirrored", forms.lognormal, _above_threshold(_of_logs(_moments)),
+            "skewed mirrored", forms.lognormal, _above_threshold(_of_logs(_moments)),
         ),
         Family(
             "johnson_su", "Johnson SU", {"gamma": PLAIN, "delta": RATIO, "xi": PLACE, "lambda": WIDTH}, "free",

@@ -3,7 +3,8 @@
 A variable is *critical* for a response if the interval of its share of the variance begins at a tenth or above, and
 chance is excluded (Bonferroni over the variables). It is *not critical* if the interval ends below a tenth, and
 interactions that no total-order index covers hold less than a tenth. Otherwise it is *open*. The share is the
-total-order index if a design gives one, the Shapley effect if variables are correlated, else the first-order index.
+total-order index if a design gives one, the Shapley effect if variables are correlated, the total effect by a
+regression with products where interactions may matter, else the first-order index.
 
 A correlated variable is critical only if it also acts itself, that is, with all others fixed it causes at least 1 % of
 the variance. A variable that has a tenth, but certainly causes less than 1 % itself, is *only correlated*.
@@ -15,13 +16,12 @@ import numpy as np
 
 from reporting.capability.intervals import Interval
 from reporting.sensitivity.first_order import jackknife_quantile
-from reporting.sensitivity.measures import Measures
+from reporting.sensitivity.measures import CRITICAL_SHARE, Measures
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.reject_attribution import RejectAttribution
 from reporting.sensitivity.rejects import RejectCauses, WorstSample
 from reporting.sensitivity.total_order import TotalOrder
 
-CRITICAL_SHARE = 0.10
 NEGLIGIBLE_SHARE = 0.001
 FEWEST_CARRIERS = 12
 CRITICAL, NOT_CRITICAL, OPEN, CORRELATED = "critical", "not critical", "open", "only correlated"
@@ -189,6 +189,25 @@ def with_total_order(influence: Influence, totals: TotalOrder, confidence: float
         significant=significant,
         verdict=_word(interval, 0.0, significant=significant),
     )
+
+
+def with_total_effect(
+    influence: Influence, at: int, measures: Measures, scatter: float, confidence: float
+) -> Influence:
+    """Return an influence judged by its total effect too, which a regression with products gives where it is needed.
+
+    A variable stays critical that is so alone. What the regression leaves, less `scatter`, may belong to any variable.
+    """
+    found = measures.totals.get(at)
+    if found is None or influence.verdict == CRITICAL or influence.variable not in measures.variables:
+        return influence
+    i, quantile = measures.variables[influence.variable], jackknife_quantile(measures.groups, confidence)
+    total, error = float(found.total[0, i]), float(found.total_error[0, i])
+    low, high = share_interval(total, quantile * error)
+    left = max(float(found.remainder[0]) - scatter, 0.0) + quantile * float(found.remainder_error[0])
+    errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
+    significant = bool(influence.significant) or total > max(errors_needed * error, NEGLIGIBLE_SHARE)
+    return replace(influence, significant=significant, verdict=_word((low, high + left), 0.0, significant=significant))
 
 
 def with_shapley(influence: Influence, at: int, measures: Measures, scatter: float, confidence: float) -> Influence:

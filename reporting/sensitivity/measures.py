@@ -1,6 +1,6 @@
 """The measures of sensitivity of all responses with values in the same rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,12 @@ from scipy.special import ndtri
 from reporting.arrays import Array, random_rows
 from reporting.capability.lots import LEAST_LOTS
 from reporting.capability.moments import ROUNDING
-from reporting.sensitivity.first_order import Effects, effects, most_degree
+from reporting.sensitivity.first_order import Effects, effects, jackknife_quantile, most_degree
 from reporting.sensitivity.polynomials import GROUPS, group_sums, groups_of
 from reporting.sensitivity.regression import Linear, Rank, linear, rank
-from reporting.sensitivity.shapley_effects import ShapleyEffects, shapley_effects
+from reporting.sensitivity.shapley_effects import ShapleyEffects, TotalEffects, shapley_effects, total_effects
 
+CRITICAL_SHARE = 0.10  # of the variance
 _CONTRADICTION = 5.0  # standard errors at which samples contradict the requested correlations
 
 
@@ -32,6 +33,9 @@ class Measures:
     groups: int  # of rows, from which errors are estimated
     independent: bool  # no correlation of the variables is requested or beyond chance
     shapley: ShapleyEffects | None  # effects of up to 10 correlated variables; None otherwise
+    # With their interactions, of up to 10 independent variables, by the position of the response: where interactions
+    # may matter, or are found beyond chance.
+    totals: Mapping[int, TotalEffects]
 
 
 def measure(
@@ -62,6 +66,10 @@ def measure(
     regression = linear(sums)
     independent = _independent(regression.correlation, x_names, correlations, count)
     ends = np.quantile(x, [0.05, 0.95], axis=0)
+    alone = effects(sums, x, y, group, (ends[0], ends[1]), independent=independent)
+    half = jackknife_quantile(sums.rows.size, confidence) * alone.unexplained_error
+    asked = (alone.unexplained > half) | (alone.unexplained + half >= CRITICAL_SHARE)
+    totals = {int(r): total_effects(x, y[:, [r]], group) for r in np.flatnonzero(asked)} if independent else {}
     return Measures(
         variables={name: i for i, name in enumerate(x_names)},
         responses={name: i for i, name in enumerate(y_names)},
@@ -69,10 +77,11 @@ def measure(
         std=y.std(axis=0),
         linear=regression,
         rank=rank(x, y, confidence),
-        effects=effects(sums, x, y, group, (ends[0], ends[1]), independent=independent),
+        effects=alone,
         groups=sums.rows.size,
         independent=independent,
         shapley=None if independent else shapley_effects(x, y, group, regression.inflation),
+        totals={r: found for r, found in totals.items() if found is not None},
     )
 
 

@@ -9,6 +9,7 @@ variable, divided by the part of the variable that the others do not determine. 
 standardised coefficient.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 
@@ -28,6 +29,9 @@ from reporting.sensitivity.polynomials import Sums, group_sums
 from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.shapley import shapley_values
 
+Orders = tuple[tuple[int, int], ...]
+_LINEAR: Orders = ((1, 1),)
+_QUADRATIC: Orders = ((1, 1), (1, 2), (2, 1), (2, 2))
 _MOST_DEGREE = 6
 _ROWS_PER_COLUMN = 5
 _MOST_PLACES = 6  # largest number of jumps along one variable, over all responses
@@ -53,28 +57,12 @@ def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Arra
     No column is constant, and rows are in random order; `inflation`, shape (k,), is the variance inflation of the
     variables.
     """
-    n, k = x.shape
+    k = x.shape[1]
     if k > MOST_SHARED:
         return None
-    degree = min(most_degree(n, k), _MOST_DEGREE)
-    smooth = _Regression(k, degree)
-    sums = smooth.sums(x, y, group)
-    places = _jumps(smooth, sums, x[:MOST_ROWS], y[:MOST_ROWS])
-    regression = _Regression(k, degree, tuple(places))
-    if places:
-        sums = regression.sums(x, y, group)
-    members, candidates = regression.members(), regression.candidates(n)
-    chosen, m, parts = best_columns(sums, candidates), y.shape[1], sums.without_each()
-    worth, additive = np.zeros((2**k, parts.rows.size, m)), np.zeros((parts.rows.size, m))
-    for choice in np.unique(chosen):
-        at, columns = np.flatnonzero(chosen == choice), candidates[choice]
-        single = columns[(members[columns] & (members[columns] - 1)) == 0]
-        additive[:, at] = unexplained_share(parts, least_squares(parts, single), single)[:, at]
-        for subset in range(1, 2**k):
-            own = columns[(members[columns] & ~subset) == 0]
-            worth[subset][:, at] = 1 - unexplained_share(parts, least_squares(parts, own), own)[:, at]
-    share = np.moveaxis(shapley_values(worth), 0, 2)
     last = 2**k - 1
+    worth, additive = _worths(x, y, group, _LINEAR, range(1, 2**k))
+    share = np.moveaxis(shapley_values(worth), 0, 2)
     lost = np.stack([worth[last] - worth[last ^ 1 << i] for i in range(k)], axis=2) * inflation
     return ShapleyEffects(
         share=share[0],
@@ -89,11 +77,75 @@ def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Arra
 
 
 @dataclass(frozen=True)
+class TotalEffects:
+    """What k independent variables explain with their interactions in pairs, in the variance of m responses."""
+
+    total: Array  # loss of the regression without the variable, a share, shape (m, k)
+    total_error: Array
+    interaction: Array  # share that is not a sum of functions of single variables, jumps included, shape (m,)
+    interaction_error: Array
+    remainder: Array  # share that the regression does not explain, attributed to no variable, shape (m,)
+    remainder_error: Array
+
+
+def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> TotalEffects | None:
+    """Return what independent x, shape (n, k), explain in y, shape (n, m); None above 10 variables.
+
+    No column is constant, and rows are in random order.
+    """
+    k = x.shape[1]
+    if k > MOST_SHARED:
+        return None
+    last = 2**k - 1
+    without = [last ^ 1 << i for i in range(k)]
+    worth, additive = _worths(x, y, group, _QUADRATIC, [last, *without])
+    total = np.stack([worth[last] - worth[subset] for subset in without], axis=2)
+    return TotalEffects(
+        total=total[0],
+        total_error=jackknife_error(total),
+        interaction=additive[0],
+        interaction_error=jackknife_error(additive),
+        remainder=1 - worth[last, 0],
+        remainder_error=jackknife_error(worth[last]),
+    )
+
+
+def _worths(x: Array, y: Array, group: NDArray[np.intp], orders: Orders, subsets: Iterable[int]) -> tuple[Array, Array]:
+    """Return the share that each of some sets of variables explains, and what no sum of single variables does.
+
+    The shapes are (2^k, 1 + g, m), 0 for other sets, and (1 + g, m): of all rows, and of those without each group.
+    """
+    n, k = x.shape
+    degree = min(most_degree(n, k), _MOST_DEGREE)
+    smooth = _Regression(k, degree, orders)
+    sums = smooth.sums(x, y, group)
+    places = _jumps(smooth, sums, x[:MOST_ROWS], y[:MOST_ROWS])
+    regression = _Regression(k, degree, orders, tuple(places))
+    if places:
+        sums = regression.sums(x, y, group)
+    members, candidates = regression.members(), regression.candidates(n)
+    chosen, m, parts = best_columns(sums, candidates), y.shape[1], sums.without_each()
+    worth, additive = np.zeros((2**k, parts.rows.size, m)), np.zeros((parts.rows.size, m))
+    for choice in np.unique(chosen):
+        at, columns = np.flatnonzero(chosen == choice), candidates[choice]
+        single = columns[(members[columns] & (members[columns] - 1)) == 0]
+        additive[:, at] = unexplained_share(parts, least_squares(parts, single), single)[:, at]
+        for subset in subsets:
+            own = columns[(members[columns] & ~subset) == 0]
+            worth[subset][:, at] = 1 - unexplained_share(parts, least_squares(parts, own), own)[:, at]
+    return worth, additive
+
+
+@dataclass(frozen=True)
 class _Regression:
-    """Polynomials of each of k variables, products of two, and jumps at places (variable, value)."""
+    """Polynomials of each of k variables, products of two, and jumps at places (variable, value).
+
+    `orders` are the degrees of the two polynomials that are multiplied.
+    """
 
     k: int
     degree: int
+    orders: Orders
     places: tuple[tuple[int, float], ...] = ()
 
     def sums(self, x: Array, y: Array, group: NDArray[np.intp]) -> Sums:
@@ -102,7 +154,8 @@ class _Regression:
 
     def more(self, x: Array, values: Array) -> Array:
         """Return products and jumps at the rows of x, whose polynomials are `values`."""
-        products = [values[:, 1 + i] * values[:, 1 + j] for i, j in self._pairs()]
+        at = [(1 + i + self.k * (p - 1), 1 + j + self.k * (q - 1)) for i, j, p, q in self._products()]
+        products = [values[:, i] * values[:, j] for i, j in at]
         jumps = [(x[:, i] > at).astype(np.float64) for i, at in self.places]
         return np.column_stack([np.empty((x.shape[0], 0)), *products, *jumps])
 
@@ -110,25 +163,28 @@ class _Regression:
         """Return the set of variables, as bits, of each column."""
         polynomials = [1 << i for _ in range(self.degree) for i in range(self.k)]
         return np.array(
-            [0, *polynomials, *(1 << i | 1 << j for i, j in self._pairs()), *(1 << i for i, _ in self.places)]
+            [0, *polynomials, *(1 << i | 1 << j for i, j, *_ in self._products()), *(1 << i for i, _ in self.places)]
         )
 
     def candidates(self, n: int) -> list[NDArray[np.intp]]:
         """Return the candidate sets of columns that have at least five of n rows per column."""
-        first, pairs = 1 + self.k * self.degree, len(self._pairs())
+        first, pairs = 1 + self.k * self.degree, len(self._products())
         products, jumps = first + np.arange(pairs), first + pairs + np.arange(len(self.places))
-        nothing = products[:0]
+        nothing, linear = products[:0], products[: self.k * (self.k - 1) // 2]
         found = [
             np.concatenate([np.arange(1 + self.k * degree), *more])
             for degree in range(1, self.degree + 1)
-            for more in product((nothing, products), (nothing, jumps))
+            for more in product(
+                (nothing, linear, products) if pairs > linear.size else (nothing, linear), (nothing, jumps)
+            )
             if more[1] is nothing or degree == self.degree  # without its variable's polynomial a jump does not fit
         ]
         return [columns for columns in found if columns.size * _ROWS_PER_COLUMN <= n or columns.size == 1 + self.k]
 
-    def _pairs(self) -> list[tuple[int, int]]:
-        """Return the pairs of variables."""
-        return [(i, j) for i in range(self.k) for j in range(i)]
+    def _products(self) -> list[tuple[int, int, int, int]]:
+        """Return the pairs of variables with the degrees of their polynomials, those of degree 1 first."""
+        orders = [(p, q) for p, q in self.orders if max(p, q) <= self.degree]
+        return [(i, j, p, q) for p, q in orders for i in range(self.k) for j in range(i)]
 
 
 def _jumps(smooth: _Regression, sums: Sums, x: Array, y: Array) -> list[tuple[int, float]]:

@@ -18,7 +18,6 @@ from reporting.errors import ReportError
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.influence import (
     CORRELATED,
-    CRITICAL_SHARE,
     FEWEST_CARRIERS,
     OPEN,
     RANKS,
@@ -30,9 +29,10 @@ from reporting.sensitivity.influence import (
     needed_errors,
     response_verdict,
     with_shapley,
+    with_total_effect,
     with_total_order,
 )
-from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
+from reporting.sensitivity.measures import CRITICAL_SHARE, Measures, fewest_rows, measure, varies
 from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.reject_attribution import reject_attribution
 from reporting.sensitivity.rejects import reject_causes, worst_samples
@@ -110,10 +110,16 @@ def _response(
     unexplained, error = float(shares.unexplained[at]), float(shares.unexplained_error[at])
     if shapley is not None:
         unexplained, error = float(shapley.interaction[at]), float(shapley.interaction_error[at])
+    together = measures.totals.get(at)
+    # Both overstate interactions by what their functions of single variables miss, and neither knows its own bias.
+    if together is not None:
+        unexplained = min(unexplained, float(together.interaction[0]))
+        error = max(error, float(together.interaction_error[0]))
     left_over = split(unexplained, quantile * error, known)
     totals = without_scatter(known.totals, known, quantile) if isinstance(known.totals, TotalOrder) else None
     scatter = left_over.scatter or 0.0
     influences = tuple(influence_of(v, at, measures, left_over.most_interactions, confidence) for v in columns)
+    influences = tuple(with_total_effect(i, at, measures, scatter, confidence) for i in influences)
     influences = tuple(with_shapley(i, at, measures, scatter, confidence) for i in influences)
     if totals is not None:
         influences = tuple(with_total_order(i, totals, confidence) for i in influences)
@@ -121,6 +127,10 @@ def _response(
     if shapley is not None:
         uncovered = split(
             float(shapley.remainder[at]), quantile * float(shapley.remainder_error[at]), known
+        ).most_interactions
+    elif together is not None:
+        uncovered = split(
+            float(together.remainder[0]), quantile * float(together.remainder_error[0]), known
         ).most_interactions
     return ResponseSensitivity(
         response=name,
@@ -137,6 +147,7 @@ def _response(
         worst=worst,
         notes=(
             *notes,
+            *(() if totals else _by_products(measures, at, confidence)),
             *_notes(measures, at, left_over, known),
             *_only_correlated(influences),
             *_interacting(influences, totals, confidence),
@@ -208,6 +219,23 @@ def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, c
         if i.total is not None and (i.interactions or 0.0) >= CRITICAL_SHARE and significant[i.variable]
     ]
     return (f"Variables that act together with others: {', '.join(shares)}.",) if shares else ()
+
+
+def _by_products(measures: Measures, at: int, confidence: float) -> tuple[str, ...]:
+    """Return the variables whose interactions in pairs explain at least a tenth of the variance, beyond chance."""
+    found, alone = measures.totals.get(at), measures.effects.share[at]
+    if found is None:
+        return ()
+    bars = needed_errors(len(measures.variables), confidence, measures.groups) * found.total_error[0]
+    more = found.total[0] - np.maximum(alone, 0.0)
+    shares = [
+        f"{v} explains {100 * as_share(float(found.total[0, i])):.0f} % with them and"
+        f" {100 * as_share(float(alone[i])):.0f} % alone"
+        for v, i in measures.variables.items()
+        if more[i] >= max(CRITICAL_SHARE, bars[i])
+    ]
+    by = "By a regression with products of two, variables act together with others"
+    return (f"{by}: {', '.join(shares)}.",) if shares else ()
 
 
 def _only_correlated(influences: tuple[Influence, ...]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reporting.capability.intervals import Interval
-from reporting.sensitivity.influence import CRITICAL_SHARE
+from reporting.sensitivity.measures import CRITICAL_SHARE
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.total_order import TotalOrder
 

@@ -125,6 +125,11 @@ def fit_families(
     notes: tuple[str, ...] = ()
     if n > SEARCHED:
         notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
+    if ties.values.size < n:
+        notes += (
+            "Equal values are spread over the interval that rounds to them: parameters and ppm differ a little from "
+            "those of programs that fit rounded values as they are.",
+        )
     if fits and not passing:
         notes += (f"No family is used: of {len(fits)} fitted, none agrees with the values.",)
     return Fits(tuple(fits), _choose(passing), _candidates(passing), (), refused, notes)
@@ -247,7 +252,7 @@ class Fitting:
         sign = -1.0 if family.frame.endswith("mirrored") else 1.0
         if family.frame.startswith("free"):
             return self.median, sign * self.std
-        if family.name.startswith("johnson_sl") and sign * self.skewness < 0:
+        if family.frame.startswith("skewed") and sign * self.skewness < 0:
             return "the values are skewed the other way"
         half = (high - low) / 2
         return low + half, sign * half

@@ -6,7 +6,8 @@ exceed ``(distance from the mean to the nearer limit / (3 target))^2``. `reporti
 optimum and the price of each target, `reporting.tolerance.process_choice` the cheapest processes.
 
 If the campaign's samples can be reweighted to the proposed tolerances, the reweighted mean and sigma correct the
-linear model, and the optimum is recomputed until it no longer changes.
+linear model, and the optimum is recomputed until it no longer changes. A proposal aims at the target by the samples'
+own sigma, so about half of the proposals miss it by a little: the interval of the resulting Cpk says by how much.
 """
 
 import math
@@ -18,17 +19,22 @@ from numpy.typing import ArrayLike
 
 from reporting.arrays import Array, random_rows
 from reporting.capability.indices import distance_to_limit
+from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.tolerance.advice import REWEIGHTING, Rows
 from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import Optimum
 from reporting.tolerance.process_choice import Programme, cheapest_choice
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.whatif import runs_for, what_if_all
+from reporting.tolerance.whatif import Estimate, runs_for, what_if_all
 
 # The sum of shares of a variance may exceed 1 by this rounding error only.
 _ROUNDING = 1e-9
 CONTRIBUTIONS = "variance contributions"
+_NO_INTERVAL = (
+    "Variance contributions give no interval of Cpk, and interactions or a bent response may make it far lower: "
+    "confirm the proposal by a campaign before you use it."
+)
 _CORRECTIONS = 12
 _NOT_CONVERGED = "The correction by reweighting did not converge: confirm the proposal by a campaign before you use it."
 _SAME_FACTOR = 1e-3  # the corrections end when no tolerance changes by a larger share
@@ -107,6 +113,8 @@ class AllocatedResponse:
     binding: bool  # the target of this response limits the tolerances
     # additional cost of a target Cpk higher by 0.01; None with process tables, whose cost has steps
     price: float | None
+    # of `cpk`, at 95 %, from the reweighted samples; None where variance contributions give it
+    cpk_interval: Interval | None = None
 
 
 @dataclass(frozen=True)
@@ -234,7 +242,7 @@ def _with_reweighting(
     rescale: Rescale,
 ) -> Allocation:
     """Correct the model at the optimum and optimise again until nothing changes or the weights are refused."""
-    effective = None
+    effective, found = None, dict[str, Estimate]()
     columns = {r.response: np.asarray(responses[r.response], np.float64) for r in requirements}
     rows = random_rows(next(iter(columns.values())).size)
     columns = {name: y[rows] for name, y in columns.items()}
@@ -244,15 +252,16 @@ def _with_reweighting(
         if isinstance(corrected, str):
             note = f"Not corrected by reweighting at the proposed tolerances: {corrected}."
             return _proposal(variables, requirements, optimum, CONTRIBUTIONS, None, (note,))
-        requirements, effective = corrected
+        requirements, effective, found = corrected
         following = _solve(variables, requirements)
         if following is None:
             return _proposal(variables, requirements, None, REWEIGHTING, effective)
         unchanged = bool(np.max(np.abs(following.tolerance / optimum.tolerance - 1)) < _SAME_FACTOR)
         optimum = following
         if unchanged:
-            return _proposal(variables, requirements, optimum, REWEIGHTING, effective)
-    return _proposal(variables, requirements, optimum, REWEIGHTING, effective, (_NOT_CONVERGED,))
+            return _with_intervals(_proposal(variables, requirements, optimum, REWEIGHTING, effective), found)
+    proposal = _proposal(variables, requirements, optimum, REWEIGHTING, effective, (_NOT_CONVERGED,))
+    return _with_intervals(proposal, found)
 
 
 def _of_correlated(proposal: Allocation) -> Allocation:
@@ -296,8 +305,8 @@ def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requireme
 
 def _corrected(
     requirements: Sequence[Requirement], factors: Mapping[str, float], columns: Mapping[str, Array], change: Change
-) -> tuple[list[Requirement], float] | str:
-    """Return the requirements with reweighted means and variances, and the effective sample size; or a refusal."""
+) -> tuple[list[Requirement], float, dict[str, Estimate]] | str:
+    """Return requirements with reweighted mean and variance, the effective sample size, each Cpk; or a refusal."""
     limits = {r.response: (r.lsl, r.usl) for r in requirements}
     answers = what_if_all(columns, change, limits)
     corrected = []
@@ -307,7 +316,26 @@ def _corrected(
             return answer.refusal or f"{requirement.response} has no spread at these tolerances"
         missing = answer.std.value**2 - requirement.variance(factors)
         corrected.append(replace(requirement, mean=answer.mean.value, added=requirement.added + missing))
-    return corrected, min(answer.effective for answer in answers.values())
+    known = {name: answer.cpk for name, answer in answers.items() if answer.cpk is not None}
+    return corrected, min(answer.effective for answer in answers.values()), known
+
+
+def _with_intervals(proposal: Allocation, found: Mapping[str, Estimate]) -> Allocation:
+    """Return a proposal with the intervals of Cpk that were `found` at nearly the same tolerances."""
+    responses, notes = [], []
+    for r in proposal.responses:
+        estimate = found.get(r.response)
+        if estimate is None or estimate.value <= 0 or not math.isfinite(r.cpk):
+            responses.append(r)
+            continue
+        low, high = (end * r.cpk / estimate.value for end in estimate.interval)
+        responses.append(replace(r, cpk_interval=(low, high)))
+        if low < r.target and r.binding:
+            remedy = (
+                f"; with a target of {r.target * r.cpk / low:.3g} it would begin at {r.target:g}" if low > 0 else ""
+            )
+            notes.append(f"{r.response}: the 95 % interval of Cpk begins at {low:.3g}, below the target{remedy}.")
+    return replace(proposal, responses=tuple(responses), notes=(*proposal.notes, *notes))
 
 
 def _proposal(
@@ -332,6 +360,8 @@ def _proposal(
     )
     tolerances = {v.variable: float(t) for v, t in zip(variables, optimum.tolerance, strict=True)}
     names = {v.variable: _process_name(v, tolerances[v.variable]) for v in variables if v.processes}
+    if method == CONTRIBUTIONS:
+        notes = (*notes, _NO_INTERVAL)
     if optimum.gap > 0:
         notes = (*notes, f"Not every choice of processes was tried: a cheaper one may save up to {optimum.gap:.3g}.")
     return Allocation(

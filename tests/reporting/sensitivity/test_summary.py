@@ -59,34 +59,34 @@ def test_no_variable_is_critical():
     assert all(i.contribution is None for i in response.influences)
 
 
-def test_what_interactions_hide_stays_open():
-    """Ishigami's x3 explains nothing alone; a product of two variables leaves the verdict open, and a note says why."""
+def test_what_interactions_hide_is_found_in_products():
+    """Ishigami's x3 explains nothing alone; of a product no variable does, and both of its factors are critical."""
     x, y = ishigami(3000, RNG)
     found = sensitivity(named(x), {"y": y, "product": x[:, 0] * x[:, 1]})
     one, product = found.responses
     assert one.interaction_interval[0] < 0.2436836641 < one.interaction_interval[1]
     assert [i.first_order for i in one.influences] == pytest.approx(ISHIGAMI_FIRST, abs=0.03)
-    assert product.verdict == "open"
-    assert "sampler saltelli shows it" in product.notes[0]
+    assert [i.verdict for i in product.influences] == ["critical", "critical", "not critical"]
+    assert product.notes[0].startswith("By a regression with products of two")
+    assert "sampler saltelli shows it" in product.notes[1]
 
 
 def test_what_acts_through_interactions_is_not_called_uncritical():
     """Ishigami's x3 explains nothing alone, and with x1 a quarter of the variance."""
     x, y = ishigami(3000, RNG)
     found = sensitivity(named(x), {"y": y})
-    assert [i.verdict for i in found.responses[0].influences] == ["critical", "critical", "open"]
+    assert [i.verdict for i in found.responses[0].influences] == ["critical"] * 3
     assert found.never_critical() == ()
 
 
 def test_a_share_just_below_a_tenth_is_not_called_critical():
-    """0.083 of a product, 100 samples: critical in 32 % before, now in at most 4 of 60 (nominal 2.5 %)."""
+    """0.083 beside a product, 100 samples: critical in at most 4 of 60 (nominal 2.5 %)."""
     verdicts = []
     for seed in range(60):
         z = np.random.default_rng(seed).normal(size=(100, 3))
         response = sensitivity(named(z), {"y": z[:, 0] * z[:, 1] + 0.3 * z[:, 2]}).responses[0]
         verdicts.append(response.influences[2].verdict)
     assert verdicts.count("critical") <= 4
-    assert verdicts.count("not critical") <= 4
 
 
 def test_noise_is_rarely_significant():

@@ -12,6 +12,7 @@ from tests.each import each
 
 RNG = np.random.default_rng(6)
 WEIBULL = 3 * RNG.weibull(2, 500)
+SKEWED = np.random.default_rng(7).gamma(3.0, size=500)
 
 
 @each(
@@ -20,6 +21,11 @@ WEIBULL = 3 * RNG.weibull(2, 500)
         ("weibull", WEIBULL, stats.weibull_min, {"floc": 0}),
         ("gamma", WEIBULL, stats.gamma, {"floc": 0}),
         ("logistic", WEIBULL, stats.logistic, {}),
+        ("exponential", WEIBULL, stats.expon, {"floc": 0}),
+        ("log_logistic", WEIBULL, stats.fisk, {"floc": 0}),
+        ("weibull_above", 5 + WEIBULL, stats.weibull_min, {}),
+        ("gamma_above", 5 + WEIBULL, stats.gamma, {}),
+        ("log_logistic_above", 5 + SKEWED, stats.fisk, {}),
         ("largest_extreme", WEIBULL, stats.gumbel_r, {}),
         ("smallest_extreme", WEIBULL, stats.gumbel_l, {}),
         ("half_normal", WEIBULL, stats.halfnorm, {"floc": 0}),
@@ -37,6 +43,13 @@ def test_a_fit_is_at_least_as_likely_as_scipys(name: str, x, known, fixed) -> No
     assert fit.bic == pytest.approx(len(fit.theta) * np.log(x.size) - 2 * fit.loglik)
     limits = known.ppf([0.00135, 0.5, 0.99865], *parameters)
     assert distribution(fit).ppf([0.00135, 0.5, 0.99865]) == pytest.approx(limits, rel=5e-3)
+
+
+def test_what_rounding_changes_is_said() -> None:
+    """To whoever compares with a program that fits rounded values as they are."""
+    x = np.random.default_rng(2).normal(10, 1, 200)
+    said = [" ".join(fit_families(values, names=["normal"]).notes) for values in (x, np.round(x, 1))]
+    assert ["rounded values" in text for text in said] == [False, True]
 
 
 def test_figures_of_merit_are_scipys() -> None:

@@ -154,6 +154,40 @@ def curved(z):
     return 10 + 0.04 * z[:, 0] + 0.02 * z[:, 1] + 0.012 * z[:, 0] ** 2 + 0.01 * z[:, 0] * z[:, 1]
 
 
+def curved_cpk(factors):
+    """Return the Cpk of the curved response within 9.75 and 10.25, in closed form."""
+    one, two = factors["J1"], factors["J2"]
+    mean = 10 + 0.012 * one**2
+    variance = (0.04 * one) ** 2 + (0.02 * two) ** 2 + 2 * (0.012 * one**2) ** 2 + (0.01 * one * two) ** 2
+    return min(mean - 9.75, 10.25 - mean) / (3 * math.sqrt(variance))
+
+
+def test_the_interval_of_a_proposal_contains_its_cpk():
+    """40 campaigns of 500 samples: about half of the proposals miss the target, and the interval says by how much."""
+    inside, missed, told = 0, 0, 0
+    for seed in range(40):
+        z = np.random.default_rng(seed).normal(size=(500, 2))
+        y = curved(z)
+        wanted = Requirement("y", y.mean(), y.std(), 9.75, 10.25, 1.5, {"J1": 0.7, "J2": 0.18})
+        costs = [CostedVariable(f"J{i + 1}", 1.0, PowerLaw(0.0, 1 / 4**i), 0.8, 1.2) for i in range(2)]
+
+        def rescale(factors, rows, z=z):
+            scale = np.array([factors["J1"], factors["J2"]])
+            return Change(stats.norm.logpdf(z[rows], scale=scale) - stats.norm.logpdf(z[rows]))
+
+        found = allocate(costs, [wanted], {"y": y}, rescale)
+        if found.refusal or found.method != "reweighting":
+            continue
+        (response,) = found.responses
+        low, high = response.cpk_interval
+        true = curved_cpk(found.factors)
+        inside, missed = inside + (low <= true <= high), missed + (true < 1.5)
+        told += any("below the target" in note for note in found.notes)
+    assert inside >= 40 * 0.95 - 3 * (40 * 0.95 * 0.05) ** 0.5
+    assert missed >= 10
+    assert told >= 25
+
+
 def test_reweighting_corrects_what_is_not_linear():
     """A fresh campaign with the proposed sigmas has the wanted Cpk; without the correction it has not."""
     rng = np.random.default_rng(1)
@@ -177,7 +211,8 @@ def test_reweighting_corrects_what_is_not_linear():
 
     plain, corrected = allocate(costs, [wanted]), allocate(costs, [wanted], {"y": y}, rescale)
     assert (plain.method, corrected.method) == ("variance contributions", "reweighting")
-    assert corrected.notes == ()
+    assert [note.startswith("y: the 95 % interval of Cpk begins at 1.4") for note in corrected.notes] == [True]
+    assert "no interval of Cpk" in plain.notes[-1]
     assert fresh(corrected) == pytest.approx(1.5, rel=0.012)  # Cpk of 40,000 samples, reweighted: 0.5 % and some
     assert abs(fresh(plain) - 1.5) > 2 * abs(fresh(corrected) - 1.5)
     assert corrected.responses[0].cpk == pytest.approx(1.5, rel=2e-3)
@@ -188,6 +223,7 @@ def test_degenerate_weights_leave_the_linear_model():
     found = allocate(joints(), [requirement()], {"gap": np.zeros(50)}, lambda factors, rows: Change(np.zeros(50)))
     assert found.method == "variance contributions"
     assert "worth 50" in found.notes[0]
+    assert found.responses[0].cpk_interval is None
     assert found.responses[0].cpk == pytest.approx(1.33, rel=1e-6)
 
 
