@@ -16,9 +16,9 @@ ROUNDING = 1e-9
 # For normal values without lots a warning is a false alarm; a larger share of them is a fault.
 FALSE_ALARMS = 0.10
 # Intervals whose coverage is at least the stated one by their documented construction: from whole numbers of rejects or
-# values, or over all positions of the mean.
+# values, over all positions of the mean, or over all families that the values allow.
 CONSERVATIVE = re.compile(
-    "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint"
+    "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, |Cpk, joint"
     "|what if .*: ppm|rare, |certain verdict"
 )
 
