@@ -1,16 +1,17 @@
-"""What users request of a campaign that exists: to cancel it, to compute failed rows again, to delete it."""
+"""What users request of a campaign that exists: to cancel it, to compute failed rows again, to delete it; signing."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 
-from campaign.coordinator.lease import beating, check_lease, hold_lease, is_coordinated
+from campaign.coordinator.lease import LeaseHeld, beating, check_lease, hold_lease, is_coordinated, lease_holder
 from campaign.coordinator.state import state_of, write_state
-from campaign.errors import StoreError
+from campaign.errors import CampaignError, StoreError
 from campaign.run_status import FailedStatus
 from campaign.store import Store
 from campaign.store.files.files import TEMPORARY
-from campaign.store.layout import CANCEL, DELETED, HEARTBEAT, LEASE, PLAN, RERUN
+from campaign.store.layout import CANCEL, DELETED, HEARTBEAT, LEASE, PLAN, RERUN, SIGNED
 
 
 def cancel_campaign(store: Store, campaign_id: str) -> str:
@@ -42,7 +43,8 @@ class RerunRequest:
 def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: str) -> None:
     """Request that failed rows be computed again, by a document for a coordinator; this replaces an earlier request."""
     document = {"statuses": sorted(set(statuses)), "by": by, "time": time.time()}
-    store.write_json(campaign_id, RERUN, document)
+    with unsigned(store, campaign_id):
+        store.write_json(campaign_id, RERUN, document)
 
 
 def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
@@ -59,6 +61,70 @@ def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
     return RerunRequest(tuple(statuses), str(document.get("by", ""))[:200])
 
 
+# -- signed campaigns --------------------------------------------------------------------------------------------------
+#
+# A marker protects what is signed. Who signs writes it first, with the token of the lease that he holds meanwhile; so
+# it means nothing once he has crashed. What changes plan, rows or report asks for it under the lease, and gets that
+# from no signer; a coordinator has it anyway while there is something to compute, and then nothing can be signed.
+
+
+class SignedCampaign(CampaignError):
+    """The campaign is signed; its plan, rows and report are not changed."""
+
+
+@contextmanager
+def being_signed(store: Store, campaign_id: str) -> Iterator[Callable[[str, str], None]]:
+    """Protect a campaign from all changes during the block; yield what makes this last, to be called as it ends.
+
+    Its arguments are the digest of the sign-off and the signer's name. Raises LeaseHeld if somebody computes or changes
+    the campaign, LeaseLost if another process took it over meanwhile.
+    """
+    with hold_lease(store, campaign_id) as token:
+        earlier = store.read_json(campaign_id, SIGNED)
+        store.write_json(campaign_id, SIGNED, {"token": token})
+
+        def last(document: str, signer: str) -> None:
+            nonlocal earlier
+            check_lease(store, campaign_id, token)
+            earlier = {"document": document, "signer": signer, "time": time.time()}
+
+        try:
+            yield last
+        finally:
+            if earlier is None:
+                end_protection(store, campaign_id)
+            else:
+                store.write_json(campaign_id, SIGNED, earlier)
+
+
+def end_protection(store: Store, campaign_id: str) -> None:
+    """Let a campaign be changed again, because its sign-off was withdrawn."""
+    store.remove(campaign_id, SIGNED)
+
+
+def refuse_signed(store: Store, campaign_id: str) -> None:
+    """Raise SignedCampaign if a campaign is signed, or being signed."""
+    marker = store.read_json(campaign_id, SIGNED)
+    if marker is None or ("token" in marker and marker["token"] != lease_holder(store, campaign_id)):
+        return
+    if "token" in marker:
+        raise SignedCampaign(f"{campaign_id} is being signed; try again in a minute")
+    raise SignedCampaign(
+        f"{campaign_id} is signed by {str(marker.get('signer'))[:200]}: its plan, rows and report stay as they are; an"
+        " approver can withdraw the sign-off, or archive the campaign"
+    )
+
+
+@contextmanager
+def unsigned(store: Store, campaign_id: str) -> Iterator[None]:
+    """Keep a campaign from being signed during the block; raise SignedCampaign if it is, or is being signed."""
+    with ExitStack() as held:
+        with suppress(LeaseHeld):
+            held.enter_context(hold_lease(store, campaign_id))
+        refuse_signed(store, campaign_id)
+        yield
+
+
 # -- deletion ----------------------------------------------------------------------------------------------------------
 #
 # First the plan is renamed in one step. From then on the store has no such campaign, so that an interruption cannot
@@ -73,6 +139,7 @@ def delete_campaign(store: Store, campaign_id: str) -> None:
     Raises LeaseHeld if another process is computing or deleting it, StoreError if it cannot be deleted.
     """
     with hold_lease(store, campaign_id) as token:
+        refuse_signed(store, campaign_id)
         _remove_all(store, campaign_id, token)
     store.files.remove(campaign_id)
 

@@ -10,7 +10,7 @@ from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.cluster.workers import compile_first
 from campaign.coordinator.lease import LeaseHeld, hold_lease
-from campaign.coordinator.requests import rerun_request
+from campaign.coordinator.requests import refuse_signed, rerun_request
 from campaign.coordinator.state import write_state
 from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
 from campaign.plan import Plan
@@ -75,6 +75,7 @@ def rerun(
     again = [_by_batch(store, repeats, _there(store, repeats, wanted)) for repeats in sets]
     before, after, of_repeats = Counter[str](), Counter[str](), Counter[str]()
     with hold_lease(store, plan.campaign_id), connect_workers(cluster) as workers:
+        refuse_signed(store, plan.campaign_id)
         begun()
         if cluster.starts_here and simulate is engine_simulate:
             compile_first(workers)

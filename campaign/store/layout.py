@@ -18,6 +18,7 @@ STATE = "state.json"
 LEASE = "lease.json"
 HEARTBEAT = "heartbeat.json"
 RERUN = "rerun.json"  # a request: the coordinator that serves the store computes failed rows again
+SIGNED = "signed.json"  # exists while a sign-off holds: plan, rows and report stay as they were signed
 CANCEL = "cancel"  # a marker: coordinator and workers that find it stop computing the campaign
 REPORT = "report"
 COMPARISONS = "comparisons"  # holds a folder for each campaign that this one was compared with

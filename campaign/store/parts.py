@@ -125,7 +125,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
 
     Raises BadPart if the file is truncated, damaged, or of another campaign.
     """
-    digest, seal = _seal(content)
+    digest, seal = read_seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
     if seal["campaign"] != plan.sealed_as:
         raise BadPart(f"belongs to campaign {str(seal['campaign'])[:100]}")
@@ -186,7 +186,7 @@ def _plain(table: "pa.Table") -> "pa.Table":
     return table
 
 
-def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
+def read_seal(content: bytes) -> tuple[str, dict[str, Any]]:
     """Return the digest and the content of the seal of a file; BadPart if the file is not complete.
 
     The digest covers the file with zeros in place of the digest itself.

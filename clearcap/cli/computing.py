@@ -180,6 +180,7 @@ def repeat(
 ) -> None:
     """Repeat samples with half the step, so that the report tells how far results depend on it."""
     from campaign.coordinator.lease import hold_lease
+    from campaign.coordinator.requests import refuse_signed
     from campaign.store.layout import CANCEL
     from campaign.store.repeat_sets import add_share, repeated_shares
     from campaign.worker.messages import check_build
@@ -188,6 +189,7 @@ def repeat(
     check_build(plan.campaign_id, plan.row_build)
     with hold_lease(opened, plan.campaign_id):
         before = repeated_shares(opened, plan)[-1]
+        refuse_signed(opened, plan.campaign_id)
         add_share(opened, plan, share)
     if share <= before:
         say(f"{plan.campaign_id} repeats {before:g} of its samples already; for more give a larger --share")

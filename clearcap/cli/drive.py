@@ -101,10 +101,19 @@ def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bo
 
 
 def _report(store: "Store", plan: "Plan") -> dict[str, str]:
-    """Write the report; return the path of each file by kind."""
+    """Write the report; return the path of each file by kind. That of a signed campaign stays as it is."""
+    from campaign.coordinator.requests import SignedCampaign
+    from campaign.store.store import report_folder
     from clearcap.questions.report import report
+    from reporting.write import NAMES
 
-    return report(store, plan)
+    try:
+        return report(store, plan)
+    except SignedCampaign as signed:
+        say(str(signed))
+        folder = report_folder(plan.campaign_id)
+        files = {kind: f"{folder}/{name}" for kind, name in NAMES.items()}
+        return {kind: store.files.address(name) for kind, name in files.items() if store.files.exists(name)}
 
 
 def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:

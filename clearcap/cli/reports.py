@@ -1,6 +1,7 @@
 """Verbs for the documents of a campaign: ``report`` writes or fetches them, ``verify`` checks what was signed."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_c
 from clearcap.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
-    from clearcap.questions.signing import VerifiedSignoff
+    from clearcap.questions.verification import VerifiedSignoff
 
 
 def report(
@@ -91,28 +92,41 @@ def verify(
     key: Annotated[
         str | None, typer.Option(metavar="FINGERPRINT", help="Fingerprint of the server's key, as the server shows it.")
     ] = None,
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Make the numbers of the report again from the rows, and compare.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Verify who signed an exported campaign, and that plan, rows and report are the ones that were signed.
 
-    Exit status 1 says that they are not, or that the export cannot be trusted. Nothing is unpacked.
+    Exit status 1 says that they are not, or that the export cannot be trusted.
     """
-    from clearcap.questions.signing import open_archive, verify_export
+    from clearcap.questions.signing import open_archive
+    from clearcap.questions.verification import recomputed, verify_export
 
-    proof = verify_export(open_archive(export), key)
+    archive = open_archive(export)
+    proof = verify_export(archive, key)
+    if recompute and not proof.faults:
+        proof = replace(proof, faults=[f"report: {words}" for words in recomputed(archive)])
     if json:
         signoffs = [
             {"number": each.number, "differences": each.differences, **each.signoff.model_dump(exclude={"files"})}
             for each in proof.signoffs
         ]
-        print_json({"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "faults": proof.faults})
+        head = proof.head and proof.head.model_dump()
+        print_json(
+            {"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "head": head, "faults": proof.faults}
+        )
     else:
         print_text(f"{proof.campaign}, signed with the key {proof.key}")
         for signed in proof.signoffs:
             _print_signoff(signed)
         if not proof.faults:
-            files = len(proof.signoffs[-1].signoff.files)
-            print_text(f"intact: all {files} files are those of the last sign-off")
+            print_text("intact: all files are those of the last sign-off, and the report is that of these rows")
+            if recompute:
+                print_text("recomputed: the rows give every number of the report")
+        if proof.head:
+            print_text(f"exported {proof.head.time}, when the server had signed {proof.head.documents} documents")
     if key is None:
         say("the key is the export's own; give --key FINGERPRINT, from the server or the approver, to know whose it is")
     for fault in proof.faults:
@@ -123,7 +137,13 @@ def verify(
 
 def _print_signoff(signed: "VerifiedSignoff") -> None:
     """Print who signed what and when."""
+    from clearcap.questions.signing import Withdrawal
+
     signoff = signed.signoff
+    if isinstance(signoff, Withdrawal):
+        print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) withdrew the sign-off")
+        print_text(f"     {signoff.comment}")
+        return
     eyes = (
         "who also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'an unknown user'}"
     )

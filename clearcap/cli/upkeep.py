@@ -58,14 +58,16 @@ def label(
 
 def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Merge the part files of a campaign into a few larger files; the campaign may be running."""
+    from campaign.coordinator.requests import unsigned
     from campaign.coordinator.state import resume_command
     from campaign.store import open_store
     from campaign.store.repeat_sets import repeat_plans
 
     opened = open_store(store)
     header = opened.plan_header(opened.find(campaign))
-    rows = opened.compact(header)
-    repeats = {table.folder: opened.compact(table) for table in repeat_plans(opened, header)}
+    with unsigned(opened, header.campaign_id):
+        rows = opened.compact(header)
+        repeats = {table.folder: opened.compact(table) for table in repeat_plans(opened, header)}
     results = [rows, *repeats.values()]
     resume = resume_command(opened, header.campaign_id)
     for reason in dict.fromkeys(reason for result in results for reason in result.bad.values()):

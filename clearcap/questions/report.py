@@ -7,6 +7,7 @@ import shlex
 import tempfile
 import time
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -17,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel
 
+from campaign.coordinator.requests import refuse_signed, unsigned
 from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
@@ -25,6 +27,7 @@ from campaign.resolution import resolution
 from campaign.row_build import differences
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store, open_store
+from campaign.store.files.files import TEMPORARY
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import STATE, STOPPED, SUBMISSION
 from campaign.store.naming import store_option
@@ -35,6 +38,7 @@ from campaign.worker.moments import plain_rows
 from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from clearcap.questions.mechanisms import geometry_provenance
+from clearcap.questions.report_source import report_source, sha256, stated_date, stated_source
 from clearcap.questions.spreads import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
@@ -43,7 +47,7 @@ from reporting.rounding import leveled
 from reporting.samples import LATER, Repeats, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
-from reporting.write import USUAL
+from reporting.write import NAMES, USUAL
 
 logger = logging.getLogger(__name__)
 ASKED, MOST = 0.1, 1.0  # shares
@@ -60,21 +64,48 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
 
     A comparison is written into a folder of its own (`campaign.store.store`), so that it replaces neither the
     campaign's own report nor another comparison. The result is the path or URL of each file by kind, one of
-    `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on.
+    `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on, or the campaign is signed.
+    """
+    other = None if against is None else store.find(against)
+    if other is None:
+        refuse_signed(store, plan.campaign_id)  # before a minute of work
+    folder = report_folder(plan.campaign_id, other)
+    with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
+        written = write_into(Path(temporary), store, plan, kinds=kinds, against=against)
+        names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
+        # not while it is being signed: what was looked at is what is signed
+        with nullcontext() if other is not None else unsigned(store, plan.campaign_id):
+            for kind, path in written.items():
+                store.files.write(names[kind], Path(path).read_bytes())
+    return {kind: store.files.address(name) for kind, name in names.items()}
+
+
+def write_into(
+    folder: Path,
+    store: Store,
+    plan: Plan,
+    *,
+    kinds: Collection[str] = USUAL,
+    against: str | None = None,
+    written: str | None = None,
+) -> dict[str, str]:
+    """Write the files of a report into a folder, and return their paths by kind.
+
+    ``written`` is the date that the report states, by default the present time. Raises what `report` raises.
     """
     other = None if against is None else store.plan(store.find(against))
     if other is not None and other.campaign_id == plan.campaign_id:
         raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
     comparison = None if other is None else (report_rows(store, other), report_spec(other, store))
-    options: dict[str, Any] = {
-        "kinds": kinds,
-        "rescale": Spreads(plan.spec, plan.mechanism).change,
-        "against": comparison,
-    }
+    rescale = Spreads(plan.spec, plan.mechanism).change
+    spec = report_spec(plan, store)
+    spec = replace(spec, written=written or spec.written)
+    if other is not None:
+        command = f"{spec.provenance[_COMMAND]} --against {other.campaign_id}"
+        spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
     try:
-        options["repeats"] = repeats_of(store, plan)
-        rows = report_rows(store, plan)
-        return _write(store, plan, rows, options, None if other is None else other.campaign_id)
+        repeats, rows = repeats_of(store, plan), report_rows(store, plan)
+        return write_report(rows, spec, folder, kinds=kinds, rescale=rescale, against=comparison, repeats=repeats)
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
@@ -86,6 +117,38 @@ def written_report(
     """Write a report as `report` does, as a job, which gets the address of the store."""
     opened = open_store(store, QUICK)
     return report(opened, opened.plan(campaign), kinds=kinds, against=against)
+
+
+def report_written_again(store: str, campaign: str) -> dict[str, Any]:
+    """Write the report of a campaign again, to compare, as a job: the SHA-256 of its files, and what it was made of."""
+    opened = open_store(store, QUICK)
+    files = report_again(opened, opened.plan(campaign))
+    return {
+        "source": stated_source(files[NAMES["json"]]),
+        "files": {name: sha256(content) for name, content in files.items()},
+    }
+
+
+def report_again(store: Store, plan: Plan) -> dict[str, bytes]:
+    """Return the files of a campaign's report, written again from the rows with the date that it states.
+
+    On the same machine, from the same rows and by the same version they are those of the store to the byte, unless
+    somebody changed one. Raises CampaignError if there is no report, a file of it cannot be written here, or its folder
+    holds anything else.
+    """
+    folder, kinds = report_folder(plan.campaign_id), {name: kind for kind, name in NAMES.items()}
+    names = sorted(name for name in store.files.names(folder) if not name.endswith(TEMPORARY))
+    if NAMES["json"] not in names:
+        raise CampaignError(f"{plan.campaign_id} has no report; write it first: an approver signs what it says")
+    if unknown := [name for name in names if name not in kinds]:
+        raise CampaignError(f"{folder}/{unknown[0]:.100}: is no file of a report; remove it from the store")
+    date = stated_date(store.files.read(f"{folder}/{NAMES['json']}"))
+    with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
+        write_into(Path(temporary), store, plan, kinds=[kinds[name] for name in names], written=date)
+        written = {path.name: path.read_bytes() for path in Path(temporary).iterdir()}
+    if missing := [name for name in names if name not in written]:
+        raise CampaignError(f"{folder}/{missing[0]}: cannot be written here, for its package is missing; remove it")
+    return {name: written[name] for name in names}
 
 
 def analysis(store: Store, plan: Plan) -> Analysis:
@@ -163,24 +226,6 @@ def _has_production_batches(plan: Plan) -> bool:
     return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
 
 
-def _write(
-    store: Store, plan: Plan, rows: Iterable[pa.Table], options: dict[str, Any], against: str | None
-) -> dict[str, str]:
-    """Write the report into its folder of the store; behind a URL, upload it."""
-    folder, spec = report_folder(plan.campaign_id, against), report_spec(plan, store)
-    if against is not None:
-        command = f"{spec.provenance[_COMMAND]} --against {against}"
-        spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
-    if store.files.local:
-        return write_report(rows, spec, Path(store.files.path(folder)), **options)
-    with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
-        written = write_report(rows, spec, Path(temporary), **options)
-        names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
-        for kind, path in written.items():
-            store.files.write(names[kind], Path(path).read_bytes())
-    return {kind: store.files.address(name) for kind, name in names.items()}
-
-
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     """Return the data about a campaign that `reporting` needs; without its store all its samples count as requested."""
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
@@ -192,7 +237,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         header=dict(spec.header),
         responses=tuple(_response(plan, name) for name in plan.mechanism.responses),
         variables=tuple(_variable(plan, name) for name in spec.variables),
-        provenance=provenance(plan, place),
+        provenance=provenance(plan, place) | ({} if store is None else report_source(store, plan)),
         requested=spec.samples if store is None else store.end(plan),
         simulate=_simulate_command(plan),
         sampler=spec.sampler,

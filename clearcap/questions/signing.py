@@ -4,20 +4,19 @@ An export, a ZIP with a campaign and its sign-offs, is written as a stream, and 
 """
 
 import hashlib
-import json
 import os
-import re
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
-from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
-from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_public_key
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from campaign.errors import CampaignError, SpecError
 from campaign.plan_header import PlanHeader
@@ -26,6 +25,7 @@ from campaign.store.files.files import LARGEST, TEMPORARY
 from campaign.store.layout import CAMPAIGN_FILE, PLAN, REPEATS, REPORT, STOPPED
 from campaign.store.repeat_sets import repeat_plans
 from clearcap.questions.exported_rows import SentBytes
+from clearcap.questions.report_source import canonical, sha256
 from engine.platform.regular_file import UnfitFile, read_regular_file
 
 LONGEST_COMMENT = 5000  # characters
@@ -33,24 +33,42 @@ LONGEST_COMMENT = 5000  # characters
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class Signoff(BaseModel):
-    """The content that an approver signed; file names are relative to the campaign's folder."""
+class _Document(BaseModel):
+    """What a server signs; two chains show that none was removed: of the campaign's documents, and of the server's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-    kind: Literal["clearcap sign-off"] = "clearcap sign-off"
-    format: Literal[1] = 1
+    format: Literal[1, 2] = Field(2, description="1 if written by version 0.1: without the chain of the server")
     campaign: str = Field(description="Id of the campaign", examples=["c60-0a1b2c3d4e"])
-    plan: Digest = Field(description="SHA-256 of plan.json", examples=["0f" * 32])
-    rows: Digest = Field(description="Digest over names and SHA-256 of all files of rows", examples=["1e" * 32])
-    report: Digest = Field(description="Digest over names and SHA-256 of the report's files", examples=["2d" * 32])
-    files: dict[str, Digest] = Field(description="SHA-256 of each file", examples=[{"plan.json": "0f" * 32}])
     signer: str = Field(examples=["ada"])
     role: str = Field(examples=["approver"])
     time: str = Field(description="When it was signed, ISO 8601 in UTC", examples=["2026-11-23T09:00:00Z"])
     comment: str = Field(examples=["checked against drawing 4711"])
+    previous: Digest | None = Field(description="Digest of the campaign's document before; null for the first")
+    number: int | None = Field(None, ge=1, description="Among all documents of the server", examples=[12])
+    before: Digest | None = Field(None, description="Digest of the server's document before; null for the first")
+
+    def to_bytes(self) -> bytes:
+        """Return the canonical bytes of the document, which are signed."""
+        return canonical(self.model_dump(exclude={"number", "before"} if self.format == 1 else None))
+
+
+class Withdrawal(_Document):
+    """An approver's statement that the last sign-off of a campaign no longer holds."""
+
+    kind: Literal["clearcap withdrawal"] = "clearcap withdrawal"
+    withdraws: Digest = Field(description="Digest of the sign-off", examples=["0f" * 32])
+
+
+class Signoff(_Document):
+    """The content that an approver signed; file names are relative to the campaign's folder."""
+
+    kind: Literal["clearcap sign-off"] = "clearcap sign-off"
+    plan: Digest = Field(description="SHA-256 of plan.json", examples=["0f" * 32])
+    rows: Digest = Field(description="Digest over names and SHA-256 of all files of rows", examples=["1e" * 32])
+    report: Digest = Field(description="Digest over names and SHA-256 of the report's files", examples=["2d" * 32])
+    files: dict[str, Digest] = Field(description="SHA-256 of each file", examples=[{"plan.json": "0f" * 32}])
     submitted_by: str = Field(description="Who submitted the campaign, as its store says", examples=["eva"])
     is_submitter: bool = Field(description="The signer also submitted the campaign: no second pair of eyes")
-    previous: Digest | None = Field(description="Digest of the campaign's sign-off before; null for the first")
 
     @model_validator(mode="after")
     def _digests_fit(self) -> "Signoff":
@@ -59,19 +77,38 @@ class Signoff(BaseModel):
             raise ValueError("its digests are not those of its files")
         return self
 
+
+class Head(BaseModel):
+    """What a server had signed when it exported a campaign: shows that the export lacks no later document."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    kind: Literal["clearcap head"] = "clearcap head"
+    format: Literal[1] = 1
+    time: str = Field(description="When it was exported, ISO 8601 in UTC")
+    documents: int = Field(description="Of the server")
+    newest: Digest | None = Field(description="Digest of the server's newest document")
+    campaign: str
+    of_campaign: int = Field(description="Documents of the campaign")
+    last: Digest | None = Field(description="Digest of the campaign's last document")
+
     def to_bytes(self) -> bytes:
-        """Return the canonical bytes of the document, which are signed."""
+        """Return the canonical bytes, which are signed."""
         return canonical(self.model_dump())
 
 
-def canonical(content: Any) -> bytes:
-    """Return plain data as canonical JSON for signing: sorted keys, no spaces, UTF-8."""
-    return json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+_DOCUMENTS: TypeAdapter[Signoff | Withdrawal] = TypeAdapter(
+    Annotated[Signoff | Withdrawal, Field(discriminator="kind")]
+)
 
 
-def sha256(content: bytes) -> str:
-    """Return a SHA-256 as 64 hexadecimal digits."""
-    return hashlib.sha256(content).hexdigest()
+def read_document(content: bytes) -> Signoff | Withdrawal:
+    """Return a sign-off or a withdrawal from its bytes; ValidationError if it is neither."""
+    return _DOCUMENTS.validate_json(content)
+
+
+def now_in_utc() -> str:
+    """Return the present time as documents state it."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def digests_of(files: Mapping[str, str]) -> tuple[str, str, str]:
@@ -180,6 +217,7 @@ def _files_of_rows(store: Store, header: PlanHeader) -> Iterator[str]:
 
 SIGNOFFS = "signoffs"  # folder of the documents
 KEY = f"{SIGNOFFS}/key.pem"
+HEAD, HEAD_SIGNATURE = f"{SIGNOFFS}/head.json", f"{SIGNOFFS}/head.sig"
 MOST_FILES = 200_000
 MOST_BYTES = 2**36  # of all files together, 64 GiB
 _CHUNK = 2**20
@@ -204,9 +242,16 @@ def signature_name(number: int) -> str:
 
 
 def stream_export(
-    store: Store, campaign: str, names: Sequence[str], signed: Sequence[SignedDocument], key: Ed25519PublicKey
+    store: Store,
+    campaign: str,
+    names: Sequence[str],
+    signed: Sequence[SignedDocument],
+    key: Ed25519PublicKey,
+    head: SignedDocument | None = None,
 ) -> Iterator[bytes]:
     """Yield the bytes of a ZIP with files of a campaign, its sign-offs, oldest first, and the key that verifies them.
+
+    ``head`` shows that no later document is missing.
 
     Each piece is one file, the last one the directory. Raises FileNotFoundError if a file no longer exists; the ZIP is
     then incomplete, and no program can open it.
@@ -220,6 +265,9 @@ def stream_export(
             archive.writestr(_entry(campaign, document_name(number)), each.document)
             archive.writestr(_entry(campaign, signature_name(number)), each.signature)
             yield sink.taken()
+        if head is not None:
+            archive.writestr(_entry(campaign, HEAD), head.document)
+            archive.writestr(_entry(campaign, HEAD_SIGNATURE), head.signature)
         pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
         archive.writestr(_entry(campaign, KEY), pem)
     yield sink.taken()
@@ -373,91 +421,3 @@ def _without_top(path: Path, names: list[str]) -> tuple[str, list[str]]:
     if len(tops) != 1 or any("/" not in name for name in names):
         raise UnfitArchive(f"{path}: is not an export: it does not hold the folder of one campaign")
     return tops.pop(), [name.partition("/")[2] for name in names]
-
-
-LARGEST_SIGNOFF = 64 * 2**20  # bytes; a sign-off lists every file
-_LARGEST_KEY = 10_000  # bytes
-_DOCUMENT = re.compile(rf"{SIGNOFFS}/(\d{{4,}})\.json")
-
-
-@dataclass(frozen=True)
-class VerifiedSignoff:
-    """A sign-off of an export with a valid signature."""
-
-    number: int  # from 1, the oldest first
-    signoff: Signoff
-    differences: list[str]  # between the files of the export and the signed files
-
-
-@dataclass(frozen=True)
-class Verification:
-    """The result of verifying an export."""
-
-    campaign: str
-    key: str  # fingerprint of the key in the export
-    signoffs: list[VerifiedSignoff]  # the valid ones, the oldest first
-    faults: list[str]  # why the export is not what was signed last; empty if it is
-
-
-def verify_export(archive: Archive, key: str | None = None) -> Verification:
-    """Verify an export; raise UnfitArchive if a file of it cannot be read.
-
-    It is sound if there are no faults: every signature is valid, each sign-off refers to the one before, and the last
-    one covers exactly these files. `key` is the fingerprint of the server's key from another source; without it,
-    anybody could have made the export with a key of their own.
-    """
-    public = _public_key(archive)
-    found = {name: archive.digest(name) for name in archive.names if not name.startswith(f"{SIGNOFFS}/")}
-    signed, faults = list[VerifiedSignoff](), list[str]()
-    if key is not None and key.lower().replace(":", "") != fingerprint(public):
-        faults.append(f"key: the export has the key {fingerprint(public)}, not {key}")
-    count = sum(1 for name in archive.names if _DOCUMENT.fullmatch(name))
-    known = {KEY} | {name(number) for number in range(1, count + 1) for name in (document_name, signature_name)}
-    faults += [f"sign-offs: {name} belongs to no sign-off" for name in sorted(_documents(archive) - known)]
-    faults += [] if count else ["sign-offs: there is none"]
-    previous = None
-    for number in range(1, count + 1):
-        try:
-            document, signoff = _signoff(archive, number, public)
-        except CampaignError as error:
-            faults.append(f"sign-off {number}: {error}")
-            # the next ones cannot be shown to follow it
-            break
-        if signed and signoff.campaign != signed[0].signoff.campaign:
-            faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
-        if signoff.previous != previous:
-            faults.append(f"sign-off {number}: does not follow the one before: one was removed or inserted")
-        previous = sha256(document)
-        signed.append(VerifiedSignoff(number, signoff, differences(signoff.files, found)))
-    if signed and signed[-1].differences:
-        faults += [f"signed version differs: {words}" for words in signed[-1].differences]
-    campaign = signed[-1].signoff.campaign if signed else archive.campaign
-    return Verification(campaign, fingerprint(public), signed, faults)
-
-
-def _documents(archive: Archive) -> set[str]:
-    """Return the names of all files among the sign-offs."""
-    return {name for name in archive.names if name.startswith(f"{SIGNOFFS}/")}
-
-
-def _public_key(archive: Archive) -> Ed25519PublicKey:
-    """Return the key of an export."""
-    try:
-        key = load_pem_public_key(archive.read(KEY, _LARGEST_KEY))
-    except (ValueError, UnsupportedAlgorithm) as error:
-        raise UnfitArchive(f"{KEY}: is not a public key; get the export from the server again") from error
-    if not isinstance(key, Ed25519PublicKey):
-        raise UnfitArchive(f"{KEY}: is a key of another kind than Ed25519; a server has none of that kind")
-    return key
-
-
-def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff]:
-    """Return the document of a sign-off as bytes and as a model."""
-    document = archive.read(document_name(number), LARGEST_SIGNOFF)
-    if not is_signed(document, archive.read(signature_name(number), 64), key):
-        raise CampaignError(f"{document_name(number)} was changed, or the key of {KEY} did not sign it")
-    try:
-        return document, Signoff.model_validate_json(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise CampaignError(f"{document_name(number)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error

@@ -1,13 +1,14 @@
 """The server's part in sign-offs: its signing key, the documents it has signed, and checks that they still hold."""
 
 import os
+import sqlite3
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
@@ -17,19 +18,26 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
+from campaign.coordinator.lease import hold_lease
+from campaign.coordinator.requests import being_signed, end_protection, rerun_request
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
-from campaign.store.layout import SUBMISSION
+from campaign.store.layout import REPORT, SUBMISSION
+from clearcap.questions.report_source import report_source, sha256
 from clearcap.questions.signing import (
+    Head,
     SignedDocument,
     Signoff,
+    Withdrawal,
     check_whole,
     content_digest,
     differences,
     digest_file,
     digests_of,
-    sha256,
+    now_in_utc,
+    part_of,
+    read_document,
     sign,
     signed_files,
     signed_names,
@@ -44,6 +52,7 @@ _LARGEST_KEY = 10_000  # bytes
 _SETTLED = 2.0  # s after the last change of a file; from then on, a further change shows in the file's times
 _READ_WITHIN = 20.0  # s that a request waits while another one reads files
 _MOST_DIGESTS = 200_000  # that are cached
+_NEWEST = "SELECT document, (SELECT count(*) FROM signoffs) AS count FROM signoffs ORDER BY id DESC LIMIT 1"
 
 
 @dataclass(frozen=True)
@@ -52,8 +61,23 @@ class KeptSignoff:
 
     number: int  # among the sign-offs of its campaign, from 1
     digest: str  # SHA-256 of its document
-    signoff: Signoff
-    differences: list[str]  # between the files as they are now and as they were signed
+    signoff: Signoff | Withdrawal
+    differences: list[str]  # between the files as they are now and as they were signed; none for a withdrawal
+
+    @property
+    def status(self) -> str:
+        """`signed`, `signed version differs` or `withdrawn`."""
+        if isinstance(self.signoff, Withdrawal):
+            return "withdrawn"
+        return "signed version differs" if self.differences else "signed"
+
+
+@dataclass(frozen=True)
+class ReportAgain:
+    """A campaign's report as its rows give it; see `clearcap.questions.report.report_written_again`."""
+
+    source: dict[str, str]  # the digests of the plan and the rows that it was made of
+    files: dict[str, str]  # SHA-256 by name
 
 
 class SigningService:
@@ -83,8 +107,9 @@ class SigningService:
             return []
         found, made = self.content(campaign, anew=anew), []
         for number, each in enumerate(kept, start=1):
-            signoff = Signoff.model_validate_json(each.document)
-            made.append(KeptSignoff(number, sha256(each.document), signoff, differences(signoff.files, found)))
+            signoff = read_document(each.document)
+            differ = differences(signoff.files, found) if isinstance(signoff, Signoff) else []
+            made.append(KeptSignoff(number, sha256(each.document), signoff, differ))
         return made
 
     def submitter(self, campaign: str) -> str:
@@ -92,57 +117,94 @@ class SigningService:
         user = (self._store.read_json(campaign, SUBMISSION) or {}).get("user")
         return user if isinstance(user, str) else ""
 
-    def sign(self, campaign: str, who: Principal, comment: str, content: str) -> Signoff:
+    def sign(self, campaign: str, who: Principal, comment: str, content: str, again: ReportAgain) -> Signoff:
         """Sign the plan, rows and report of a campaign in the name of an approver.
 
-        `content` is the `content_digest` of the files that the approver has looked at. An approver who repeats a
-        request, because its answer was lost, gets the existing sign-off: the last one of the campaign, if it has the
-        same signer, comment and content. Raises CampaignError if the campaign is not completed, is damaged, or has
-        changed since the approver looked at it. For TimeoutError see `content`.
+        `content` is the `content_digest` of the files that the approver has looked at; `again` is the report as these
+        rows give it. An approver who repeats a request, because its answer was lost, gets the existing sign-off: the
+        last one of the campaign, if it has the same signer, comment and content. Raises CampaignError if the campaign
+        is not completed, is damaged, has changed since the approver looked at it, or its report is not that of its
+        rows; LeaseHeld if it is being changed. For TimeoutError see `content`.
         """
-        state = state_of(self._store, campaign)["state"]
-        if state != "completed":
-            raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
-        check_whole(self._store, self._store.plan_header(campaign))
-        # read before the transaction, because no other request can write to the database during it
-        files = self.content(campaign, anew=True)
-        if content_digest(files) != content:
-            raise CampaignError(f"{campaign} has changed since you looked at it; read the report again, then sign")
-        submitter = self.submitter(campaign)
-        plan, rows, report = digests_of(files)
-        with self._database.write() as connection:
-            # in the same transaction as the insertion, so that two sign-offs cannot both follow the same one
-            last = connection.execute(
-                "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", (campaign,)
-            ).fetchone()
-            earlier = None if last is None else Signoff.model_validate_json(last["document"])
-            if earlier and (earlier.signer, earlier.comment, earlier.files) == (who.name, comment, files):
-                return earlier
-            signoff = Signoff(
-                campaign=campaign,
-                plan=plan,
-                rows=rows,
-                report=report,
-                files=files,
-                signer=who.name,
-                role=who.role.word,
-                time=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
-                comment=comment,
-                submitted_by=submitter,
-                is_submitter=submitter == who.name,
-                previous=None if last is None else sha256(last["document"].encode()),
-            )
-            document = signoff.to_bytes()
-            connection.execute(
-                "INSERT INTO signoffs (campaign, document, signature) VALUES (?, ?, ?)",
-                (campaign, document.decode(), sign(document, self.key).hex()),
-            )
+        header = self._store.plan_header(campaign)
+        with being_signed(self._store, campaign) as protect:
+            state = state_of(self._store, campaign)["state"]
+            if state != "completed":
+                raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
+            if rerun_request(self._store, campaign) is not None:
+                raise CampaignError(f"{campaign}: failed rows are to be computed again; wait for them")
+            check_whole(self._store, header)
+            # read before the transaction, because no other request can write to the database during it
+            files = self.content(campaign, anew=True)
+            if content_digest(files) != content:
+                raise CampaignError(f"{campaign} has changed since you looked at it; read the report again, then sign")
+            _check_report(campaign, files, report_source(self._store, header), again)
+            submitter = self.submitter(campaign)
+            plan, rows, report = digests_of(files)
+            with self._database.write() as connection:
+                chain = _Chain(connection, campaign)
+                last = chain.last
+                if isinstance(last, Signoff) and (last.signer, last.comment, last.files) == (who.name, comment, files):
+                    return last
+                signoff = Signoff(
+                    **chain.next(who, comment),
+                    plan=plan,
+                    rows=rows,
+                    report=report,
+                    files=files,
+                    submitted_by=submitter,
+                    is_submitter=submitter == who.name,
+                )
+                self._insert(connection, signoff)
+                # before the transaction ends: without the marker nothing is signed
+                protect(sha256(signoff.to_bytes()), who.name)
         return signoff
+
+    def withdraw(self, campaign: str, who: Principal, comment: str) -> Withdrawal:
+        """Withdraw the last sign-off of a campaign, which can then be changed again; the reason is kept for ever.
+
+        Raises CampaignError if it is not signed.
+        """
+        with hold_lease(self._store, campaign), self._database.write() as connection:
+            chain = _Chain(connection, campaign)
+            if not isinstance(chain.last, Signoff) or chain.last_digest is None:
+                raise CampaignError(f"{campaign} is not signed; there is nothing to withdraw")
+            withdrawal = Withdrawal(**chain.next(who, comment), withdraws=chain.last_digest)
+            self._insert(connection, withdrawal)
+            end_protection(self._store, campaign)
+        return withdrawal
+
+    def is_signed(self, campaign: str) -> bool:
+        """Return whether a campaign has a sign-off that was not withdrawn."""
+        row = self._database.row("SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", campaign)
+        return row is not None and isinstance(read_document(row["document"].encode()), Signoff)
+
+    def has_documents(self, campaign: str) -> bool:
+        """Return whether a campaign has sign-offs, withdrawn ones included."""
+        return self._database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign) is not None
 
     def export(self, campaign: str) -> Iterator[bytes]:
         """Yield the bytes of a ZIP file with a campaign and its sign-offs; see `stream_export`."""
         names = signed_names(self._store, self._store.plan_header(campaign))
-        return stream_export(self._store, campaign, names, self._kept(campaign), self.key.public_key())
+        kept, newest = self._kept(campaign), self._database.row(_NEWEST)
+        head = Head(
+            time=now_in_utc(),
+            documents=0 if newest is None else newest["count"],
+            newest=None if newest is None else sha256(newest["document"].encode()),
+            campaign=campaign,
+            of_campaign=len(kept),
+            last=sha256(kept[-1].document) if kept else None,
+        ).to_bytes()
+        signed = SignedDocument(head, sign(head, self.key))
+        return stream_export(self._store, campaign, names, kept, self.key.public_key(), signed)
+
+    def _insert(self, connection: sqlite3.Connection, document: Signoff | Withdrawal) -> None:
+        """Sign a document and add it to the chain."""
+        content = document.to_bytes()
+        connection.execute(
+            "INSERT INTO signoffs (campaign, document, signature) VALUES (?, ?, ?)",
+            (document.campaign, content.decode(), sign(content, self.key).hex()),
+        )
 
     def _kept(self, campaign: str) -> list[SignedDocument]:
         rows = self._database.rows("SELECT document, signature FROM signoffs WHERE campaign = ? ORDER BY id", campaign)
@@ -169,6 +231,48 @@ class SigningService:
             self._digests.clear()
         self._digests[campaign, name] = mark, digest
         return digest
+
+
+class _Chain:
+    """The ends of the chains of a campaign's and of the server's documents.
+
+    Read in the transaction of the insertion, so that no two documents follow the same one.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, campaign: str) -> None:
+        self._campaign = campaign
+        statement = "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1"
+        row, newest = connection.execute(statement, (campaign,)).fetchone(), connection.execute(_NEWEST).fetchone()
+        self.last = None if row is None else read_document(row["document"].encode())
+        self.last_digest = None if row is None else sha256(row["document"].encode())
+        self._number = 1 if newest is None else newest["count"] + 1
+        self._before = None if newest is None else sha256(newest["document"].encode())
+
+    def next(self, who: Principal, comment: str) -> dict[str, Any]:
+        """Return the fields that every document has, for the one that follows."""
+        return {
+            "campaign": self._campaign,
+            "signer": who.name,
+            "role": who.role.word,
+            "time": now_in_utc(),
+            "comment": comment,
+            "previous": self.last_digest,
+            "number": self._number,
+            "before": self._before,
+        }
+
+
+def _check_report(campaign: str, files: dict[str, str], source: dict[str, str], again: ReportAgain) -> None:
+    """Raise CampaignError unless the files of a report are those written again, from the rows that are there now."""
+    if again.source != source:
+        raise CampaignError(f"{campaign}: its rows have changed just now; read the report again, then sign")
+    found = {name.removeprefix(f"{REPORT}/"): digest for name, digest in files.items() if part_of(name) == "report"}
+    other = sorted(name for name in found.keys() | again.files.keys() if found.get(name) != again.files.get(name))
+    if other:
+        raise CampaignError(
+            f"{campaign}: {REPORT}/{other[0]} is not what this server writes from these rows: it is of other rows, was"
+            " changed, or was written by another version or on another machine; write the report again, read it, sign"
+        )
 
 
 def _mark(store: Store, name: str) -> object:

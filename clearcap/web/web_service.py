@@ -146,7 +146,7 @@ class Service:
 
     def is_signed(self, campaign_id: str) -> bool:
         """Return whether a campaign has a sign-off."""
-        return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
+        return self.signing_service.is_signed(campaign_id)
 
     def events(self) -> list[CampaignEvent]:
         """Return the events of all campaigns that follow from their states."""

@@ -72,6 +72,7 @@ each.get("/signing-key")(signoffs.show_signing_key)
 each.get(f"{_CAMPAIGN}/signoffs", responses=_404)(signoffs.list_signoffs)
 each.get(f"{_CAMPAIGN}/signoffs/content", responses=_404_409)(signoffs.show_content)
 each.post(f"{_CAMPAIGN}/signoffs", status_code=201, responses=_404_409)(signoffs.sign_campaign)
+each.post(f"{_CAMPAIGN}/signoffs/withdrawal", status_code=201, responses=_404_409)(signoffs.withdraw_signoff)
 
 each = ROUTERS["webhooks"]
 each.get("/webhooks")(webhooks.list_webhooks)

@@ -319,7 +319,7 @@ async def motion(
 )
 def export_signed(service: TheService, campaign: TheCampaign, _: Authenticated) -> StreamingResponse:
     """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
-    if not service.is_signed(campaign):
+    if not service.signing_service.has_documents(campaign):
         raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
     headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
     return StreamingResponse(service.signing_service.export(campaign), media_type="application/zip", headers=headers)

@@ -6,23 +6,26 @@ from contextlib import contextmanager
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
 
+from clearcap.questions.report import report_written_again
 from clearcap.questions.signing import (
     LONGEST_COMMENT,
     Signoff,
+    Withdrawal,
     content_digest,
     digests_of,
     fingerprint,
 )
 from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
 from clearcap.web.http.problems import Refusal
-from clearcap.web.signing_service import KeptSignoff
+from clearcap.web.signing_service import KeptSignoff, ReportAgain
 
 MOST_DIFFERENCES = 100  # differences that are listed
 
 
 class ListedSignoff(BaseModel):
-    """A sign-off, without the list of files."""
+    """A sign-off, without the list of files, or its withdrawal."""
 
     number: int = Field(examples=[1])
     digest: str = Field(description="SHA-256 of the signed document", examples=["0f" * 32])
@@ -30,9 +33,9 @@ class ListedSignoff(BaseModel):
     role: str = Field(examples=["approver"])
     time: str = Field(examples=["2026-11-23T09:00:00Z"])
     comment: str = Field(examples=["checked against drawing 4711"])
-    submitted_by: str = Field(examples=["eva"])
+    submitted_by: str = Field(description="Empty for a withdrawal", examples=["eva"])
     is_submitter: bool = Field(description="The signer also submitted the campaign", examples=[False])
-    status: str = Field(examples=["signed"], description="`signed`, or `signed version differs`")
+    status: str = Field(examples=["signed"], description="`signed`, `signed version differs`, or `withdrawn`")
     differences: list[str] = Field(
         description=f"What differs, {MOST_DIFFERENCES} files at most", examples=[["report: report/report.html differs"]]
     )
@@ -40,13 +43,18 @@ class ListedSignoff(BaseModel):
     @classmethod
     def of(cls, kept: KeptSignoff) -> "ListedSignoff":
         """Return the listed form of a sign-off."""
-        names = ("signer", "role", "time", "comment", "submitted_by", "is_submitter")
+        signoff = kept.signoff
         return cls(
             number=kept.number,
             digest=kept.digest,
-            status="signed version differs" if kept.differences else "signed",
+            signer=signoff.signer,
+            role=signoff.role,
+            time=signoff.time,
+            comment=signoff.comment,
+            submitted_by=signoff.submitted_by if isinstance(signoff, Signoff) else "",
+            is_submitter=isinstance(signoff, Signoff) and signoff.is_submitter,
+            status=kept.status,
             differences=kept.differences[:MOST_DIFFERENCES],
-            **{name: getattr(kept.signoff, name) for name in names},
         )
 
 
@@ -54,7 +62,7 @@ class SignoffList(BaseModel):
     """The sign-offs of a campaign, oldest first."""
 
     campaign: str = Field(examples=["c60-0a1b2c3d4e"])
-    status: str = Field(examples=["signed"], description="`not signed`, `signed`, or `signed version differs`")
+    status: str = Field(examples=["signed"], description="`not signed`, or that of the last one")
     key: str = Field(description="Fingerprint of the server's key", examples=["0f" * 32])
     signoffs: list[ListedSignoff]
 
@@ -136,11 +144,28 @@ def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> S
     )
 
 
-def sign_campaign(
+async def sign_campaign(
     request: Request, service: TheService, campaign: TheCampaign, who: Approver, signing: Signing
 ) -> Signoff:
-    """Sign the plan, rows and report of a completed campaign."""
-    with one_at_a_time():
-        signoff = service.signing_service.sign(campaign, who, signing.comment, signing.content)
+    """Sign the plan, rows and report of a completed campaign; the report is first made again from the rows."""
+    again = await service.pool.data(who.name, report_written_again, service.store.files.full_url, campaign)
+
+    def sign() -> Signoff:
+        with one_at_a_time():
+            return service.signing_service.sign(campaign, who, signing.comment, signing.content, ReportAgain(**again))
+
+    signoff = await run_in_threadpool(sign)
     request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
     return signoff
+
+
+class Withdrawing(BaseModel):
+    """A request to withdraw the last sign-off of a campaign."""
+
+    model_config = ConfigDict(extra="forbid")
+    comment: str = Field(min_length=1, max_length=LONGEST_COMMENT, description="Why", examples=["wrong drawing"])
+
+
+def withdraw_signoff(service: TheService, campaign: TheCampaign, who: Approver, withdrawing: Withdrawing) -> Withdrawal:
+    """Withdraw the last sign-off of a campaign by a signed document; the campaign can then be changed again."""
+    return service.signing_service.withdraw(campaign, who, withdrawing.comment)

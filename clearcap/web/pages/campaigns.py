@@ -25,7 +25,14 @@ from clearcap.web.operations.campaigns import (
     write_report,
 )
 from clearcap.web.operations.people import ListedId, ListedShare, MadeShare, NewShare, add_share, revoke_share
-from clearcap.web.operations.signoffs import Signing, list_signoffs, show_content, sign_campaign
+from clearcap.web.operations.signoffs import (
+    Signing,
+    Withdrawing,
+    list_signoffs,
+    show_content,
+    sign_campaign,
+    withdraw_signoff,
+)
 from clearcap.web.operations.submissions import extend
 from clearcap.web.pages.rendering import page
 from clearcap.web.watch.watcher import progress_of
@@ -213,7 +220,7 @@ async def signoff_page(
 
 
 @router.post("/campaigns/{campaign}/signoff")
-def sign_form(
+async def sign_form(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
@@ -222,5 +229,17 @@ def sign_form(
     comment: Annotated[str, Form(max_length=LONGEST_COMMENT)] = "",
 ) -> Response:
     """Sign a campaign."""
-    sign_campaign(request, service, campaign, who, Signing(content=content, comment=comment))
+    await sign_campaign(request, service, campaign, who, Signing(content=content, comment=comment))
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)
+
+
+@router.post("/campaigns/{campaign}/signoff/withdraw")
+def withdraw_form(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Approver,
+    comment: Annotated[str, Form(min_length=1, max_length=LONGEST_COMMENT)],
+) -> Response:
+    """Withdraw the last sign-off of a campaign."""
+    withdraw_signoff(service, campaign, who, Withdrawing(comment=comment))
     return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)

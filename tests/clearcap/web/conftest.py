@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from itertools import count
 
 import pytest
+from starlette.concurrency import run_in_threadpool
 from starlette.testclient import TestClient
 
 from campaign.compiling import compile_engine
@@ -17,6 +18,7 @@ from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from clearcap.questions.report import report
 from clearcap.web.access import Role, users
 from clearcap.web.app import make_app
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
@@ -240,3 +242,23 @@ def reported(finished_store, settings):
     files.write(f"{campaign}/report/report.html", b"<p>Cpk 1.33</p>")
     files.write(f"{campaign}/report/capability.json", b'{"headline": "capable", "responses": []}')
     return campaign
+
+
+def write_real_report(service, campaign):
+    """Write the report of a campaign from its rows, as only that can be signed."""
+    report(service.store, service.store.plan(campaign))
+
+
+@pytest.fixture
+def signable(reported, service, monkeypatch):
+    """Return the id of a completed campaign with the report of its rows; its service computes in this process."""
+
+    async def data(_, job, *arguments):
+        return await run_in_threadpool(job, *arguments)
+
+    files = service.store.files
+    for name in files.names(f"{reported}/report"):
+        files.remove(f"{reported}/report/{name}")
+    write_real_report(service, reported)
+    monkeypatch.setattr(service.pool, "data", data)
+    return reported

@@ -20,7 +20,7 @@ from engine import simulate
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
-from tests.clearcap.web.conftest import PASSWORD, URL, serving
+from tests.clearcap.web.conftest import PASSWORD, URL, serving, write_real_report
 from tests.clearcap.web.routes import all_ways
 
 WRITES = {str(way): way for way in all_ways() if way.is_write}
@@ -99,7 +99,7 @@ class World:
     def other(self):
         """The id of another campaign with rows, and a report: it will be signed."""
         campaign = self.computed(fake_engine.simulate)
-        self.service.store.files.write(f"{campaign}/report/report.html", b"<p>Cpk 1.33</p>")
+        write_real_report(self.service, campaign)
         return campaign
 
     @cached_property
@@ -193,6 +193,14 @@ def signed(w, how):
     return Call({"campaign": w.other}, {how: {"content": w.content(w.other), "comment": "as drawn"}}, "approver")
 
 
+def withdrawn(w, how):
+    """Return the withdrawal of a signature that is there."""
+    answer = w.client.post(f"/api/v1/campaigns/{w.other}/signoffs", headers=w.browser("approver"), json={
+        "content": w.content(w.other), "comment": "to be withdrawn"})  # fmt: skip
+    assert answer.status_code == 201
+    return Call({"campaign": w.other}, {how: {"comment": "wrong drawing"}}, "approver")
+
+
 def failed_again(w):
     """Return the request to compute failed rows again."""
     write_state(w.service.store, w.failing, "completed")
@@ -241,6 +249,7 @@ HOW = {
     "POST /api/v1/campaigns/{campaign}/shares": lambda w: of_new("queued", w, json={"days": 7}),
     "DELETE /api/v1/campaigns/{campaign}/shares/{share}": lambda w: Call(w.shared()),
     "POST /api/v1/campaigns/{campaign}/signoffs": lambda w: signed(w, "json"),
+    "POST /api/v1/campaigns/{campaign}/signoffs/withdrawal": lambda w: withdrawn(w, "json"),
     "POST /api/v1/webhooks": lambda w: Call({}, {"json": {"url": "http://127.0.0.1:9/clearcap"}}),
     "DELETE /api/v1/webhooks/{webhook}": lambda w: Call({"webhook": w.webhook()}),
     "POST /login": lambda w: Call({}, {"data": {"name": "viewer", "password": PASSWORD}}, "viewer"),
@@ -270,6 +279,7 @@ HOW = {
     "POST /campaigns/{campaign}/share": lambda w: of_new("queued", w, data={"days": "7"}),
     "POST /campaigns/{campaign}/share/{share}/revoke": lambda w: Call(w.shared()),
     "POST /campaigns/{campaign}/signoff": lambda w: signed(w, "data"),
+    "POST /campaigns/{campaign}/signoff/withdraw": lambda w: withdrawn(w, "data"),
 }  # fmt: skip
 
 

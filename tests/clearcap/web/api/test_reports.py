@@ -24,9 +24,8 @@ def test_report_and_comparison_are_written(computing, explored):
     assert client.post(f"{home}/comparisons/none", headers=headers("engineer")).status_code == 404
 
 
-def test_signed_report_is_not_written_again(client, service, reported, as_user):
-    with service.database.write() as connection:
-        connection.execute("INSERT INTO signoffs (campaign, document, signature) VALUES (?, '', '')", (reported,))
+def test_signed_report_is_not_written_again(client, service, reported, as_user, monkeypatch):
+    monkeypatch.setattr(service.signing_service, "is_signed", lambda _: True)
     answer = client.post(f"/api/v1/campaigns/{reported}/report", headers=as_user("engineer"))
     assert answer.status_code == 409
     assert "signed" in answer.json()["detail"]

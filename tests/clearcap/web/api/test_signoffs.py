@@ -1,25 +1,30 @@
-"""Sign-offs over the API: only an approver signs, only what he has looked at; one changed byte shows."""
+"""Sign-offs over the API: only an approver signs, only the report of these rows that he has looked at."""
 
 import dataclasses
 import os
 import time
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from campaign.coordinator.lease import LeaseHeld
+from campaign.coordinator.requests import SignedCampaign, being_signed, delete_campaign, request_rerun, unsigned
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
-from clearcap.questions.signing import open_archive, verify_export
+from clearcap.questions.report import report
+from clearcap.questions.signing import open_archive
+from clearcap.questions.verification import verify_export
 from clearcap.web.access.database import Database
 from clearcap.web.signing_service import KEY_FILE
 from clearcap.web.web_service import open_service
-from tests.clearcap.web.conftest import only_in_a_folder
+from tests.clearcap.web.conftest import only_in_a_folder, write_real_report
 
 
 @pytest.fixture
-def campaign(reported, service):
-    """Return a completed campaign with a report, which is served."""
-    return reported
+def campaign(signable):
+    """Return a completed campaign with its report, which is served."""
+    return signable
 
 
 @pytest.fixture
@@ -86,6 +91,7 @@ def test_the_same_again_is_the_same_sign_off(client, as_user, url, sign):
 def test_four_eyes(client, service, campaign, as_user, url):
     """Who submitted a campaign and signs it himself is named as such."""
     service.store.write_json(campaign, "submission.json", {"user": "approver", "time": 0.0})
+    write_real_report(service, campaign)  # it names him as the author
     approver = as_user("approver")
     content = client.get(f"{url}/content", headers=approver).json()
     assert content["is_submitter"]
@@ -143,6 +149,110 @@ def test_check_reads_again(client, service, campaign, as_user, url, sign):
         assert not [name for name in read if "report.html" in name]
         client.get(url, params={"check": True}, headers=viewer)
         assert [name for name in read if "report.html" in name]
+
+
+def test_only_the_report_of_these_rows_is_signed(client, service, campaign, as_user, url, sign):
+    """Not one that was edited, even where its JSON was not; nor that of other rows; nor a file that no report has."""
+    files = service.store.files
+    home = f"{campaign}/report"
+    page, document = files.read(f"{home}/report.html"), files.read(f"{home}/capability.json")
+    assert b"</h1>" in page
+    assert b'"cpk": ' in document
+    for name, content in (
+        ("report.html", page.replace(b"</h1>", b": capable</h1>")),
+        ("capability.json", document.replace(b'"cpk": ', b'"cpk": 1')),
+        ("notes.txt", b"capable"),
+    ):
+        before = files.read(f"{home}/{name}") if files.exists(f"{home}/{name}") else None
+        files.write(f"{home}/{name}", content)
+        answer = sign()
+        assert (answer.status_code, name in answer.json()["detail"]) == (409, True)
+        files.remove(f"{home}/{name}") if before is None else files.write(f"{home}/{name}", before)
+    header = service.store.plan_header(campaign)
+    part = files.read(f"{campaign}/parts/part-000002.parquet")
+    files.remove(f"{campaign}/parts/part-000002.parquet")
+    write_real_report(service, campaign)  # as over the rows of a campaign that runs
+    files.write(f"{campaign}/parts/part-000002.parquet", part)
+    service.store.survey(header)
+    answer = sign()
+    assert (answer.status_code, "other rows" in answer.json()["detail"]) == (409, True)
+    write_real_report(service, campaign)
+    assert sign().status_code == 201
+    assert client.get(url, headers=as_user("viewer")).json()["status"] == "signed"
+
+
+def test_nothing_changes_what_is_signed(client, service, campaign, as_user, url, sign):
+    """Not over the API, nor with the store itself; until an approver withdraws the sign-off, which stays on record."""
+    assert sign("as drawn").status_code == 201
+    home, admin = f"/api/v1/campaigns/{campaign}", as_user("admin")
+    plan = service.store.plan(campaign)
+    confirmed = {**admin, "X-Confirm": campaign}
+    changes = {
+        "delete": lambda: client.delete(home, headers=confirmed),
+        "report": lambda: client.post(f"{home}/report", headers=admin),
+    }
+    write_state(service.store, campaign, "completed")
+    for name, change in changes.items():
+        answer = change()
+        assert (name, answer.status_code, "signed" in answer.json()["detail"]) == (name, 409, True)
+    for change in (
+        lambda: delete_campaign(service.store, campaign),
+        lambda: request_rerun(service.store, campaign, (), "eva"),
+        lambda: report(service.store, plan),
+    ):
+        with pytest.raises(SignedCampaign):
+            change()
+    assert client.get(url, headers=as_user("viewer")).json()["status"] == "signed"
+    reason = {"comment": "wrong drawing"}
+    assert client.post(f"{url}/withdrawal", json=reason, headers=as_user("engineer")).status_code == 403
+    assert client.post(f"{url}/withdrawal", json={"comment": ""}, headers=as_user("approver")).status_code == 422
+    assert client.post(f"{url}/withdrawal", json=reason, headers=as_user("approver")).status_code == 201
+    listed = client.get(url, headers=as_user("viewer")).json()
+    assert (listed["status"], [each["status"] for each in listed["signoffs"]]) == ("withdrawn", ["signed", "withdrawn"])
+    assert client.post(f"{url}/withdrawal", json=reason, headers=as_user("approver")).status_code == 409
+    report(service.store, plan)
+    assert sign("as drawn").status_code == 201
+    assert client.get(url, headers=as_user("viewer")).json()["status"] == "signed"
+
+
+def test_sign_offs_of_a_server_are_one_chain(client, service, campaign, as_user, url, sign):
+    """Each document follows the server's last one; an export without its campaign's last document is found out."""
+    first = sign("as drawn").json()
+    assert (first["number"], first["before"], first["previous"]) == (1, None, None)
+    client.post(f"{url}/withdrawal", json={"comment": "wrong drawing"}, headers=as_user("approver"))
+    path = service.settings.data / "export.zip"
+    path.write_bytes(client.get(f"{url}/export.zip", headers=as_user("viewer")).content)
+    proof = verify_export(open_archive(path))
+    assert [each.signoff.number for each in proof.signoffs] == [1, 2]
+    assert proof.signoffs[1].signoff.withdraws == proof.signoffs[1].signoff.before == proof.signoffs[1].signoff.previous
+    assert (proof.head.documents, proof.head.of_campaign) == (2, 2)
+    assert len(proof.faults) == 1
+    assert "withdrawn by approver" in proof.faults[0]
+    cut = service.settings.data / "cut.zip"
+    for left_out in ((), ("head.json", "head.sig")):
+        with zipfile.ZipFile(path) as whole, zipfile.ZipFile(cut, "w") as rest:
+            for name in whole.namelist():
+                if Path(name).name not in ("0002.json", "0002.sig", *left_out):
+                    rest.writestr(name, whole.read(name))
+        assert any("removed" in fault for fault in verify_export(open_archive(cut)).faults)
+
+
+def test_signing_and_deleting_at_once(service, campaign):
+    """Who signs keeps others from deleting, reporting and computing again, and the other way round."""
+    with being_signed(service.store, campaign):
+        for change in (
+            lambda: delete_campaign(service.store, campaign),
+            lambda: request_rerun(service.store, campaign, (), ""),
+        ):
+            with pytest.raises((SignedCampaign, LeaseHeld)):
+                change()
+        with pytest.raises(SignedCampaign):
+            report(service.store, service.store.plan(campaign))
+    with unsigned(service.store, campaign), pytest.raises(LeaseHeld), being_signed(service.store, campaign):
+        pass
+    # who crashed while signing protects nothing
+    service.store.write_json(campaign, "signed.json", {"token": "of nobody"})
+    delete_campaign(service.store, campaign)
 
 
 def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, as_user, url):

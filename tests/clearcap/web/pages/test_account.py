@@ -160,7 +160,7 @@ def test_viewers_do_not_share(client, browse, home):
     assert client.get(f"{home}/share").status_code == 403
 
 
-def test_sign(client, service, visit, submit, reported, home):
+def test_sign(client, service, visit, submit, signable, home):
     """An approver signs; a viewer sees it, and later that the report is another one."""
     text, seen = visit(f"{home}/signoff", "viewer")
     assert "Nobody has signed" in text
@@ -169,10 +169,15 @@ def test_sign(client, service, visit, submit, reported, home):
     assert submit(seen, f"{home}/signoff", comment="as <drawn>").status_code == 303
     text, _ = visit(f"{home}/signoff", "viewer")
     assert "as &lt;drawn&gt;" in text
-    assert f"clearcap verify {reported}.zip --key " in text
-    service.store.files.write(f"{reported}/report/report.html", b"<p>Cpk 9.99</p>")
+    assert f"clearcap verify {signable}.zip --key " in text
+    service.store.files.write(f"{signable}/report/report.html", b"<p>Cpk 9.99</p>")
     text, _ = visit(f"{home}/signoff?check=true")
     assert "report: report/report.html differs" in text
+    _, seen = visit(f"{home}/signoff", "approver")
+    assert submit(seen, f"{home}/signoff/withdraw", comment="wrong <drawing>").status_code == 303
+    text, _ = visit(f"{home}/signoff", "viewer")
+    assert "withdrew the sign-off" in text
+    assert "wrong &lt;drawing&gt;" in text
 
 
 def test_shared_link_shows_the_sign_offs(client, service, visit, reported, home):

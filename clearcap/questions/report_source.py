@@ -1,0 +1,85 @@
+"""What a report was made of: the digests of plan and rows, which it states among its provenance.
+
+So a report that is not of the rows beside it is found without the server; one that was edited by hand is found by
+writing it again (`clearcap.questions.report.report_again`).
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from campaign.errors import CampaignError
+from campaign.plan_header import PlanHeader
+from campaign.store import Store
+from campaign.store.layout import PLAN, REPEATS, STOPPED
+from campaign.store.repeat_sets import repeat_plans
+from reporting.write import NAMES
+
+OF_PLAN, OF_ROWS = "plan digest", "rows digest"  # names in the provenance of a report
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2} \d{2}:\d{2} UTC")
+DOCUMENTS = (STOPPED, REPEATS)  # they say which rows belong to the table
+
+
+def canonical(content: Any) -> bytes:
+    """Return plain data as canonical JSON for signing: sorted keys, no spaces, UTF-8."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def sha256(content: bytes) -> str:
+    """Return a SHA-256 as 64 hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def report_source(store: Store, header: PlanHeader) -> dict[str, str]:
+    """Return the digests of a campaign's plan and rows, as its report states them; no file of rows is read."""
+    campaign = header.campaign_id
+    documents = {name: store.files.read(f"{campaign}/{name}") for name in DOCUMENTS if _has(store, campaign, name)}
+    seals = {
+        f"{table.folder}/{part.file}": part.sha256
+        for table in (header, *repeat_plans(store, header))
+        for part in store.survey(table).parts.values()
+    }
+    return source_digests(store.files.read(f"{campaign}/{PLAN}"), documents, seals)
+
+
+def source_digests(plan: bytes, documents: Mapping[str, bytes], seals: Mapping[str, str]) -> dict[str, str]:
+    """Return the digests that a report states, from the plan, the documents on its table, and the seals of all parts.
+
+    ``seals`` are the digests in the seals of the files of rows, by name in the campaign's folder.
+    """
+    rows = {**seals, **{name: sha256(content) for name, content in documents.items()}}
+    return {OF_PLAN: sha256(plan), OF_ROWS: sha256(canonical(rows))}
+
+
+def stated_source(document: bytes) -> dict[str, str] | None:
+    """Return the digests that the JSON of a report states; None if it states none, as before they were written.
+
+    Raises CampaignError if it is not the JSON of a report.
+    """
+    provenance = _document(document).get("provenance")
+    if not isinstance(provenance, dict):
+        raise CampaignError(f"{NAMES['json']}: is not the JSON of a report; write the report again")
+    stated = {name: provenance[name] for name in (OF_PLAN, OF_ROWS) if isinstance(provenance.get(name), str)}
+    return stated or None
+
+
+def stated_date(document: bytes) -> str:
+    """Return the date that the JSON of a report states; CampaignError if it states none."""
+    written = _document(document).get("written")
+    if not (isinstance(written, str) and _DATE.fullmatch(written)):
+        raise CampaignError(f"{NAMES['json']}: written is not a date; write the report again")
+    return written
+
+
+def _document(content: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError):
+        document = None
+    return document if isinstance(document, dict) else {}
+
+
+def _has(store: Store, campaign: str, name: str) -> bool:
+    return store.files.exists(f"{campaign}/{name}")

@@ -1,0 +1,229 @@
+"""Verify an export without the server: who signed what, and whether the files are the signed ones."""
+
+import json
+import math
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from cryptography.hazmat.primitives.serialization import load_pem_public_key
+from pydantic import ValidationError
+
+from campaign.errors import CampaignError
+from campaign.store import open_store
+from campaign.store.files.files import LARGEST
+from campaign.store.layout import PLAN, REPORT
+from campaign.store.parts import BadPart, read_seal
+from clearcap.questions.report import analysis
+from clearcap.questions.report_source import DOCUMENTS, sha256, source_digests, stated_source
+from clearcap.questions.signing import (
+    HEAD,
+    HEAD_SIGNATURE,
+    KEY,
+    SIGNOFFS,
+    Archive,
+    Head,
+    Signoff,
+    UnfitArchive,
+    Withdrawal,
+    differences,
+    document_name,
+    fingerprint,
+    is_signed,
+    part_of,
+    read_document,
+    signature_name,
+)
+from reporting.render.json import render_json
+from reporting.write import NAMES
+
+LARGEST_SIGNOFF = 64 * 2**20  # bytes; a sign-off lists every file
+_LARGEST_KEY = _LARGEST_HEAD = 10_000  # bytes
+MOST_DIFFERENCES = 20  # that are listed
+# They say when, where and by what a report was written, and by whom the campaign was submitted: not what follows from
+# the rows.
+_OF_THE_WRITING = ("written", "ended", "author", "provenance", "replay", "drawing", "drawing_note")
+_DOCUMENT = re.compile(rf"{SIGNOFFS}/(\d{{4,}})\.json")
+
+
+@dataclass(frozen=True)
+class VerifiedSignoff:
+    """A sign-off of an export, or its withdrawal, with a valid signature."""
+
+    number: int  # from 1, the oldest first
+    signoff: Signoff | Withdrawal
+    differences: list[str]  # between the files of the export and the signed files; none for a withdrawal
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The result of verifying an export."""
+
+    campaign: str
+    key: str  # fingerprint of the key in the export
+    signoffs: list[VerifiedSignoff]  # the valid ones, the oldest first
+    head: Head | None  # what the server had signed when it made the export; None before version 0.2
+    faults: list[str]  # why the export is not what was signed last; empty if it is
+
+
+def verify_export(archive: Archive, key: str | None = None) -> Verification:
+    """Verify an export; raise UnfitArchive if a file of it cannot be read.
+
+    It is sound if there are no faults: every signature is valid, each document refers to the one before and none is
+    missing, the last one is a sign-off of exactly these files, and the report is that of these rows. `key` is the
+    fingerprint of the server's key from another source; without it, anybody could have made the export with a key of
+    their own.
+    """
+    public = _public_key(archive)
+    found = {name: archive.digest(name) for name in archive.names if not name.startswith(f"{SIGNOFFS}/")}
+    signed, faults = list[VerifiedSignoff](), list[str]()
+    if key is not None and key.lower().replace(":", "") != fingerprint(public):
+        faults.append(f"key: the export has the key {fingerprint(public)}, not {key}")
+    count = sum(1 for name in archive.names if _DOCUMENT.fullmatch(name))
+    known = {KEY, HEAD, HEAD_SIGNATURE}
+    known |= {name(number) for number in range(1, count + 1) for name in (document_name, signature_name)}
+    faults += [f"sign-offs: {name} belongs to no sign-off" for name in sorted(_documents(archive) - known)]
+    faults += [] if count else ["sign-offs: there is none"]
+    previous = None
+    for number in range(1, count + 1):
+        try:
+            document, signoff = _signoff(archive, number, public)
+        except CampaignError as error:
+            faults.append(f"sign-off {number}: {error}")
+            # the next ones cannot be shown to follow it
+            break
+        if signed and signoff.campaign != signed[0].signoff.campaign:
+            faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
+        if signoff.previous != previous:
+            faults.append(f"sign-off {number}: does not follow the one before: one was removed or inserted")
+        previous = sha256(document)
+        differ = differences(signoff.files, found) if isinstance(signoff, Signoff) else []
+        signed.append(VerifiedSignoff(number, signoff, differ))
+    head, of_head = _head(archive, public, [each.signoff for each in signed], previous)
+    faults += of_head
+    if signed:
+        faults += _faults_of_last(signed[-1], archive)
+    campaign = signed[-1].signoff.campaign if signed else archive.campaign
+    return Verification(campaign, fingerprint(public), signed, head, faults)
+
+
+def _head(
+    archive: Archive, key: Ed25519PublicKey, signed: Sequence[Signoff | Withdrawal], last: str | None
+) -> tuple[Head | None, list[str]]:
+    """Return the head of an export, and its faults, given the valid documents and the digest of the last one."""
+    if HEAD not in archive.names:
+        is_needed = any(each.format > 1 for each in signed)
+        return None, [f"{HEAD} is missing: a later document may have been removed"] if is_needed else []
+    content = archive.read(HEAD, _LARGEST_HEAD)
+    if not is_signed(content, archive.read(HEAD_SIGNATURE, 64), key):
+        return None, [f"{HEAD} was changed, or the key of {KEY} did not sign it"]
+    try:
+        head = Head.model_validate_json(content)
+    except ValidationError as error:
+        return None, [f"{HEAD}: {error.errors()[0]['msg']}"]
+    if signed and (head.campaign, head.of_campaign, head.last) != (signed[-1].campaign, len(signed), last):
+        stated = f"{head.of_campaign} documents of {head.campaign}"
+        return head, [f"{HEAD}: the server had signed {stated}, and these are others: some were removed"]
+    return head, []
+
+
+def _faults_of_last(last: VerifiedSignoff, archive: Archive) -> list[str]:
+    """Return why the last document of an export does not cover its files."""
+    if isinstance(last.signoff, Withdrawal):
+        return [f"the sign-off was withdrawn by {last.signoff.signer}, {last.signoff.time}: {last.signoff.comment}"]
+    if last.differences:
+        return [f"signed version differs: {words}" for words in last.differences]
+    return _other_rows(archive) if last.signoff.format > 1 else []
+
+
+def _other_rows(archive: Archive) -> list[str]:
+    """Return that the report of an export states other digests than those of its plan and rows; empty if it does not.
+
+    A server that signs writes the report again and so cannot sign another; this tells it of a server that could.
+    """
+    documents = {name: archive.read(name, LARGEST) for name in DOCUMENTS if name in archive.names}
+    try:
+        seals = {
+            name: read_seal(archive.read(name, LARGEST))[0]
+            for name in archive.names
+            if part_of(name) == "rows" and name.endswith(".parquet")
+        }
+        found = source_digests(archive.read(PLAN, LARGEST), documents, seals)
+        stated = stated_source(archive.read(f"{REPORT}/{NAMES['json']}", LARGEST))
+    except (BadPart, CampaignError) as error:
+        return [f"report: whether it is of these rows cannot be told: {error}"]
+    return [] if stated == found else ["report: was made of another plan or of other rows than those beside it"]
+
+
+def recomputed(archive: Archive) -> list[str]:
+    """Make the numbers of an export's report again from its rows; return the differences, in words.
+
+    Numbers may differ by a billionth, as between two kinds of processors. Raises CampaignError if the rows cannot be
+    read. Verify the export first: this reads its rows as the program reads its own.
+    """
+    with tempfile.TemporaryDirectory(prefix="clearcap-verify-") as folder:
+        for name in archive.names:
+            if part_of(name) != "report" and not name.startswith(f"{SIGNOFFS}/"):
+                path = Path(folder, archive.campaign, name)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(archive.read(name, LARGEST))
+        store = open_store(folder)
+        plan = store.plan(archive.campaign)
+        made = json.loads(render_json(analysis(store, plan)))
+    stated = json.loads(archive.read(f"{REPORT}/{NAMES['json']}", LARGEST))
+    for document in (made, stated):
+        for name in _OF_THE_WRITING:
+            document.pop(name, None)
+    return list(islice(_unequal(stated, made, ""), MOST_DIFFERENCES))
+
+
+def _unequal(stated: Any, made: Any, where: str) -> Iterator[str]:
+    """Yield the places at which two documents differ, with both values."""
+    if isinstance(stated, dict) and isinstance(made, dict):
+        for name in stated.keys() | made.keys():
+            yield from _unequal(stated.get(name), made.get(name), f"{where}.{name}" if where else name)
+    elif isinstance(stated, list) and isinstance(made, list) and len(stated) == len(made):
+        for position, pair in enumerate(zip(stated, made, strict=True)):
+            yield from _unequal(*pair, f"{where}[{position}]")
+    elif isinstance(stated, float) and isinstance(made, float):
+        if not math.isclose(stated, made, rel_tol=1e-9, abs_tol=1e-12):
+            yield f"{where} is {stated!r}, and {made!r} when it is made again from the rows"
+    elif stated != made and not (isinstance(stated, str) and "clearcap " in stated):  # a command names its store
+        yield f"{where} is {stated!r:.80}, and {made!r:.80} when it is made again from the rows"
+
+
+def _documents(archive: Archive) -> set[str]:
+    """Return the names of all files among the sign-offs."""
+    return {name for name in archive.names if name.startswith(f"{SIGNOFFS}/")}
+
+
+def _public_key(archive: Archive) -> Ed25519PublicKey:
+    """Return the key of an export."""
+    try:
+        key = load_pem_public_key(archive.read(KEY, _LARGEST_KEY))
+    except (ValueError, UnsupportedAlgorithm) as error:
+        raise UnfitArchive(f"{KEY}: is not a public key; get the export from the server again") from error
+    if not isinstance(key, Ed25519PublicKey):
+        raise UnfitArchive(f"{KEY}: is a key of another kind than Ed25519; a server has none of that kind")
+    return key
+
+
+def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff | Withdrawal]:
+    """Return the document of a sign-off, or of its withdrawal, as bytes and as a model.
+
+    Raises CampaignError if it cannot be read, was not signed with the key, or is not a valid sign-off.
+    """
+    document = archive.read(document_name(number), LARGEST_SIGNOFF)
+    if not is_signed(document, archive.read(signature_name(number), 64), key):
+        raise CampaignError(f"{document_name(number)} was changed, or the key of {KEY} did not sign it")
+    try:
+        return document, read_document(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise CampaignError(f"{document_name(number)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
