@@ -76,7 +76,7 @@ def simulate(
             trajectory=Recording(motion, every or 1) if motion else None,
             indeterminacy=True,
         )
-    if step is not None and run.status == "not_at_rest":
+    if step is not None and run.status in ("not_at_rest", "diverged"):
         run = _with_longest_step(run, set_values(loaded, values), step, horizon)
     _print_run(run, files.named(), json)
     for doubt in run.certificate.doubts():

@@ -8,6 +8,7 @@ from engine.simulate import simulate
 MOST_BODIES = 40  # in a mechanism whose small motions are examined; the time grows with the third power
 
 HALVINGS = 4
+UNSTEADY = ("not_at_rest", "diverged")  # how a run ends with a step that is too long
 LONGEST_TRIAL = 10.0  # s
 
 
@@ -58,7 +59,7 @@ def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None
     for halvings in range(HALVINGS + 1):
         shorter = 0.5**halvings * step
         run = simulate(mechanism, step=shorter, horizon=horizon)
-        if run.status != "not_at_rest":
+        if run.status not in UNSTEADY:
             break
         message = message or run.message
     if run.status != "ok" or not message:

@@ -151,7 +151,7 @@ def bennett_fastest() -> float:
     """
     most, little = 0.0, 1e-5
     stretch = SPRING["free_angle"]
-    for q in np.linspace(START, START + 2 * stretch, 2001):
+    for q in np.linspace(START, START + 2 * stretch, 401):
         before, here, after = (_links(q + k * little) for k in (-1, 0, 1))
         inertia = 0.0
         for i in range(3):

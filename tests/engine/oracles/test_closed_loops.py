@@ -25,21 +25,22 @@ def drift(data: dict[str, Any]) -> float:
 def test_bennett():
     """Four pins, three constraints too many: the speed that energy gives, of second order, and no energy lost."""
     exact, errors = bennett_fastest(), []
-    for step, allowed in ((4e-3, 2e-4), (2e-3, 5e-5), (1e-3, 1.3e-5)):
+    for step, allowed in ((4e-3, 1.6e-4), (2e-3, 4e-5), (1e-3, 1.1e-5)):  # shares of the energy
         run = simulate(made(bennett(step)))
         assert run.status == "ok", run.message
         errors.append(abs(run.responses["fastest"] - exact))
         assert run.certificate.lost_energy < 3e-4 * run.certificate.max_kinetic_energy
         assert drift(bennett(step)) < allowed * 10.0
-    assert errors[-1] < 1e-3 * exact
+    assert errors[0] < 4e-4
+    assert errors[-1] < 4e-5
 
 
 @pytest.mark.slow
 def test_bricard():
     """Six pins: 4.553 J of kinetic energy at most, and what is potential and kinetic together stays."""
     off = [drift(bricard(step)) for step in (5e-3, 2.5e-3)]
-    assert off[1] < 0.3 * off[0] < 0.3 * 0.05
-    assert simulate(made(bricard(2.5e-3))).certificate.max_kinetic_energy == pytest.approx(4.553, abs=2e-3)
+    assert off[1] < 0.3 * off[0] < 0.3 * 3.1e-5  # J
+    assert simulate(made(bricard(2.5e-3))).certificate.max_kinetic_energy == pytest.approx(4.553, abs=5e-4)
 
 
 @pytest.mark.slow
@@ -51,7 +52,7 @@ def test_rows_of_four_bars_pass_through_their_singular_poses(count):
         run = simulate(made(four_bars(count, step, 5.0, 7.0, angle=np.pi / 2)))
         assert run.status == "ok", run.message
         errors.append(abs(run.responses["angle"] - four_bars_exact(count, 5.0, 7.0, np.pi / 2)))
-    assert errors[1] < 2e-3
+    assert errors[1] < 1.2e-3
     assert errors[1] < 0.35 * errors[0]
 
 
@@ -63,8 +64,8 @@ def test_an_axis_that_is_off_by_the_last_digits_of_a_file(off):
     run = simulate(made(data))
     assert run.status == "ok", run.message
     exact = four_bars_exact(1, 2.0, 2.0, -np.pi / 2)
-    assert run.responses["angle"] == pytest.approx(exact, abs=2e-6 + 10 * off)
-    assert run.certificate.max_violation <= max(DEFAULT, 4 * off)
+    assert run.responses["angle"] == pytest.approx(exact, abs=1e-6)
+    assert run.certificate.max_violation <= max(DEFAULT, off)
     assert run.certificate.lost_energy < 1e-4
     assert run.certificate.repeated == 0
 
