@@ -83,7 +83,9 @@ def go_on(
     course.counts[time_loop.ACCEPTED] = 0
     rows = np.zeros((kept + 2, length))
     with limited(cancel, seconds) as stop:
-        run_to_end(arrays, control._replace(horizon=beyond, full_horizon=False), course, rows, stride, stop)
+        run_to_end(
+            arrays, control._replace(horizon=beyond, full_horizon=False, lost=np.inf), course, rows, stride, stop
+        )
     if course.counts[time_loop.STATUS] not in (time_loop.OK, time_loop.FULL):
         return None
     rows = rows[1 : 1 + int(rows[0, 0])]  # see `kernels.record`

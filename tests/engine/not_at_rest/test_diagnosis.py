@@ -168,7 +168,7 @@ def test_the_body_that_is_measured_is_named_and_not_one_that_may_move():
 def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
     """With c h / m = 3 each step turns the speed round and doubles it; with half the step it comes to rest."""
     dampers = {"d": {"type": "linear", **ENDS, "damping": 6000.0}}
-    run = on_a_guide(horizon=0.05, body={"velocity": [1e-3, 0, 0]}, dampers=dampers)
+    run = on_a_guide(horizon=0.03, body={"velocity": [1e-3, 0, 0]}, dampers=dampers)
     assert run.status == "not_at_rest"
     assert "ball trembles along x, the axis of J at up to" in run.message
     assert "the step of 0.001 s is too long: with 0.0005 s it comes to rest" in run.message
