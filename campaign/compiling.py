@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from campaign.safe_path import python_environment
+from engine.platform.child import python_environment
 from engine import missing_kernels, warm_up
 
 logger = logging.getLogger(__name__)

@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Iterable
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # only callers that check something need to import the engine
@@ -63,3 +64,12 @@ class UnreachableError(CampaignError):
     """The scheduler or the cluster cannot be reached; the store keeps what it holds."""
 
     exit_code = 4
+
+
+def error_named(kinds: Iterable[str], *modules: ModuleType) -> type[CampaignError] | None:
+    """Return the first class of these names in some modules, for an error from another process; None if there is none.
+
+    Its constructor takes the message alone.
+    """
+    found = (getattr(module, kind, None) for kind in kinds for module in modules)
+    return next((each for each in found if isinstance(each, type) and issubclass(each, CampaignError)), None)

@@ -20,12 +20,6 @@ def leave_current_folder_out() -> None:
         sys.path[:] = [entry for place, entry in enumerate(sys.path) if entry and (place or not _is_current(entry))]
 
 
-def python_environment() -> dict[str, str]:
-    """Return an environment in which Python can import the same modules as here, but not from the current folder."""
-    path = filter(os.path.isabs, sys.path)
-    return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(path)}
-
-
 @contextmanager
 def current_folder_left_out() -> Iterator[None]:
     """Keep the current folder off the path of Python processes started in the block."""

@@ -12,11 +12,11 @@ from campaign.coordinator.submit import plan_campaign
 from campaign.environment import STORE
 from campaign.errors import CampaignError, SpecError, UnreachableError
 from campaign.plan import Plan
-from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign, Source
 from campaign.store import Store
 from campaign.store.layout import CANCEL
 from clearcap.results import Results
+from engine.platform.child import python_environment
 
 INTERRUPTED = 130  # exit status of the command after Ctrl-C
 ENDS_WITHIN = 60.0  # s, time for an interrupted coordinator to release its lease and its workers

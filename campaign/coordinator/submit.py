@@ -22,7 +22,6 @@ from campaign.environment import STORE
 from campaign.errors import SpecError, StoreError, unwritable
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan, batch_size_is_fixed, make_plan
-from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign, Source, load_campaign
 from campaign.store import Store, open_store
 from campaign.store.files.files import LARGEST
@@ -31,6 +30,7 @@ from campaign.store.layout import CANCEL, LEASE, LOG, PLAN, SERVICE, SUBMISSION
 from campaign.store.repeat_sets import read_repeats, repeat_plans
 from campaign.worker.messages import Simulate
 from engine import simulate
+from engine.platform.child import python_environment
 
 # keys that no row depends on
 IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "repeats", "format")

@@ -1,18 +1,15 @@
-"""Limits of a run: real time, memory, cancellation of its campaign, and the end of the parent process."""
+"""Limits of a run: real time, and cancellation of its campaign."""
 
-import os
-import resource
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
 
 CHECK_INTERVAL = 2.0  # s between two checks whether the campaign is cancelled
-GIB = 1 << 30
 
 
 @contextmanager
@@ -27,18 +24,6 @@ def time_limit(seconds: float) -> Iterator[None]:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-
-
-@contextmanager
-def memory_limit(gib: float) -> Iterator[None]:
-    """Make allocations in the block fail with MemoryError once this process has more than ``gib`` GiB of data."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limit = int(gib * GIB)
-    resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
 @contextmanager
@@ -62,14 +47,3 @@ def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator
     finally:
         over.set()
         watcher.join()
-
-
-def end_with(pipe: BinaryIO) -> None:
-    """End this process when a pipe is closed, which happens when the process at its other end ends."""
-
-    def wait() -> None:
-        while pipe.read(4096):
-            pass
-        os._exit(1)
-
-    threading.Thread(target=wait, name="parent", daemon=True).start()

@@ -25,10 +25,11 @@ from campaign.spec.result_columns import LATER_COLUMNS
 from campaign.store import BadPart, Store, open_store
 from campaign.store.layout import CANCEL
 from campaign.store.repeat_sets import repeat_plans
-from campaign.worker.limits import cancelled_by, memory_limit, time_limit
+from campaign.worker.limits import cancelled_by, time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, Simulate, check_build
 from engine import Run, simulate
 from engine.mechanism import Mechanism, get_value, unit_of
+from engine.platform.child import Limits, limited
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
@@ -41,6 +42,7 @@ OF_THE_MACHINE = (MemoryError, OSError, ImportError)
 STEP = "simulation.step"  # the fixed step, or the shortest of adaptive ones
 OF_ADAPTIVE = ("simulation.adaptive.longest", "simulation.adaptive.travel")
 WALL_LIMIT = "simulation.wall_limit"
+GIB = 1 << 30
 
 
 class DoubtfulRow(Row):
@@ -226,7 +228,8 @@ def rows_in_process(
     store, plan = open_campaign(address)
     run, cancel = HalvedStep(address.simulate) if address.halved else address.simulate, Cancel()
     marker, files = f"{plan.campaign_id}/{CANCEL}", store.files.hasty
-    with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: files.exists(marker), cancel):
+    limits = Limits(memory=plan.spec.execution.memory_limit * GIB)
+    with limited(limits), cancelled_by(lambda: files.exists(marker), cancel):
         for sample, values in sample_inputs(plan, samples):
             begin(sample)
             row = compute_row(plan, run, sample, values, attempt, cancel)

@@ -8,24 +8,19 @@ A child that hangs, for example because somebody stopped it, is killed, and coun
 """
 
 import logging
-import os
 import pickle
 import signal
-import subprocess
-import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any
 
-from campaign.errors import CampaignError
+from campaign import errors
+from campaign.errors import error_named
 from campaign.plan import Plan
-from campaign.safe_path import python_environment
-from campaign.worker.isolated_child import COMMAND
-from campaign.worker.messages import CampaignAddress, ChildFailed
-from campaign.worker.row import Row, crashed_row, longest_sample, read_campaign, sample_values
+from campaign.worker import messages
+from campaign.worker.messages import CampaignAddress, ChildFailed, DoubtfulRun
+from campaign.worker.row import Row, crashed_row, longest_sample, read_campaign, rows_in_process, sample_values
+from engine.platform.child import Child, ChildEnded, ChildRaised, Limits, Send
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +32,20 @@ TRIES = 5  # processes in a row that a run must end to be guilty, if there may b
 TIMEOUTS = 2  # processes whose time limit a run must exceed to be guilty; a paused process exceeds it too
 STARTS = 10  # attempts to start a process that fails by itself
 PAUSES = (0.5, 8.0)  # s; the first and the longest pause between two processes; each is twice the one before
-LOOK_INTERVAL = 2.0  # s between two checks of a child
+BEGUN, ROW, DOUBTFUL = "begun", "row", "doubtful"  # messages of a child; see `compute`
+
+
+def compute(request: bytes, send: Send) -> None:
+    """Compute rows in a child, which says when a run begins, and sends the row when it has ended.
+
+    A run that raises an error that the machine may have caused is doubtful, and is the last one.
+    """
+    address, samples, attempt = pickle.loads(request)
+    try:
+        for row in rows_in_process(address, samples, attempt, lambda _: send(BEGUN, b"")):
+            send(ROW, pickle.dumps(row))
+    except DoubtfulRun as error:
+        send(DOUBTFUL, pickle.dumps(error.row))
 
 
 @dataclass(frozen=True)
@@ -45,28 +53,31 @@ class _Ending:
     """How a child ended."""
 
     rows: int  # number of rows that it sent
-    kind: str  # of its last message, see `campaign.worker.isolated_child`; empty if it sent none
-    content: Any
-    exit_status: int  # as in `subprocess.Popen.wait`
-    hung: bool = False  # whether it was killed because it hung
+    kind: str = ""  # of its last message; empty if it sent none
+    doubtful: Row | None = None  # the row of a doubtful run
+    error: Exception | None = None  # why it could not go on, or not start; None if a run had begun but not ended
 
     @property
     def in_run(self) -> bool:
         """Whether a run had begun but not ended."""
-        return self.kind in ("begun", "doubtful")
+        return self.doubtful is not None or (self.kind == BEGUN and isinstance(self.error, ChildEnded))
+
+    @property
+    def exit_status(self) -> int:
+        """As of `subprocess.Popen.wait`; 0 if it did not end by itself."""
+        return self.error.status if isinstance(self.error, ChildEnded) else 0
+
+    @property
+    def was_silent(self) -> bool:
+        """Whether it was killed because it sent nothing for too long."""
+        return isinstance(self.error, ChildEnded) and self.error.was_silent
 
     @property
     def tries(self) -> int:
         """Number of children that must end this way, each in its first run, for the run to be guilty."""
-        if self.kind == "doubtful" or -self.exit_status in AMBIGUOUS:
+        if self.doubtful is not None or -self.exit_status in AMBIGUOUS:
             return TRIES
         return TIMEOUTS if self.exit_status == -signal.SIGALRM else 1
-
-    def text(self) -> str:
-        """Return the ending in words."""
-        if -self.exit_status in set(signal.Signals):
-            return signal.Signals(-self.exit_status).name
-        return f"signal {-self.exit_status}" if self.exit_status < 0 else f"exit status {self.exit_status}"
 
 
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
@@ -105,55 +116,36 @@ def _rows_of_child(
 ) -> Generator[Row, None, _Ending]:
     """Yield the rows of one child, each of which may take ``longest`` seconds; return how the child ended."""
     ready_within = READY_WITHIN + address.retry_policy.seconds
-    rows, kind, content = 0, "", None
+    rows, kind, doubtful = 0, "", None
     try:
-        child = _start_child()
-    except OSError as error:
-        return _Ending(0, "failed", error, 0)
-    with child, Watchdog(child, ready_within) as watch:
-        for kind, content in _messages(child, (address, samples, attempt)):
-            watch.heard(longest + BUSY if kind == "begun" else ready_within)
-            if kind == "row":
-                yield content
-                rows += 1
-        child.wait()
-    return _Ending(rows, kind, content, child.returncode, watch.hung)
-
-
-def _start_child() -> "subprocess.Popen[bytes]":
-    """Start a child that Ctrl-C does not reach and that imports like this process, but not from the current folder."""
-    return subprocess.Popen(
-        COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment(), start_new_session=True
-    )
-
-
-def _messages(child: "subprocess.Popen[bytes]", request: object) -> Iterator[tuple[str, Any]]:
-    """Send a request to a child and yield its messages until it ends; drop an incomplete message."""
-    assert child.stdin is not None
-    assert child.stdout is not None
-    try:
-        pickle.dump(request, child.stdin)
-        child.stdin.flush()
-    except BrokenPipeError:
-        return
-    while True:
-        try:
-            message = pickle.load(child.stdout)
-            kind, content = message
-        except EOFError:
-            return
-        except Exception:  # unpickling arbitrary bytes can raise anything
-            child.kill()
-            return
-        yield kind, content
+        with Child(f"{__name__}:{compute.__name__}") as child:
+            request = pickle.dumps((address, samples, attempt))
+            allowed = lambda kind: longest + BUSY if kind == BEGUN else ready_within  # noqa: E731
+            for kind, content in child.messages(request, Limits(), allowed):
+                if kind == ROW:
+                    yield pickle.loads(content)
+                    rows += 1
+                elif kind == DOUBTFUL:
+                    doubtful = pickle.loads(content)
+    except (OSError, ChildRaised, ChildEnded) as error:
+        ending = _Ending(rows, kind, doubtful, error)
+        if ending.was_silent:
+            logger.warning(
+                "the process that computes runs in isolation sent nothing for too long: it hangs or was stopped, was"
+                " killed, and its run is tried again"
+            )
+        return ending
+    return _Ending(rows, kind, doubtful)
 
 
 def _raise_failure(ending: _Ending, failures: int) -> None:
     """Raise the error of a child that failed, if another child would fail too or enough children have failed."""
-    error = ending.content if ending.kind == "failed" else None
-    if isinstance(error, CampaignError) and not isinstance(error, ChildFailed):
-        raise error
-    reason = f"it ended with {ending.text()}" if error is None else f"{type(error).__name__}: {error}"
+    error = ending.error
+    if isinstance(error, ChildRaised):
+        kind = error_named(error.kinds, errors, messages)
+        if kind not in (None, ChildFailed):
+            raise kind(error.message) from error
+    reason = f"{type(error).__name__}: {error}" if isinstance(error, OSError) else str(error)
     if failures >= STARTS:
         raise ChildFailed(
             f"the process that computes runs in isolation failed {failures} times in a row, never in a run ({reason});"
@@ -166,8 +158,8 @@ def _raise_failure(ending: _Ending, failures: int) -> None:
 
 def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
     """Return the row of a run that ended its process."""
-    if ending.kind == "doubtful":
-        return dict(ending.content)
+    if ending.doubtful is not None:
+        return ending.doubtful
     status = "timeout" if ending.exit_status == -signal.SIGALRM else "crashed"
     message = f"the run {_deed(ending)}; repeat it with clearcap replay to see why"
     return crashed_row(plan, sample, sample_values(plan, sample), message, status=status)
@@ -177,79 +169,17 @@ def _deed(ending: _Ending) -> str:
     """Describe how a run ended its process."""
     if ending.exit_status == -signal.SIGALRM:
         return "took no notice of its time limit and was ended"
-    if ending.hung:
+    if ending.was_silent:
         return f"took no notice of its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
     if -ending.exit_status in AMBIGUOUS:
         return (
-            f"ended with its process, killed by {ending.text()} {TRIES} times in a row; perhaps it needs more memory"
+            f"ended with its process, killed by {ending.error} {TRIES} times in a row; perhaps it needs more memory"
             " than the machine has, perhaps the signal came from outside"
         )
-    return f"{'killed' if ending.exit_status < 0 else 'ended'} its process ({ending.text()})"
+    return f"{'killed' if ending.exit_status < 0 else 'ended'} its process ({ending.error})"
 
 
 def _pause(failures: int) -> None:
     """Wait; each failure doubles the pause, up to a limit."""
     first, longest = PAUSES
     time.sleep(min(first * 2.0 ** (failures - 1), longest))
-
-
-class Watchdog:
-    """A context in which a thread kills a child that sends nothing for too long, checking every two seconds.
-
-    Only time while this process is awake counts: a check adds at most twice the interval between checks, so that the
-    child is not blamed if a laptop sleeps or all processes of a campaign are stopped.
-
-    The child leads a session of its own, and the processes that it started are killed with it. It may be silent for
-    ``allowed`` seconds at first. `hung` says whether it was killed for its silence.
-    """
-
-    def __init__(
-        self, child: "subprocess.Popen[bytes]", allowed: float, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self.hung = False
-        self._child, self._clock = child, clock
-        self._last = self._seen = (0, allowed)  # number of messages; how long the child may be silent now
-        self._silent_for = 0.0
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="silent child", daemon=True)
-
-    def __enter__(self) -> "Watchdog":
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def heard(self, allowed: float) -> None:
-        """Record that the child has sent a message, after which it may be silent for ``allowed`` seconds."""
-        self._last = (self._last[0] + 1, allowed)
-
-    def is_silent(self, passed: float) -> bool:
-        """Return whether the child has been silent for too long, ``passed`` seconds after the last check."""
-        if self._last != self._seen:
-            self._seen, self._silent_for = self._last, 0.0
-        else:
-            self._silent_for += min(passed, 2.0 * LOOK_INTERVAL)
-        return self._silent_for > self._seen[1]
-
-    def _watch(self) -> None:
-        looked_at = self._clock()
-        while not self._over.wait(LOOK_INTERVAL):
-            now = self._clock()
-            if self.is_silent(now - looked_at):
-                self._end()
-                return
-            looked_at = now
-
-    def _end(self) -> None:
-        self.hung = True
-        logger.warning(
-            "the process that computes runs in isolation sends nothing for %.0f s: it hangs or was stopped, is killed,"
-            " and its run is tried again",
-            self._silent_for,
-        )
-        with suppress(ProcessLookupError):  # it ended at this moment
-            os.killpg(self._child.pid, signal.SIGKILL)

@@ -17,7 +17,6 @@ from hashlib import sha256
 from typing import Any
 
 from campaign.environment import STORE
-from campaign.safe_path import python_environment
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker
@@ -39,6 +38,7 @@ from clearcap.web.watch.index import CampaignIndex, CountedStatuses
 from clearcap.web.watch.watcher import Watcher
 from clearcap.web.watch.workload import Workload
 from clearcap.web.webhooks import CampaignEvent, WebhookRepository, WebhookSender, campaign_events
+from engine.platform.child import python_environment
 
 logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next

@@ -5,10 +5,7 @@ Each question is asked once; afterwards its answer comes from the user's cache.
 
 import hashlib
 import json
-import os
 import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -22,9 +19,10 @@ from engine.cad.assembly_cache import cached, cached_answer, keep, keep_answer
 from engine.cad.cad_model import CadAssembly
 from engine.errors import CadError
 from engine.faults.file_kinds import content_kind
+from engine.platform.child import Child, ChildEnded, ChildRaised, Limits
 from engine.platform.regular_file import read_regular_file
 
-_TOO_SLOW = "OCCT needs more than {} s to read it; export only the parts of the mechanism"
+_FUNCTION = "engine.cad.occt.answers:answer"
 
 _SHAPES = "its shapes", "repair the parts in the CAD system, and export them again, as AP242 or AP214"
 _LIMITS = "its dimensions", "export it again without PMI, and give the limits in the campaign file"
@@ -55,56 +53,38 @@ USUAL_LIMITS = ReadingLimits()
 
 
 def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
-    """Return the answer of `engine.cad.occt` to a question, see its `__main__`, about the content of a STEP file.
+    """Return the answer of `engine.cad.occt` to a question, see its `answers`, about the content of a STEP file.
 
     The path is only named in messages. Raises CadError if OCCT is not installed, refuses the file, crashes, or takes
     too much time or memory.
     """
     if find_spec("OCP") is None:
         raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
-    with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as name:
-        folder = Path(name)
-        (folder / "input.step").write_bytes(content)
-        (folder / "question.json").write_text(json.dumps(question), "utf-8")
-        return _answer(path, folder, limits)
+    with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as folder, Child(_FUNCTION, quiet=True) as child:
+        step = Path(folder, "input.step")
+        step.write_bytes(content)
+        request = json.dumps({"path": str(step), **question}).encode()
+        try:
+            return child.answer(request, Limits(limits.memory_bytes, limits.seconds), limits.seconds)
+        except (ChildEnded, ChildRaised) as error:
+            raise CadError(f"{path}: {_why(error, limits)}") from None
 
 
-def _answer(path: str | Path, folder: Path, limits: ReadingLimits) -> bytes:
-    """Return what the process wrote into its folder."""
-    # Modules are found where this process finds its own, and never in the current folder.
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(os.path.isabs, sys.path))}
-    words = [folder, limits.memory_bytes, limits.seconds]
-    try:
-        ended = subprocess.run(
-            [sys.executable, "-P", "-m", "engine.cad.occt", *map(str, words)],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            timeout=limits.seconds,
-        )
-    except subprocess.TimeoutExpired:
-        raise CadError(f"{path}: {_TOO_SLOW.format(limits.seconds)}") from None
-    if (answer := folder / "answer").exists() and ended.returncode == 0:
-        return answer.read_bytes()
-    if (refusal := folder / "refusal.txt").exists():
-        raise CadError(f"{path}: {refusal.read_text('utf-8')}")
-    raise CadError(f"{path}: {_crash(ended, limits)}")
-
-
-def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -> str:
-    """Return why a process ended without an answer."""
-    if ended.returncode == -signal.SIGXCPU:
-        return _TOO_SLOW.format(limits.seconds)
-    if ended.returncode < 0:
-        name = signal.Signals(-ended.returncode).name
-        return f"OCCT crashed while it read it ({name}); export it again, with other settings or fewer parts"
-    trace = ended.stderr.decode(errors="replace").strip()
-    *_, last = ["it said nothing", *trace.splitlines()]
-    if last.startswith(("ImportError", "ModuleNotFoundError")):
-        return f"the OCCT that is installed is not the one that is needed ({last}); pip install 'clearcap[cad]'"
-    what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in trace), _SHAPES)
-    return f"what it says of {what} is broken, and OCCT failed to read it ({last}); {remedy}"
+def _why(error: ChildEnded | ChildRaised, limits: ReadingLimits) -> str:
+    """Return why there is no answer."""
+    if isinstance(error, ChildEnded):
+        if error.was_silent or error.status == -signal.SIGXCPU:
+            return f"OCCT needs more than {limits.seconds} s to read it; export only the parts of the mechanism"
+        printed = f": {error.last_line:.200}" if error.last_line else ""
+        return f"OCCT crashed while it read it ({error}{printed}); export it again, with other settings or fewer parts"
+    if "UnreadableStep" in error.kinds:
+        return error.message
+    if "MemoryError" in error.kinds:
+        return f"takes more than {limits.memory_bytes / 2**30:g} GiB of memory; export only the parts of the mechanism"
+    if "ImportError" in error.kinds:
+        return f"the OCCT that is installed is not the one that is needed ({error}); pip install 'clearcap[cad]'"
+    what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in error.trace), _SHAPES)
+    return f"what it says of {what} is broken, and OCCT failed to read it ({error}); {remedy}"
 
 
 def read_step(path: str | Path, recognition: float = RECOGNITION, limits: ReadingLimits = USUAL_LIMITS) -> CadAssembly:

@@ -9,13 +9,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from campaign.safe_path import python_environment
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker import subprocess_runs
 from campaign.worker.messages import CampaignAddress
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
+from engine.platform.child import python_environment
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
@@ -142,7 +142,7 @@ def test_a_child_imports_what_its_parent_can(tmp_path):
     (tmp_path / "beside.py").write_text("answer = 42\n")
     script = tmp_path / "script.py"
     script.write_text(
-        "import subprocess, sys\nfrom campaign.safe_path import python_environment\n"
+        "import subprocess, sys\nfrom engine.platform.child import python_environment\n"
         "code = 'import beside, sys; print(beside.answer, sys.flags.safe_path)'\n"
         "subprocess.run([sys.executable, '-c', code], env=python_environment(), check=True)\n"
     )

@@ -91,8 +91,10 @@ class JobPool:
             task = self._take()
             try:
                 process = await self._compilation.wait_warm(task)
-            except (asyncio.CancelledError, EngineCompiling):  # the process goes on warming up for the next job
-                self._idle.append(task)
+            except (asyncio.CancelledError, EngineCompiling) as error:
+                if task.cancelled():  # by the end of the pool, not by who asked
+                    raise _shutting_down() from error
+                self._idle.append(task)  # the process goes on warming up for the next job
                 raise
             except (CampaignError, OSError) as error:
                 self._replace(task)
@@ -146,7 +148,7 @@ class JobPool:
             self._idle.remove(task)
             self._replace(task)
         if not self._idle:
-            raise JobPostponed("the server is shutting down; try again when it is back")
+            raise _shutting_down()
         warm = next((task for task in reversed(self._idle) if task.done()), self._idle[-1])
         self._idle.remove(warm)
         return warm
@@ -167,3 +169,7 @@ class JobPool:
 def _is_alive(task: "asyncio.Task[JobProcess]") -> bool:
     """Return whether the process that a finished task has started is alive."""
     return not task.cancelled() and task.exception() is None and task.result().alive
+
+
+def _shutting_down() -> JobPostponed:
+    return JobPostponed("the server is shutting down; try again when it is back")

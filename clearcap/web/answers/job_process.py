@@ -1,23 +1,37 @@
-"""The server's handle to a process that computes jobs: start it, send it jobs, end it."""
+"""A process that computes jobs one after the other, and the server's handle to it: start it, send it jobs, end it.
+
+Jobs are pickled for it. The server never unpickles what comes back: the process has read content from strangers.
+"""
 
 import asyncio
 import json
-import os
+import logging
 import pickle
 import re
 import signal
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 
 from campaign import errors
 from campaign.environment import numerical
-from campaign.errors import CampaignError
-from campaign.safe_path import python_environment
+from campaign.errors import CampaignError, SpecError, error_named
+from campaign.json_values import json_values
 from clearcap.web.answers import job_limits
-from clearcap.web.answers.job_child import COMMAND
 from clearcap.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
+from engine.platform.child import (
+    FAILED,
+    LARGEST_HEAD,
+    ChildEnded,
+    ChildRaised,
+    Limits,
+    Send,
+    command,
+    head_of,
+    kill_session,
+    python_environment,
+    request_of,
+)
 
 # Environment variables that a job process needs; it does not get the others, some of which are secrets of the service.
 _PASSED_ON = re.compile(
@@ -30,7 +44,7 @@ _PASSED_ON = re.compile(
 # default of glibc, a question about a million samples takes half as long again.
 _REUSED_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(256 << 20), "MALLOC_TRIM_THRESHOLD_": str(512 << 20)}
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-_LARGEST_HEAD = 2**20  # bytes of the line before an answer
+logger = logging.getLogger(__name__)
 
 
 def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -38,6 +52,17 @@ def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, s
     given = python_environment() if environment is None else environment
     passed = {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)}
     return passed | numerical(given) | _ONE_THREAD | _REUSED_MEMORY
+
+
+def compute(request: bytes, _send: Send) -> bytes:
+    """Compute a job, in its process; return its bytes, or its plain data as JSON without NaN."""
+    job, arguments, answer_mib = pickle.loads(request)
+    answer = job(*arguments)
+    if not isinstance(answer, bytes):
+        answer = json.dumps(json_values(answer), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    if len(answer) > answer_mib * 2**20:
+        raise JobTooLarge(f"its answer has more than {answer_mib:g} MiB; ask for less")
+    return answer
 
 
 class JobProcess:
@@ -48,9 +73,14 @@ class JobProcess:
 
     @classmethod
     async def start(cls) -> "JobProcess":
-        """Start a process as the leader of its own session, so that processes started by jobs can be ended with it."""
+        """Start a process."""
         process = await asyncio.create_subprocess_exec(
-            *COMMAND, stdin=PIPE, stdout=PIPE, env=job_environment(), start_new_session=True, limit=_LARGEST_HEAD
+            *command(f"{__name__}:{compute.__name__}"),
+            stdin=PIPE,
+            stdout=PIPE,
+            env=job_environment(),
+            start_new_session=True,
+            limit=LARGEST_HEAD,
         )
         return cls(process)
 
@@ -74,44 +104,48 @@ class JobProcess:
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None
-        request = pickle.dumps((job, arguments, limits))
+        request = pickle.dumps((job, arguments, limits.answer_mib))
         try:
             async with asyncio.timeout(limits.wall_s):
-                stdin.write(request)
+                stdin.write(request_of(request, Limits(limits.memory_gib * 2**30, limits.processor_s)))
                 await stdin.drain()
-                head = json.loads(await stdout.readuntil(b"\n"))
-                content = await stdout.readexactly(head["size"])
+                kind, size = head_of(await stdout.readuntil(b"\n"))
+                content = await stdout.readexactly(size)
         except TimeoutError:
             raise JobPostponed(
                 f"it takes longer than {limits.wall_s:g} s, most of it waiting; try again later, or ask for less"
             ) from None
-        except (asyncio.IncompleteReadError, ConnectionError):
-            raise await self._why_ended(limits) from None
-        if "error" in head:
-            error: CampaignError = _error(head["error"])(head["message"])
-            error.faults = head["faults"]  # type: ignore[attr-defined]
-            raise error
+        except (EOFError, ConnectionError, ValueError, asyncio.LimitOverrunError):  # ended, or spoiled its answers
+            kill_session(self._process.pid)
+            raise _why_ended(ChildEnded(await self._process.wait()), limits) from None
+        if kind == FAILED:
+            raise _error(ChildRaised(content), limits)
         return content
 
     async def end(self) -> None:
         """Kill the process and the processes that its job has started."""
         if self.alive:
-            with suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+            kill_session(self._process.pid)
         await self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
 
-    async def _why_ended(self, limits: JobLimits) -> JobFailed:
-        """Return the error for a job whose process has ended."""
-        status = await self._process.wait()
-        if status == -signal.SIGXCPU:
-            return JobTooLarge(f"it takes more than {limits.processor_s:g} s of processor time; ask for less")
-        how = f"by signal {-status} ({signal.strsignal(-status)})" if status < 0 else f"with exit status {status}"
-        return JobFailed(f"its process ended {how}; it was replaced, and the server's log may say more")
+
+def _why_ended(ended: ChildEnded, limits: JobLimits) -> JobFailed:
+    """Return the error for a job whose process has ended."""
+    if ended.status == -signal.SIGXCPU:
+        return JobTooLarge(f"it takes more than {limits.processor_s:g} s of processor time; ask for less")
+    return JobFailed(f"its process ended ({ended}); it was replaced, and the server's log may say more")
 
 
-def _error(kind: str) -> type[CampaignError]:
-    """Return the error class with a name; `JobFailed` if there is none."""
-    found = getattr(job_limits, kind, None) or getattr(errors, kind, JobFailed)
-    return found if isinstance(found, type) and issubclass(found, CampaignError) else JobFailed
+def _error(raised: ChildRaised, limits: JobLimits) -> CampaignError:
+    """Return the error for a job that raised one."""
+    if "MemoryError" in raised.kinds:
+        return JobTooLarge(f"it takes more than {limits.memory_gib:g} GiB of memory; ask for less")
+    kind = SpecError if "EngineError" in raised.kinds else error_named(raised.kinds, job_limits, errors)
+    if kind is None:
+        logger.error("a job has failed:\n%s", raised.trace)
+        return JobFailed(f"it failed because of a bug in the program ({raised.kinds[0]}); the server's log says more")
+    error = kind(raised.message)
+    error.faults = json_values(raised.faults)  # type: ignore[attr-defined]
+    return error

@@ -16,11 +16,13 @@ from campaign.errors import StoreError
 from campaign.store.files.retry_policy import HASTY
 from campaign.store.layout import CANCEL
 from campaign.worker import subprocess_runs
-from campaign.worker.limits import memory_limit, time_limit
+from campaign.worker.limits import time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, ChildFailed, WrongBuild
 from campaign.worker.row import rows_in_process
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
+from engine.platform import child
+from engine.platform.child import Limits, limited
 from tests.campaign import fake_engine
 from tests.until import until
 
@@ -99,7 +101,7 @@ def test_a_child_that_cannot_import_is_no_fault_of_a_run(store, plan, monkeypatc
 @pytest.mark.parametrize("command", [["/no/such/python"], [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]])
 def test_a_child_that_does_not_start_is_no_fault_of_a_run(store, plan, monkeypatch, command):
     """A program that is gone, a process that is killed as it starts: no row."""
-    monkeypatch.setattr(subprocess_runs, "COMMAND", command)
+    monkeypatch.setattr(child, "command", lambda _: command)
     monkeypatch.setattr(subprocess_runs, "STARTS", 2)
     with pytest.raises(ChildFailed, match=r"FileNotFoundError|SIGKILL"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
@@ -176,11 +178,11 @@ def test_child_ends_with_its_parent(store, plan, tmp_path):
     parent = subprocess.Popen([sys.executable, "-c", code])
     try:
         until((tmp_path / "begun").exists, "no run begins")
-        (child,) = psutil.Process(parent.pid).children()
+        (isolated,) = psutil.Process(parent.pid).children()
     finally:
         os.kill(parent.pid, signal.SIGKILL)
         parent.wait()
-    child.wait(timeout=600)
+    isolated.wait(timeout=600)
 
 
 def test_cancelled_in_the_middle(store, plan, tmp_path):
@@ -204,6 +206,6 @@ def test_time_limit_ends_the_process():
 
 def test_memory_limit_is_lifted_again():
     """Inside the block an allocation beyond it fails, after it it does not."""
-    with memory_limit(0.5), pytest.raises(MemoryError):
+    with limited(Limits(memory=1 << 29)), pytest.raises(MemoryError):
         bytearray(1 << 30)
     assert len(bytearray(1 << 30)) == 1 << 30

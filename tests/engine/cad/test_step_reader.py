@@ -1,6 +1,7 @@
 """Files that are read in a process of their own: what is wrong with one is said in one line, and no process stays."""
 
 import hashlib
+import json
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from engine import CadError
 from engine.cad import ReadingLimits, read_step
 from engine.cad.archive import packed
 from engine.cad.assembly_cache import cached, keep
+from engine.platform.child import ChildRaised
 from tests.engine.cad.assemblies import differences, full_assembly
 from tests.until import until
 
@@ -47,7 +49,7 @@ def test_a_file_is_read_once(own_cache, monkeypatch):
     """The second time comes from the cache, with the same bits, and from no other file or recognition."""
     first = read_step(LATCH)
     [kept] = own_cache.iterdir()
-    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
+    monkeypatch.setattr("engine.cad.step_reader.Child", no_process)
     assert differences(read_step(LATCH), first) == []
     with pytest.raises(AssertionError, match="was started"):
         read_step(LATCH, recognition=1e-3)
@@ -80,7 +82,7 @@ def test_a_full_cache(own_cache, monkeypatch):
 )
 def test_what_is_no_whole_step_is_refused_unread(tmp_path, monkeypatch, content, said):
     """No process is started for it."""
-    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
+    monkeypatch.setattr("engine.cad.step_reader.Child", no_process)
     path = tmp_path / "file.step"
     path.write_bytes(content)
     assert said in refusal(path)
@@ -176,8 +178,8 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
 def test_what_nobody_foresaw_in_a_file(module, said):
     """The message says what the reader was at, and what to do about it: the name of an error alone teaches nothing."""
     trace = f'Traceback:\n  File "/x/engine/cad/occt/{module}.py", line 1, in f\n    a.b\nAttributeError\n'
-    ended = subprocess.CompletedProcess([], 1, b"", trace.encode())
-    assert said in engine.cad.step_reader._crash(ended, ReadingLimits())
+    report = {"kinds": ["AttributeError"], "message": "", "trace": trace, "faults": None}
+    assert said in engine.cad.step_reader._why(ChildRaised(json.dumps(report).encode()), ReadingLimits())
 
 
 def test_without_occt(monkeypatch):
