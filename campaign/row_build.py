@@ -1,9 +1,9 @@
 """The build that computes rows: all sources and libraries that a row depends on, besides its campaign and its number.
 
 Components that carry a row without changing it are left out: the store, which seals rows and reads them back bit for
-bit; pyarrow and `campaign.parquet_footer`, which hold and check them in between; and pydantic, which reads the spec,
-whose values are in the plan. `campaign.compiling` decides when the engine is compiled, not what. The coordinator and
-the cluster are left out too: a row does not depend on where and in which order rows are computed.
+bit; pyarrow, which holds them in between; and pydantic, which reads the spec, whose values are in the plan.
+`campaign.compiling` decides when the engine is compiled, not what. The coordinator and the cluster are left out too: a
+row does not depend on where and in which order rows are computed.
 """
 
 import hashlib

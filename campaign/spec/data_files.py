@@ -1,36 +1,33 @@
 """Data files beside a campaign file: their values become part of the campaign when it is loaded.
 
-Columns of a CSV or Parquet file are decoded only after their size has been checked.
+A CSV file takes memory in proportion to its size. A Parquet file may take any, and may crash its reader, which is
+therefore a child process.
 """
 
 import csv
 import io
+import json
 import re
-import resource
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, TypeGuard
+from collections.abc import Iterable, Mapping
+from pathlib import PurePath
+from signal import SIGXCPU
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from campaign.errors import SpecError
-from campaign.parquet_footer import column_chunks
 from campaign.spec.faults import SpecFault, fault
 from campaign.spec.named_files import NamedFiles
+from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from engine.platform.child import Child, ChildEnded, ChildRaised, Limits, python_environment
 
 LARGEST_FILE = 100_000_000  # bytes
-MOST_ROWS = 1_000_000
-MOST_COLUMNS = 1000
 LONGEST_HEADER = 100_000  # bytes of a CSV file's first line
-LARGEST_COLUMN = 64_000_000  # bytes, decoded: eight times what the most rows take, to allow for any encoding
-LARGEST_DECODED = 1 << 30  # bytes that decoding may take
-BATCH = 65_536  # rows decoded at a time
+LARGEST_DECODED = 1 << 30  # bytes that decoding a Parquet file may take
+LONGEST_READ = 60.0  # s of processor time for a Parquet file
 FORMATS = (".csv", ".parquet")
+PLAIN_MEMORY = {"ARROW_DEFAULT_MEMORY_POOL": "system"}  # other pools reserve more than they use, which counts
 
 
 def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[SpecFault]]:
@@ -40,54 +37,49 @@ def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str
     """
     whole, faults = dict(raw), list[SpecFault]()
     variables, table = raw.get("variables"), raw.get("table")
-    if isinstance(variables, dict):
-        whole["variables"] = dict(variables)
-        for name, entry in variables.items():
-            if not _names_file(entry, "values") or not isinstance(entry.get("column"), str):
-                continue
+    with ParquetReader() as reader:
+        if isinstance(variables, dict):
+            whole["variables"] = dict(variables)
+            for name, entry in variables.items():
+                if not _names_file(entry, "values") or not isinstance(entry.get("column"), str):
+                    continue
+                try:
+                    values = read_columns(files, entry["file"], [entry["column"]], reader)[entry["column"]]
+                    rest = {key: value for key, value in entry.items() if key not in ("file", "column")}
+                    origin = f"{entry['file']}, column {entry['column']}"
+                    whole["variables"][name] = {"source": origin, **rest, "values": values}
+                except SpecError as error:
+                    faults.append(fault(["variables", name, "file"], entry["file"], str(error)))
+        if _names_file(table, "columns") and isinstance(variables, dict):
             try:
-                values = read_columns(files, entry["file"], [entry["column"]])[entry["column"]]
-                rest = {key: value for key, value in entry.items() if key not in ("file", "column")}
-                origin = f"{entry['file']}, column {entry['column']}"
-                whole["variables"][name] = {"source": origin, **rest, "values": values}
+                columns = read_columns(files, table["file"], list(variables), reader)
+                rest = {key: value for key, value in table.items() if key != "file"}
+                whole["table"] = {"source": table["file"], **rest, "columns": columns}
             except SpecError as error:
-                faults.append(fault(["variables", name, "file"], entry["file"], str(error)))
-    if _names_file(table, "columns") and isinstance(variables, dict):
-        try:
-            columns = read_columns(files, table["file"], list(variables))
-            rest = {key: value for key, value in table.items() if key != "file"}
-            whole["table"] = {"source": table["file"], **rest, "columns": columns}
-        except SpecError as error:
-            faults.append(fault(["table", "file"], table["file"], str(error)))
+                faults.append(fault(["table", "file"], table["file"], str(error)))
     return whole, faults
 
 
-def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, list[float]]:
-    """Return columns of numbers from a CSV or Parquet file, by name.
+def read_columns(
+    files: NamedFiles, file: str, names: list[str], reader: "ParquetReader | None" = None
+) -> dict[str, list[float]]:
+    """Return columns of numbers from a CSV or Parquet file, by name; without a reader, one is started if needed.
 
     Raises SpecError, which does not name the key, if the file cannot be read, lacks a column, has too many rows, or
     holds anything but finite numbers.
     """
-    import pyarrow as pa
-
     suffix = PurePath(file).suffix.lower()
     if suffix not in FORMATS:
         raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
-    content = files.content(file, LARGEST_FILE)
-    try:
-        with bounded_memory():
-            columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(content)
-            if columns.names:  # otherwise read() reports what is wrong
-                _check_names(names, columns.names, files.may_quote(file))
-            table = columns.read(names)
-    except MemoryError as error:
-        raise SpecError("its content takes too much memory; keep only the columns and rows that you need") from error
-    except (pa.ArrowException, OverflowError, ValueError) as error:  # ValueError: a damaged footer
-        raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
-    except OSError as error:
-        what = error.strerror if error.errno else _reason(error)  # pyarrow's own errors have no number
-        raise SpecError(f"cannot be read ({what}); name a readable {suffix[1:]} file") from error
-    return {name: _numbers(table.column(name), name) for name in names}
+    content, quote = files.content(file, LARGEST_FILE), files.may_quote(file)
+    if suffix == ".csv":
+        columns = _csv_columns(content, names, quote)
+    elif reader is None:
+        with ParquetReader() as own:
+            columns = own.columns(content, names, quote)
+    else:
+        columns = reader.columns(content, names, quote)
+    return {name: _finite(values, name) for name, values in columns.items()}
 
 
 def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:
@@ -107,21 +99,13 @@ def _check_names(names: Iterable[str], there: list[str], quote: bool) -> None:
             raise SpecError(f"{what}; {columns}")
 
 
-def _reason(error: BaseException) -> str:
+def _reason(said: str) -> str:
     """Return pyarrow's reason in one line, without the row that it quotes, as a campaign may name any file."""
-    line = next(iter(str(error).splitlines()), "") or type(error).__name__
-    return re.sub(r"(, got \d+|invalid value).*", r"\1", line)[:200]
+    return re.sub(r"(, got \d+|invalid value).*", r"\1", next(iter(said.splitlines()), "unknown"))[:200]
 
 
-def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
-    """Return a column as finite numbers."""
-    import pyarrow as pa
-
-    if not is_number(column.type):
-        raise SpecError(
-            f"column {name} holds {column.type}; it must hold numbers, with a decimal point and without units"
-        )
-    values = column.cast(pa.float64(), safe=False).to_numpy()  # nulls become NaN
+def _finite(values: Array, name: str) -> list[float]:
+    """Return the values of a column, after checking that there are some and that all are finite."""
     wrong = np.flatnonzero(~np.isfinite(values))
     if values.size == 0:
         raise SpecError(f"column {name} is empty; it must hold at least one number")
@@ -134,102 +118,85 @@ def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
     return numbers
 
 
-# -- formats -----------------------------------------------------------------------------------------------------------
-
-
-class CsvColumns:
-    """The columns in the content of a CSV file; `names` has the names of all.
-
-    Raises SpecError if there are too many rows or columns.
-    """
-
-    def __init__(self, content: bytes) -> None:
-        start = content[:LONGEST_HEADER]
-        if len(content) > LONGEST_HEADER and b"\n" not in start and b"\r" not in start:
-            raise SpecError(f"its first line has more than {LONGEST_HEADER} bytes; keep only the columns that you need")
-        lines = csv.reader(io.StringIO(start.decode("utf-8-sig", "replace"), newline=""))
-        try:
-            self.names = next(filter(None, lines), [])
-        except csv.Error as error:
-            raise SpecError(f"not csv: its first line cannot be read ({error}); correct the file") from error
-        check_size(len(self.names), MOST_COLUMNS, "columns")
-        # lines end with \n, \r\n or \r; one more than rows, for the header
-        check_size(max(content.count(b"\n"), content.count(b"\r")), MOST_ROWS + 1, "lines")
-        self._content = content
-
-    def read(self, names: list[str]) -> "pa.Table":
-        """Return the named columns; pyarrow.ArrowException if the file is not CSV."""
-        import pyarrow as pa
-        from pyarrow import csv as arrow
-
-        options = arrow.ConvertOptions(include_columns=names)
-        return arrow.read_csv(pa.BufferReader(self._content), convert_options=options)
-
-
-class ParquetColumns:
-    """The columns in the content of a Parquet file; `names` has the names of all.
-
-    A page of a few bytes may decode to gigabytes. The sizes that the footer states are checked before anything is
-    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`. Raises SpecError if
-    there are too many rows or columns; pyarrow.ArrowException, OSError or ValueError if the file is not Parquet, or is
-    damaged.
-    """
-
-    def __init__(self, content: bytes) -> None:
-        import pyarrow as pa
-        from pyarrow import parquet
-
-        self._file, self._content = parquet.ParquetFile(pa.BufferReader(content)), content
-        self.names: list[str] = self._file.schema_arrow.names
-        check_size(self._file.metadata.num_columns, MOST_COLUMNS, "columns")
-        check_size(self._file.metadata.num_rows, MOST_ROWS, "rows")
-
-    def read(self, names: list[str]) -> "pa.Table":
-        """Return the named columns; raises the same errors as the class."""
-        import pyarrow as pa
-
-        schema = self._file.schema_arrow
-        empty = pa.schema([schema.field(name) for name in names]).empty_table()
-        if not all(is_number(kind) for kind in empty.schema.types):
-            return empty  # the caller refuses columns of this type
-        for chunk in column_chunks(self._content):
-            if chunk.path in names:
-                check_size(chunk.values, MOST_ROWS, "values")
-                check_size(chunk.uncompressed, LARGEST_COLUMN, "bytes in a column")
-        tables, rows = [empty], 0
-        for batch in self._file.iter_batches(BATCH, columns=names, use_threads=False):
-            rows += batch.num_rows
-            check_size(rows, MOST_ROWS, "rows")
-            tables.append(pa.table(batch).select(names))
-        return pa.concat_tables(tables)
-
-
-@contextmanager
-def bounded_memory() -> Iterator[None]:
-    """Make allocations in the block fail with MemoryError beyond the memory that decoding a data file may take."""
-    try:
-        # data and stack [pages], see proc(5): what RLIMIT_DATA limits
-        in_use = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-    except OSError:  # an operating system without /proc
-        yield
-        return
-    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limits = [limit for limit in (soft, hard, in_use + LARGEST_DECODED) if limit != resource.RLIM_INFINITY]
-    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
-
-
-def is_number(kind: "pa.DataType") -> bool:
-    """Return whether values of an Arrow type are numbers."""
+def _csv_columns(content: bytes, names: list[str], quote: bool) -> dict[str, Array]:
+    """Return the named columns in the content of a CSV file."""
     import pyarrow as pa
+    from pyarrow import csv as arrow
 
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
+    from campaign.spec.parquet_columns import MOST_COLUMNS, MOST_ROWS, check_size, check_type
+
+    start = content[:LONGEST_HEADER]
+    if len(content) > LONGEST_HEADER and b"\n" not in start and b"\r" not in start:
+        raise SpecError(f"its first line has more than {LONGEST_HEADER} bytes; keep only the columns that you need")
+    try:
+        there = next(filter(None, csv.reader(io.StringIO(start.decode("utf-8-sig", "replace"), newline=""))), [])
+    except csv.Error as error:
+        raise SpecError(f"not csv: its first line cannot be read ({error}); correct the file") from error
+    check_size(len(there), MOST_COLUMNS, "columns")
+    # lines end with \n, \r\n or \r; one more than rows, for the header
+    check_size(max(content.count(b"\n"), content.count(b"\r")), MOST_ROWS + 1, "lines")
+    if there:  # otherwise pyarrow says what is wrong
+        _check_names(names, there, quote)
+    try:
+        options = arrow.ConvertOptions(include_columns=names)
+        table = arrow.read_csv(pa.BufferReader(content), convert_options=options)
+    except (pa.ArrowException, OverflowError, ValueError) as error:
+        raise SpecError(f"not csv: {_reason(str(error))}; correct the file") from error
+    for name in names:
+        check_type(name, table.schema.field(name).type)
+    return {name: table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names}  # nulls become NaN
 
 
-def check_size(count: int, most: int, what: str) -> None:
-    """Raise SpecError if a file holds more of something than any campaign needs."""
-    if count > most:
-        raise SpecError(f"more than {most} {what} ({count}); keep only what the campaign needs")
+class ParquetReader:
+    """A context with a child for Parquet files, started when the first one is read; see `parquet_columns`."""
+
+    def __init__(self) -> None:
+        self._child: Child | None = None
+
+    def __enter__(self) -> "ParquetReader":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end()
+
+    def columns(self, content: bytes, names: list[str], quote: bool) -> dict[str, Array]:
+        """Return the named columns in the content of a Parquet file."""
+        if self._child is None:
+            self._child = Child(
+                "campaign.spec.parquet_columns:read", {**python_environment(), **PLAIN_MEMORY}, quiet=True
+            )
+        request = json.dumps(names).encode() + b"\n" + content
+        limits = Limits(LARGEST_DECODED + 3 * len(content), LONGEST_READ)
+        there, columns = list[str](), list[Array]()
+        try:
+            for kind, sent in self._child.messages(request, limits, lambda _: 10.0 * LONGEST_READ):
+                if kind == "names":
+                    there = json.loads(sent)
+                elif kind == "column":
+                    columns.append(np.frombuffer(sent, np.float64))
+        except ChildRaised as error:
+            raise _refusal(error) from error
+        except ChildEnded as error:
+            self._end()
+            is_slow = error.was_silent or error.status == -SIGXCPU
+            what = f"it takes more than {LONGEST_READ:g} s to read" if is_slow else f"it crashes its reader ({error})"
+            raise SpecError(f"not parquet: {what}; correct the file") from error
+        _check_names(names, there, quote)
+        return dict(zip(names, columns, strict=True))
+
+    def _end(self) -> None:
+        """End the child; the next file starts another."""
+        if self._child is not None:
+            self._child.close()
+            self._child = None
+
+
+def _refusal(error: ChildRaised) -> Exception:
+    """Return the refusal of a Parquet file that cannot be read; the error itself if the file is not to blame."""
+    if "SpecError" in error.kinds:
+        return SpecError(error.message)
+    if "MemoryError" in error.kinds:
+        return SpecError("its content takes too much memory; keep only the columns and rows that you need")
+    if {"ArrowException", "OSError", "ValueError", "OverflowError"} & set(error.kinds):
+        return SpecError(f"not parquet: {_reason(error.message or error.kinds[0])}; correct the file")
+    return error

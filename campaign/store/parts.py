@@ -20,13 +20,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from campaign.errors import StoreError
-from campaign.parquet_footer import column_chunks, pages
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files, OddFile
 from campaign.store.layout import manifest_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 ROW_GROUP = 10_000  # rows; the least that a reader of a merged file holds in memory
 FEW_STRINGS = ("status", "message", "earlier_attempts")  # columns of few distinct values, each written once
@@ -154,7 +154,7 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
     schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     try:
         footer = pq.read_metadata(pa.BufferReader(content))
-        check_decoded_size(content, footer.num_rows, rows)
+        _check_size(footer, rows)
         file = pq.ParquetFile(pa.BufferReader(content), metadata=footer, read_dictionary=list(FEW_STRINGS))
         table = _plain(file.read(columns, use_threads=False))
         table = table if columns is None else table.select(names)
@@ -165,6 +165,18 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
     if not table.schema.equals(schema, check_metadata=True):
         raise BadPart("has other columns or units than the plan")
     return table
+
+
+def _check_size(footer: "pq.FileMetaData", rows: int) -> None:
+    """Raise ValueError unless a file states the expected number of rows, and takes no more memory than rows may.
+
+    It states what whoever sealed it has written: who can write to a store is trusted so far; see docs/security.md.
+    """
+    if footer.num_rows != rows:
+        raise ValueError(f"its footer says {footer.num_rows} rows in place of {rows}")
+    size = sum(footer.row_group(group).total_byte_size for group in range(footer.num_row_groups))
+    if size > LARGEST_DECODED:
+        raise ValueError(f"it decodes to more than a file of {rows} rows may ({LARGEST_DECODED >> 20} MB)")
 
 
 def _plain(table: "pa.Table") -> "pa.Table":
@@ -233,27 +245,6 @@ def total(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
     for each in counts:
         summed.update(each)
     return dict(sorted(summed.items()))
-
-
-def check_decoded_size(content: bytes, stated: int, rows: int) -> None:
-    """Check that a Parquet file has the expected number of rows in every column and does not decode to more than 1 GiB.
-
-    A file of some kilobytes may decode to gigabytes, and its footer may state less. So the page headers are read, which
-    determine what a reader decodes.
-
-    `stated` is the number of rows in its footer. Raises ValueError, which says what is wrong, if it does not or if its
-    footer or a page header is malformed.
-    """
-    if stated != rows:
-        raise ValueError(f"its footer says {stated} rows in place of {rows}")
-    size = 0
-    for chunk in column_chunks(content):
-        for uncompressed, values in pages(content, chunk):
-            size += uncompressed
-            if values > rows or size > LARGEST_DECODED:
-                raise ValueError(f"it decodes to more than a file of {rows} rows may ({LARGEST_DECODED >> 20} MB)")
-        if chunk.values != chunk.rows or chunk.rows > rows:
-            raise ValueError("its columns have different numbers of rows")
 
 
 # -- the manifest ------------------------------------------------------------------------------------------------------
@@ -385,6 +376,12 @@ def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] 
     """Return the rows of a file, with all columns or the named ones; raises the same errors as `check_file`."""
     content, parts = _read_checked(files, plan, name)
     return decode(plan, content, sum(part.rows for part in parts), columns)
+
+
+def read_part_file(files: Files, plan: PlanHeader, batch: int) -> "tuple[Part, pa.Table]":
+    """Return a batch's own part and its rows, from one read; raises the same errors as `check_file`."""
+    content, (part,) = _read_checked(files, plan, file_name(batch, batch))
+    return part, decode(plan, content, part.rows)
 
 
 def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:

@@ -26,7 +26,7 @@ from tests.house import ROOT, imports, modules
 EARLIER = Path(__file__).parent / "earlier_plans" / "old-b2ff31c7a0"  # 12 of 12 rows, written before builds of rows
 COMPUTE_ROWS = ("campaign.worker.row", "campaign.worker.subprocess_runs", "campaign.worker.batch")
 CARRY_ROWS = re.compile(
-    r"campaign\.store(\..*)?|campaign(\.parquet_footer|\.compiling|\.environment|\.errors|\.processes|\.safe_path)?"
+    r"campaign\.store(\..*)?|campaign(\.compiling|\.environment|\.errors|\.processes|\.safe_path)?"
 )  # see the docstring of `row_build`
 
 

@@ -27,7 +27,7 @@ from campaign.errors import CampaignError
 from campaign.inputs.sampling import draw
 from campaign.plan import Plan, dump_spec, make_plan
 from campaign.plan_header import parse_plan
-from campaign.spec.data_files import read_columns
+from campaign.spec.data_files import ParquetReader, read_columns
 from campaign.spec.load import load_campaign
 from campaign.spec.named_files import FolderFiles
 from campaign.store import BadPart, open_store
@@ -344,11 +344,12 @@ def data_files(folder, count):
     def use(mutated, number):
         name, content = mutated
         (folder / "data" / name).write_bytes(content)
-        columns = read_columns(FolderFiles(folder / "data"), name, ["x", "y"][: 1 + number % 2])
+        columns = read_columns(FolderFiles(folder / "data"), name, ["x", "y"][: 1 + number % 2], reader)
         for values in columns.values():
             assert np.isfinite(values).all()
 
-    return attack("data file", count, mutate, use)
+    with ParquetReader() as reader:
+        return attack("data file", count, mutate, use)
 
 
 COSTS = "target = 1.33\n[variables.restitution]\nfixed = 1.0\ncost = 0.5\nlower = 0.01\nupper = 0.1\nlocked = false\n"

@@ -2,15 +2,13 @@
 
 import hashlib
 import io
-import random
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from campaign.parquet_footer import column_chunks
 from campaign.store import BadPart, parts
-from campaign.store.parts import check, check_decoded_size, decode, encode
+from campaign.store.parts import check, decode, encode
 from tests.campaign.store.test_store import fill
 
 
@@ -50,27 +48,8 @@ def test_decoded_size_is_bounded(plan, part, monkeypatch):
     with pytest.raises(BadPart, match="decodes to more than"):
         decode(plan, content, 10)
     monkeypatch.setattr(parts, "LARGEST_DECODED", 2**10)
-    with pytest.raises(BadPart, match=r"\b10 rows"):
+    with pytest.raises(BadPart, match=r"a file of 10 rows may"):
         decode(plan, content, 10)
-
-
-def test_headers_that_lie_are_errors_of_ours(part):
-    """Whatever stands where pages should be: the check ends, with a ValueError if with any error."""
-    content = written(part[0])
-    chance, refused = random.Random(13), 0
-    for _ in range(2_000):
-        mutated = bytearray(content)
-        for _ in range(chance.randint(1, 20)):
-            mutated[chance.randrange(len(mutated))] = chance.randrange(256)
-        try:
-            check_decoded_size(bytes(mutated[: chance.choice([len(mutated), chance.randrange(len(mutated))])]), 10, 10)
-        except ValueError:
-            refused += 1
-    assert refused > 500
-    begin = next(column_chunks(content)).begin
-    nested = content[:begin] + b"\x5c" * 1000 + content[begin + 1000 :]
-    with pytest.raises(ValueError, match="nested too deeply"):
-        check_decoded_size(nested, 10, 10)
 
 
 @pytest.mark.parametrize(
