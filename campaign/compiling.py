@@ -9,8 +9,8 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from engine.platform.child import python_environment
 from engine import missing_kernels, warm_up
+from engine.platform.child import python_environment
 
 logger = logging.getLogger(__name__)
 

@@ -2,6 +2,11 @@
 
 Scheduler and workers listen on loopback, where every user of the machine can connect to them. So they use mutual TLS
 with certificates that exist only in memory and only during the run, and no HTTP server.
+
+Dask's `LocalCluster` starts, watches and replaces the workers, so that a campaign here takes the same way as one on a
+cluster. Its `Security.temporary` is not used: those certificates are valid from now on, and would lock out a worker
+that replaces a dead one after the clock was set back. Its scratch folder and HTTP server are open to other users, and
+it leaves half a cluster behind if a signal comes while it starts; hence the rest of this module.
 """
 
 import logging

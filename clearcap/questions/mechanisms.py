@@ -1,13 +1,18 @@
 """Questions about one mechanism: its contents, what looks wrong in it, one simulation, its pictures, its journals."""
 
+import pickle
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
+from math import inf
 from pathlib import Path
+from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from campaign.compiling import compile_engine
-from campaign.errors import SpecError
+from campaign.errors import CampaignError, SpecError
 from engine import (
     Recording,
     Run,
@@ -24,6 +29,7 @@ from engine.mechanism.geometry.cad_table import DrawnBody, DrawnFace, DrawnGap, 
 from engine.mechanism.keys.values import settable_numbers
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
+from engine.platform.child import Child, ChildEnded, Limits, Send
 from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 from engine.preflight import cautions
 
@@ -314,29 +320,39 @@ def draw_mechanism(source: MechanismSource, kind: str = "svg") -> bytes:
 
 def campaign_journal_positions(campaign: "Campaign", processes: int) -> "list[JournalPositions]":
     """Simulate a campaign of few samples; return the journals' positions, by ring, at the ends of successful runs."""
-    from campaign.cluster.process_workers import process_workers
     from campaign.inputs.sampling import draw
     from clearcap.pictures.play import merge_runs
 
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]
+    fixed = (campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
     compile_engine()  # once, for all processes
-    with process_workers(processes) as workers:
-        fixed = (campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
-        runs = [workers.submit(f"sample-{i:06d}", _positions_at_end, *fixed, x) for i, x in enumerate(values)]
-        while workers.next_finished() is not None:
-            pass
-        return merge_runs([positions for run in runs if (positions := run.result())])
+    free: SimpleQueue[Child] = SimpleQueue()
+
+    def positions(x: dict[str, float]) -> "list[JournalPositions]":
+        child = free.get()
+        try:
+            found: list[JournalPositions] = pickle.loads(child.answer(pickle.dumps((*fixed, x)), Limits(), inf))
+            return found
+        finally:
+            free.put(child)
+
+    with ThreadPoolExecutor(processes) as threads, ExitStack() as children:  # which end first, so that no thread waits
+        for _ in range(min(processes, spec.samples)):
+            free.put(children.enter_context(Child(f"{__name__}:{positions_at_end.__name__}")))
+        try:
+            return merge_runs(list(filter(None, threads.map(positions, values))))
+        except ChildEnded as error:
+            raise CampaignError(f"a process that simulates ended ({error}); repeat it with fewer --workers") from error
 
 
-def _positions_at_end(
-    mechanism: Mechanism, step: float | None, horizon: float | None, values: dict[str, float]
-) -> "list[JournalPositions]":
-    """Simulate once; return the positions of the journals at the end, empty if the run failed."""
+def positions_at_end(request: bytes, _send: Send) -> bytes:
+    """Simulate once in a child; return the positions of the journals at the end, pickled, empty if the run failed."""
     from clearcap.pictures.play import journal_positions
 
+    mechanism, step, horizon, values = pickle.loads(request)
     with TemporaryDirectory(prefix="clearcap-") as folder:
         path = Path(folder) / "end.h5"
         run = simulate(mechanism, values, step=step, horizon=horizon, trajectory=Recording(path, ENDS))
-        return journal_positions(read_trajectory(path)) if run.status == "ok" else []
+        return pickle.dumps(journal_positions(read_trajectory(path)) if run.status == "ok" else [])

@@ -10,14 +10,14 @@ import dask
 import pytest
 from typer.testing import CliRunner
 
-from campaign.cluster import dask_workers, process_workers
+from campaign.cluster import dask_workers
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator import rerun as rerunning
 from campaign.coordinator import submit as submission
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from tests.campaign import fake_engine
+from tests.campaign import fake_engine, process_workers
 from tests.fitted_once import fitted_once as fitted_once  # a fixture of all tests below
 
 SPEC = """\

@@ -7,7 +7,6 @@ import pytest
 
 import clearcap
 from campaign.cluster.local import local_client
-from campaign.cluster.process_workers import process_workers
 from campaign.coordinator.submit import start_coordinator
 from campaign.environment import numerical
 from campaign.worker.messages import CampaignAddress
@@ -89,12 +88,8 @@ def test_a_job_of_the_service_gets_them_and_one_thread(monkeypatch):
 
 @pytest.mark.slow
 def test_workers_of_this_machine_inherit_them(monkeypatch):
-    """Both kinds of process; they load NumPy, so only what any processor can do is set."""
+    """They load NumPy, so only what any processor can do is set."""
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Prescott")
     monkeypatch.setenv("MKL_CBWR", "COMPATIBLE")
-    with process_workers(1) as workers:
-        future = workers.submit("environment", environment)
-        workers.next_finished()
-        assert numerical(future.result()) == numerical(os.environ)
     with local_client(1) as client:
         assert numerical(client.submit(environment).result()) == numerical(os.environ)

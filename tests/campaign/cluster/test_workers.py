@@ -1,4 +1,4 @@
-"""What every kind of workers does with a call, whether dask runs it or a process that was spawned here.
+"""What workers do with a call, whether dask runs it or, in tests of what uses them, a process that was spawned here.
 
 One worker compiles the engine before all others load it; what is compiled is not waited for.
 """
@@ -7,14 +7,13 @@ import os
 import signal
 from concurrent.futures import Future
 
-import psutil
 import pytest
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.process_workers import process_workers
 from campaign.cluster.workers import ATTEMPTS, NoWorkerLeft, WorkerDied, compile_first
 from campaign.errors import UnreachableError
+from tests.campaign.process_workers import process_workers
 from tests.until import until
 
 pytestmark = pytest.mark.processes
@@ -108,21 +107,6 @@ def test_refused_workers_get_no_calls(kind, monkeypatch):
             workers.refuse(call)
         with pytest.raises(NoWorkerLeft):
             workers.submit("power", pow, 2, 3)
-
-
-def test_no_process_stays(tmp_path):
-    """Neither an idle one nor one that computes; and none listens on a socket."""
-    before = set(psutil.Process().children(recursive=True))
-    with process_workers(2) as workers:
-        first = workers.submit("pid", os.getpid)
-        finished(workers)
-        for _ in range(2):
-            workers.submit("wait", waits, tmp_path)
-        until(lambda: len(list(tmp_path.iterdir())) == 2, "the calls do not begin")
-        children = set(psutil.Process().children(recursive=True)) - before
-        assert first.result() in {child.pid for child in children}
-        assert [c for child in children for c in child.net_connections() if c.status == psutil.CONN_LISTEN] == []
-    assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
 
 
 def stops():

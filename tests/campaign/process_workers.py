@@ -1,4 +1,4 @@
-"""Workers that are processes of this machine, connected by pipes, without sockets or a scheduler."""
+"""Workers that are processes connected by pipes, which start sooner than a scheduler and its workers."""
 
 import signal
 from collections import deque
@@ -58,10 +58,7 @@ class _Process:
 
 
 class ProcessWorkers:
-    """Up to ``count`` processes of this machine; see `campaign.cluster.workers.Workers`.
-
-    A process that dies is replaced by another.
-    """
+    """Up to ``count`` processes; see `campaign.cluster.workers.Workers`. One that dies is replaced by another."""
 
     name = "this machine"
 
