@@ -12,7 +12,7 @@ from campaign.store.files.files import TEMPORARY, Files
 from campaign.store.files.retry_policy import PATIENT, RetryPolicy
 from campaign.store.layout import CAMPAIGN_FILE, COMPARISONS, HEARTBEAT, LOG, PLAN, REPORT, STOPPED, manifest_name
 from campaign.store.naming import command_line, folders_of_campaigns, which_campaign
-from campaign.store.parts import Part, Survey, check, dump_manifest, encode, file_name, part_name, read_file, survey
+from campaign.store.parts import Part, Survey, check, dump_manifest, encode, part_name, read_part_file, survey
 from campaign.store.rows import Compacted, compact, quarantine, read_batch, stream
 
 if TYPE_CHECKING:
@@ -136,9 +136,9 @@ class Store:
         """
         return read_batch(self.files, plan, batch)
 
-    def read_own_part(self, plan: PlanHeader, batch: int) -> "pa.Table":
+    def read_own_part(self, plan: PlanHeader, batch: int) -> "tuple[Part, pa.Table]":
         """Read the rows of a batch from its own part only; raises the same errors as `read_part`."""
-        return read_file(self.files, plan, file_name(batch, batch))
+        return read_part_file(self.files, plan, batch)
 
     def survey(self, plan: PlanHeader, verify: bool = False) -> Survey:
         """Return which parts and rows of a plan the store holds.

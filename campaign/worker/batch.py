@@ -36,12 +36,12 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
         return BatchResult(None, {}, computed=False, seconds=perf_counter() - start, repeats=repeats)
     try:
         # there if an earlier attempt wrote it, but its answer was lost with the worker or the scheduler
-        table, computed = store.read_own_part(plan, request.batch), False
+        (part, table), computed = store.read_own_part(plan, request.batch), False
     except (FileNotFoundError, BadPart):
         first, count = plan.batches[request.batch]
         rows = _rows(address, range(first, first + count), request)
         table, computed = rows_to_table(plan, rows), True
-    part = store.write_part(plan, request.batch, table)
+        part = store.write_part(plan, request.batch, table)
     repeats = _repeats(address, request)
     return BatchResult(part, moments(table, plan.mechanism.responses), computed, perf_counter() - start, repeats)
 

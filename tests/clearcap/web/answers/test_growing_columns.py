@@ -52,7 +52,7 @@ def content(cache, folder, store, plan):
 
 def replace_rows(store, plan, batch):
     """Write other rows of a batch, and record them, as a repetition of failed ones does."""
-    table = store.read_own_part(plan, batch)
+    _, table = store.read_own_part(plan, batch)
     at = table.schema.get_field_index("FC-1")
     other = pc.add(table["FC-1"], 1.0)
     store.write_part(plan, batch, table.set_column(at, table.schema.field(at), other))
