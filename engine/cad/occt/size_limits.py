@@ -85,15 +85,25 @@ def size_limits(
         kind = dimension and _KINDS.get(dimension.GetType())
         if not kind or not (dimension.IsDimWithPlusMinusTolerance() or dimension.IsDimWithRange()):
             continue
-        limits = _limits(dimension, signs)
-        if limits is None:
+        limits, instances = _limits(dimension, signs), faces_of_instances([faces_of(at) for at in _referred(label)])
+        if limits is None or instances is None:
             unclear += 1
             continue
         nominal, lower, upper = limits
-        for instance in zip(*(faces_of(at) for at in _referred(label)), strict=False):
-            faces = tuple(number for side in instance for number in side)
-            found.append(SizeLimits(kind=kind, nominal=nominal, lower=lower, upper=upper, faces=faces))
-    return [each for each in found if each.faces], unclear
+        found += [SizeLimits(kind=kind, nominal=nominal, lower=lower, upper=upper, faces=each) for each in instances]
+    return found, unclear
+
+
+def faces_of_instances(sides: list[list[tuple[int, ...]]]) -> list[tuple[int, ...]] | None:
+    """Return the faces on all sides of a dimension, for each instance of its product; none if a side has no faces.
+
+    None if the sides are on products that occur differently often, as the file does not say which belong together.
+    """
+    counts = {len(side) for side in sides}
+    if len(counts - {0}) > 1:
+        return None
+    faces = [sum(instance, ()) for instance in zip(*sides, strict=True)] if 0 not in counts else []
+    return [each for each in faces if each]
 
 
 def _referred(label: Any) -> list[Any]:

@@ -153,8 +153,8 @@ def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> lis
         said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
     if unclear:
         said.append(
-            f"{unclear} dimensions are left out: the file has the same deviations with several signs; "
-            "give these limits in the campaign file"
+            f"{unclear} dimensions are left out: the file has the same deviations with several signs, or does not say"
+            " which instances of their parts belong together; give these limits in the campaign file"
         )
     empty = [part.name for part in parts if not part.solids]
     if empty:
