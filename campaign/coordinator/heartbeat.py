@@ -4,12 +4,13 @@ Whoever follows campaigns does so by the heartbeats in the store.
 """
 
 import logging
-import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, ConfigDict, Field, StrictStr, TypeAdapter, ValidationError, with_config
 
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, judge_life
 from campaign.coordinator.state import state_of
@@ -28,32 +29,52 @@ STALLED = (3.0, 10.0)  # times a batch takes, and at the least seconds, after wh
 logger = logging.getLogger(__name__)
 
 
+Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def _only_if(is_sound: Callable[[Any], bool]) -> AfterValidator:
+    """Return the annotation of a value that must pass a check."""
+
+    def check(value: Any) -> Any:
+        if not is_sound(value):
+            raise ValueError("clearcap writes no such value")
+        return value
+
+    return AfterValidator(check)
+
+
+RESPONSE = {"n", "mean", "std", "cpk"}
+Response = Annotated[dict[str, Number | None], _only_if(lambda response: response.keys() >= RESPONSE)]
+
+
+@with_config(ConfigDict(extra="forbid"))
 @dataclass(frozen=True)
 class Heartbeat:
     """The progress of a campaign."""
 
-    campaign: str  # its id
-    state: str  # ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``
-    samples: int  # rows that are planned, or fewer once the stopping rule ended the campaign
-    done: int  # stored rows
-    ok: int  # stored rows of this status
-    failed: int  # stored rows of any other status
-    left: int  # rows still to be computed
-    statuses: dict[str, int]  # stored rows by status
-    rate: float  # runs per second over the last minute
-    eta_s: float | None  # remaining time at that rate; None while the rate is unknown, and while it does not hold
-    workers: int
-    idle_s: float = 0.0  # since the last batch was completed, or since the start
-    # ``n``, ``mean``, ``std``, ``cpk`` of the stored rows
-    responses: dict[str, dict[str, float | None]] = field(default_factory=dict)
-    token: str = ""  # of the coordinator's lease
-    pid: int = 0  # of the coordinator
-    beat: int = 0  # number of this heartbeat, from 1
-    time: float = 0.0  # when it was written [s since 1970]
-    message: str = ""  # details of the state; may be empty
-    repeats: int = 0  # samples to be repeated with half the step; not counted as rows
-    repeated: int = 0  # of these, those already repeated
-    waiting: list[dict[str, Any]] = field(default_factory=list)  # what it waits for, see `campaign.waits.Wait`
+    campaign: StrictStr  # its id
+    state: StrictStr  # ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``
+    samples: Count  # rows that are planned, or fewer once the stopping rule ended the campaign
+    done: Count  # stored rows
+    ok: Count  # stored rows of this status
+    failed: Count  # stored rows of any other status
+    left: Count  # rows still to be computed
+    statuses: dict[str, Count]  # stored rows by status
+    rate: Number  # runs per second over the last minute
+    eta_s: Number | None  # remaining time at that rate; None while the rate is unknown, and while it does not hold
+    workers: Count
+    idle_s: Number = 0.0  # since the last batch was completed, or since the start
+    responses: dict[str, Response] = field(default_factory=dict)  # what is known of the stored rows
+    token: StrictStr = ""  # of the coordinator's lease
+    pid: Count = 0  # of the coordinator
+    beat: Count = 0  # number of this heartbeat, from 1
+    time: Number = 0.0  # when it was written [s since 1970]
+    message: StrictStr = ""  # details of the state; may be empty
+    repeats: Count = 0  # samples to be repeated with half the step; not counted as rows
+    repeated: Count = 0  # of these, those already repeated
+    # what it waits for, see `campaign.waits.Wait`
+    waiting: list[Annotated[dict[str, Any], _only_if(is_wait)]] = field(default_factory=list)
 
     @property
     def waits_for(self) -> str:
@@ -68,39 +89,13 @@ class Heartbeat:
     def from_json(cls, content: Mapping[str, Any]) -> "Heartbeat | None":
         """Return the heartbeat that ``to_json`` wrote; None if the content has another format."""
         try:
-            heartbeat = cls(**content)
-        except TypeError:
+            return _HEARTBEAT.validate_python(dict(content))
+        except ValidationError:
             return None
-        return heartbeat if heartbeat._is_sound() else None
-
-    def _is_sound(self) -> bool:
-        """Return whether all fields have the types that they are declared with."""
-        texts = (self.campaign, self.state, self.token, self.message)
-        counts = (self.samples, self.done, self.ok, self.failed, self.left, self.workers, self.pid, self.beat)
-        repeats = (self.repeats, self.repeated)
-        tables = isinstance(self.statuses, dict) and isinstance(self.responses, dict)
-        tables = tables and isinstance(self.waiting, list) and all(map(is_wait, self.waiting))
-        if not tables or not all(isinstance(r, dict) and r.keys() >= RESPONSE for r in self.responses.values()):
-            return False
-        numbers = [self.rate, self.time, self.idle_s, *(0.0 if self.eta_s is None else self.eta_s,)]
-        numbers += [value for r in self.responses.values() for value in r.values() if value is not None]
-        return (
-            all(isinstance(text, str) for text in texts)
-            and all(_is_count(count) for count in (*counts, *repeats, *self.statuses.values()))
-            and all(_is_number(value) for value in numbers)
-        )
 
 
-RESPONSE = {"n", "mean", "std", "cpk"}
+_HEARTBEAT = TypeAdapter(Heartbeat)
 Show = Callable[[Heartbeat], None]
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
 
 
 class Progress:
