@@ -92,7 +92,8 @@ class JobPool:
             try:
                 process = await self._compilation.wait_warm(task)
             except (asyncio.CancelledError, EngineCompiling) as error:
-                if task.cancelled():  # by the end of the pool, not by who asked
+                me = asyncio.current_task()
+                if task.cancelled() and not (me and me.cancelling()):  # by the end of the pool, not by who asked
                     raise _shutting_down() from error
                 self._idle.append(task)  # the process goes on warming up for the next job
                 raise
