@@ -152,7 +152,7 @@ class DaskWorkers:
         try:
             known = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=ANSWERS_WITHIN)["workers"]
         except (OSError, TimeoutError) as error:
-            raise SchedulerLost(f"the scheduler does not answer ({error or type(error).__name__})") from error
+            raise SchedulerLost(f"the scheduler does not answer ({str(error) or type(error).__name__})") from error
         present = {a: (str(w.get("name", a)), str(w.get("host", a))) for a, w in known.items()}
         self._roster.look(present, self._refused)
         return {address: worker["last_seen"] for address, worker in known.items()}

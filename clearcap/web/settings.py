@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from campaign.cluster.cluster import workers_in
 from campaign.processes import cores
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -72,6 +71,8 @@ class Settings:
         if self.coordinate is None or "--scheduler" in self.coordinate:
             return None
         if "--workers" in self.coordinate:
+            from campaign.cluster.cluster import workers_in  # loads dask, which the server does not need
+
             number = workers_in(self.coordinate[self.coordinate.index("--workers") + 1])
             return number if isinstance(number, int) else number[1]
         return None if "--cluster" in self.coordinate else cores()

@@ -2,8 +2,8 @@
 # on_node.sh dask worker ...: run workers with a private folder on this node's disk, for scratch files and compiled
 # code. Its name is unpredictable. Your next job on the node finds it again and saves a minute of compilation.
 # dask worker ends when it loses its scheduler, as after half a minute without a network. It is started again as long as
-# the scheduler has its file (--scheduler-file), for CLEARCAP_LIFETIME seconds if that is set; then the workers return
-# their batches before the walltime ends the job.
+# the scheduler has its file (--scheduler-file) and is not out of reach for ten minutes; if CLEARCAP_LIFETIME is set, for
+# as many seconds, so that the workers return their batches before the walltime ends the job.
 set -euo pipefail
 local=${TMPDIR:-/tmp}
 folder=$(find "$local" -maxdepth 1 -type d -name 'clearcap.*' -user "$(id -u)" -perm 700 -print -quit)
@@ -26,7 +26,7 @@ scheduler_is_there() { # wait a minute for one that is being restarted, but not 
     return 1
 }
 
-workers=''
+workers='' alone=$SECONDS # since when no worker has been connected
 trap 'kill -TERM "$workers" 2>/dev/null || true; wait "$workers" || true; exit 143' TERM
 while :; do
     lifetime=()
@@ -36,9 +36,14 @@ while :; do
         lifetime=(--lifetime "${left}s" --lifetime-stagger "$((left / 50))s")
     fi
     "$@" --local-directory "$folder" "${lifetime[@]}" &
-    workers=$!
-    wait "$workers"
-    [ -n "$file" ] && scheduler_is_there || exit 0
+    workers=$! begun=$SECONDS status=0
+    wait "$workers" || status=$?
+    if [ "$status" = 0 ]; then
+        alone=$SECONDS
+    elif [ $((SECONDS - begun)) -lt 20 ] || [ $((SECONDS - alone)) -gt 600 ]; then
+        exit "$status" # it cannot work, or the scheduler does not come back
+    fi
+    [ -n "$file" ] && scheduler_is_there || exit "$status"
     echo "on_node.sh: the workers of $(hostname) ended; starting them again"
     sleep 2
 done

@@ -94,7 +94,9 @@ def test_a_campaign_in_one_allocation(run, tmp_path):
     assert rows(store, plan).equals(computed_here(tmp_path)), log.read_text()
     assert not run("squeue", "--noheader")
     said = log.read_text()
-    assert not re.search("Traceback|Killed|CANCELLED|[Ee]rror|forcing", said), said
+    ending = said.partition('"statuses"')[2]  # after what the command prints at its end
+    assert ending
+    assert not re.search("Traceback|Killed|CANCELLED|[Ee]rror|forcing", ending), said
     assert "10.77.0.1" in said
     assert "10.77.0.2" in said
 
