@@ -85,7 +85,14 @@ def bricard(step: float) -> dict[str, Any]:
 
 
 def four_bars(
-    count: int, step: float, horizon: float, speed: float, angle: float, tilt: float = 0.0, off: float = 0.0
+    count: int,
+    step: float,
+    horizon: float,
+    speed: float,
+    angle: float,
+    tilt: float = 0.0,
+    off: float = 0.0,
+    crank_mass: float = 1.0,
 ) -> dict[str, Any]:
     """Describe a row of parallelograms: ``count`` + 1 cranks of 1 m on the ground, joined by bars of 1 m.
 
@@ -103,8 +110,8 @@ def four_bars(
     for i in range(count + 1):
         foot = np.array([float(i), 0, 0])
         bodies[f"crank_{i}"] = {
-            "mass": 1.0,
-            "inertia": (turn @ rod @ turn.T).tolist(),
+            "mass": crank_mass,
+            "inertia": (crank_mass * turn @ rod @ turn.T).tolist(),
             "origin": (foot + 0.5 * crank).tolist(),
             "velocity": (0.5 * across).tolist(),
             "angular_velocity": (speed * axis).tolist(),
@@ -132,9 +139,9 @@ def four_bars(
     )
 
 
-def four_bars_exact(count: int, horizon: float, speed: float, angle: float) -> float:
+def four_bars_exact(count: int, horizon: float, speed: float, angle: float, crank_mass: float = 1.0) -> float:
     """Return by how much the cranks of `four_bars` have turned: one freedom, a pendulum whose bars only shift."""
-    inertia, lift = (count + 1) / 3 + count, (count + 1) / 2 + count
+    inertia, lift = crank_mass * (count + 1) / 3 + count, crank_mass * (count + 1) / 2 + count
 
     def rate(_: float, y: Array) -> list[float]:
         return [y[1], -GRAVITY * lift / inertia * np.cos(y[0])]

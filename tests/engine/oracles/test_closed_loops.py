@@ -70,6 +70,17 @@ def test_an_axis_that_is_off_by_the_last_digits_of_a_file(off):
     assert run.certificate.repeated == 0
 
 
+@pytest.mark.slow
+@each("crank_mass", [1e-3, 1e-6, 1e-9])
+def test_what_a_loop_holds_twice_does_not_depend_on_masses(crank_mass):
+    """Cranks of a milligram that carry a bar of a tonne, in proportion, swing as a pendulum of 1 m."""
+    motion = {"horizon": 2.0, "speed": 2.0, "angle": -np.pi / 2, "crank_mass": crank_mass}
+    run = simulate(made(four_bars(1, 1e-3, off=1e-6, **motion)))
+    assert run.status == "ok", run.message
+    assert run.responses["angle"] == pytest.approx(four_bars_exact(1, **motion), abs=2e-6)
+    assert run.certificate.lost_energy < 1e-4
+
+
 def test_check_names_loops_and_what_they_could_be():
     """Three motions of a planar loop of four pins are held twice, and so are three of a Bennett linkage."""
     for data, loop in ((four_bars(1, 1e-3, 1.0, 0.0, 1.0), "foot_0-foot_1-left_0-right_0"), (bennett(1e-3), "A-B-C-D")):
