@@ -10,17 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.arrays import Array, copied
+from engine.arrays import Array, Integers, copied
 from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
+from engine.friction.balanced_forces import nearest_balanced
+from engine.friction.blocks import ROW
 from engine.friction.indeterminacy import force_ranges
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import CONTACT_FORCE, DERIVED, END
 from engine.kernels.motion import move
 from engine.kernels.responses import measure
-from engine.kernels.statics import HELD, MOVES, effect_on_bodies, hold_loads
+from engine.kernels.rest import LOADED
+from engine.kernels.statics import HELD, MOVES, MOVING, effect_on_bodies, hold_loads
 from engine.mechanism import Mechanism
 from engine.platform.linear_algebra import one_thread
+
+SHORT = 1e-3  # of a step: the free motion of an unloaded step then has no gyroscopic part
 
 
 class PoseAtRest:
@@ -29,15 +34,22 @@ class PoseAtRest:
     ``reported`` holds the values of the responses, with the contact forces ``forces``, (nc, 3), as determined by the
     pose; None if none in the friction cones were found that balance the loads. ``moves`` is true if responses measure
     contact forces, no forces balance the loads, and bodies start to move, with the twists in ``assembly``.
+    ``ambiguous`` is true if bodies would start to move with contacts that press only as much as they must, but the
+    forces of the run hold them.
     """
 
-    def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> None:
-        """Find the contact forces that balance the loads of ``phase`` at time ``t``."""
+    def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float, h: float) -> None:
+        """Find the contact forces that balance the loads of ``phase`` at time ``t``; the last step had length ``h``."""
         # no copy of the friction problem: each step of the run writes it anew
         self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
         sim = mechanism.simulation
-        touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
-        self.forces = forces_at_rest(self.assembly, phase, sim.step, touching_gap, t)
+        self.forces = forces_at_rest(self.assembly, phase, sim.step, touching_gap(mechanism), t)
+        self.ambiguous, state = False, self.assembly.state
+        if self.forces is None and is_balanced(self.assembly, state.r / h, sim.step):
+            self.forces = balancing_forces(self.assembly, np.zeros_like(state.r), sim.step)
+            if self.forces is not None:
+                self.ambiguous = bool(state.v.any())
+                state.v[:] = 0.0
         self.moves = False
         self.reported = self.assembly.work.reported
         if (assembly.model.responses.kind >= CONTACT_FORCE).any():
@@ -48,16 +60,17 @@ class PoseAtRest:
         """Evaluate the contact-force responses with the forces at rest; they are NaN if no forces balance the loads."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
-        # the length of the step is 1, because state.r holds forces here, not impulses
-        measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
-        responses = model.responses
+        # the length of the step is 1, because state.r holds forces here, not impulses; at rest a mean is the force
+        responses = model.responses._replace(averaged_over=np.zeros(len(self.reported)))
+        measure(responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
         # speeds keep their values, and so do responses that were read at the end of an earlier phase
         forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == phase)
         self.reported[forces_at_end] = work.values[forces_at_end]
+        work.at_impact[forces_at_end] = False
 
     def hand_over(self, run: Assembly) -> None:
         """Let a run go on with these forces: as reported ones, and as those at the beginning of the next phase."""
-        run.work.reported[:] = self.reported
+        run.work.reported[:], run.work.at_impact[:] = self.reported, self.assembly.work.at_impact
         kind = run.model.responses.kind
         forces = (kind >= CONTACT_FORCE) & (kind != DERIVED)
         run.work.values[forces] = self.assembly.work.values[forces]
@@ -70,6 +83,11 @@ class PoseAtRest:
         return dict(zip(contacts, normal_force_ranges(self.assembly, self.forces, numbers), strict=True))
 
 
+def touching_gap(mechanism: Mechanism) -> float:
+    """Return the largest gap of a closed contact at rest: the drift that is allowed there."""
+    return max(mechanism.simulation.penetration, mechanism.simulation.rest.drift)
+
+
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
     """Return the contact forces, (nc, 3), that balance the loads of ``phase`` at time ``t`` in the current pose.
 
@@ -78,13 +96,13 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     load in the last step; ``work.chosen`` receives their numbers, followed by -1. A pose that springs would hold counts
     as held if it is at most ``touching_gap`` away. ``h`` may be any positive time.
     """
-    h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
+    h *= SHORT
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
+    assembly.work.chosen[nc:] = -1
     if status == MOVES and _balance_is_near(assembly, phase, t, touching_gap):
         assembly.state.v[:] = 0.0
     elif status != HELD:
         return None
-    assembly.work.chosen[nc:] = -1
     touching, forces = assembly.work.chosen[:nc], np.zeros_like(assembly.state.r)
     forces[touching] = assembly.work.u[touching] / h
     return forces
@@ -108,6 +126,52 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
     return float((wrench[:-1, :3] * begins[:, :3]).sum() + (wrench[:-1, 3:] * spins).sum()) <= 0.0
 
 
+def is_balanced(pose: Assembly, forces: Array, h: float) -> bool:
+    """Return whether forces of the touching contacts, (nc, 3), balance the loads, to within what counts as rest.
+
+    ``pose`` is as `forces_at_rest` left it with this ``h``.
+    """
+    touching, load = _touching(pose), _load(pose, h)
+    left = load - _balance(pose, touching.size).T @ forces[touching].ravel()
+    return float(left @ left) <= MOVING * float(load @ load)
+
+
+def balancing_forces(pose: Assembly, nearest_to: Array, h: float, only_loaded: bool = False) -> Array | None:
+    """Return the forces of the touching contacts, (nc, 3), that balance the loads and lie nearest to others, (nc, 3).
+
+    With ``only_loaded`` only those contacts count that carry load in the others. None if no forces within the cones
+    balance the loads. ``pose`` is as `forces_at_rest` left it with this ``h``.
+    """
+    touching = _touching(pose)
+    rows = _balance(pose, touching.size).reshape(touching.size, 3, -1)
+    if only_loaded:
+        loaded = nearest_to[touching, 0] > LOADED * nearest_to[:, 0].max(initial=0.0)
+        touching, rows = touching[loaded], rows[loaded]
+    with one_thread():
+        H, mu = rows.reshape(3 * touching.size, -1), pose.model.laws.mu[touching]
+        found = nearest_balanced(H, _load(pose, h), mu, nearest_to[touching])
+    if found is None:
+        return None
+    forces = np.zeros_like(nearest_to)
+    forces[touching] = found
+    return forces
+
+
+def _touching(pose: Assembly) -> Integers:
+    return pose.work.chosen[pose.work.chosen >= 0]
+
+
+def _load(pose: Assembly, h: float) -> Array:
+    """Return the forces that contacts have to balance, per unknown of the friction problem, in the mass metric."""
+    bodies, fall = pose.model.bodies, pose.work.free[:-1]
+    load = np.zeros(pose.problem.w.size)
+    for body, node in enumerate(bodies.node):
+        k = ROW * node
+        load[k : k + 3] = -np.sqrt(bodies.mass[body]) * fall[body, :3]
+        load[k + 3 : k + 6] = -bodies.inverse_root[body] @ bodies.inertia[body] @ fall[body, 3:]
+    return load / (SHORT * h)
+
+
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
     """Return the smallest and largest normal force of some contacts among all forces with the same balance.
 
@@ -115,7 +179,7 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
     the friction problem must be as it left it. The largest is inf where friction wedges, see
     `engine.friction.indeterminacy`.
     """
-    touching = assembly.work.chosen[assembly.work.chosen >= 0]
+    touching = _touching(assembly)
     place = {int(contact): j for j, contact in enumerate(touching)}
     asked = [place[contact] for contact in wanted if contact in place]
     if not asked or not forces.any():

@@ -2,18 +2,19 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
 from engine.arrays import Array
 from engine.assembly import Assembly
-from engine.equilibrium import PoseAtRest
+from engine.equilibrium import PoseAtRest, touching_gap
 from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
-from engine.mechanism.responses import ConditionMet, ContactForce, ResponseDifference
+from engine.mechanism.responses import ConditionMet, ContactForce, Response, ResponseDifference
 from engine.not_at_rest import describe_motion, flight, in_flight, unheld
+from engine.release import stay_at_rest
 from engine.run import Certificate, Run
 from engine.verdict import failure, judge, unfinished
 
@@ -39,10 +40,15 @@ def execute(
     prepare(assembly, control)  # before the clock starts: the time it takes to compile is not that of the run
 
     @lru_cache(maxsize=1)  # the last pose examined is the final one if the run comes to rest
-    def pose_at(phase: int, t: float) -> PoseAtRest:
-        return PoseAtRest(mechanism, assembly, phase, t)
+    def pose_at(phase: int, t: float, h: float) -> PoseAtRest:
+        return PoseAtRest(mechanism, assembly, phase, t, h)
+
+    def pose_of(course: Course) -> PoseAtRest:
+        instant = course.reals[[time_loop.TIME, time_loop.STEP]]
+        return pose_at(int(course.counts[time_loop.PHASE]), *map(float, instant))
 
     ranges: dict[str, Range] = {}  # of forces read at rest, by response
+    choices: list[bool] = []  # whether rest was one of two solutions, where that was asked
 
     def add_ranges(pose: PoseAtRest, phase: int) -> None:
         contacts = contacts_with_ranges(mechanism, phase, forces=indeterminacy)
@@ -51,16 +57,20 @@ def execute(
 
     def moves(course: Course) -> bool:
         phase = int(course.counts[time_loop.PHASE])
-        pose = pose_at(phase, float(course.reals[time_loop.TIME]))
+        pose = pose_of(course)
         if phase == len(mechanism.phases) - 1:
             return pose.moves or bool(in_flight(assembly, pose.assembly, unmoved).any())
         if not pose.moves:
             pose.hand_over(assembly)
             add_ranges(pose, phase)
+            choices.append(pose.ambiguous)
         return pose.moves
 
+    def released(course: Course) -> None:
+        choices.append(stay_at_rest(assembly, control, course, touching_gap(mechanism)))
+
     start = time.perf_counter()
-    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves)
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, released)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
         steps=int(counts[time_loop.STEPS]),
@@ -81,16 +91,17 @@ def execute(
     )
     last = mechanism.phases[-1]
     until_rest = last.duration is None and last.until is None and not full_horizon
-    drift, reported = "", assembly.work.reported
+    drift, work = "", assembly.work
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
-        pose = pose_at(int(counts[time_loop.PHASE]), certificate.time)
+        pose = pose_of(course)
+        choices.append(pose.ambiguous)
         if pose.moves:
             drift = unheld(mechanism, pose.assembly, control)
         elif until_rest:  # in a phase with a duration a part may fly off
             drift = flight(mechanism, pose.assembly, control, in_flight(assembly, pose.assembly, unmoved))
         add_ranges(pose, len(mechanism.phases) - 1)
-        reported = pose.reported
-    measured = dict(zip(mechanism.responses, map(float, reported), strict=True))
+        work = pose.assembly.work
+    measured = dict(zip(mechanism.responses, map(float, work.reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
         if counts[time_loop.COMPLETED] or full_horizon:
@@ -103,7 +114,32 @@ def execute(
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
     open_ranges = {n: ends for n, ends in ranges.items() if getattr(mechanism.responses[n], "bound", None) is None}
-    return Run(status, message, responses, mechanism.response_units(), certificate, measured, open_ranges)
+    struck = [name for name, at_impact in zip(mechanism.responses, work.at_impact, strict=True) if at_impact]
+    return Run(
+        status,
+        message,
+        responses,
+        mechanism.response_units(),
+        certificate,
+        measured,
+        open_ranges,
+        at_impact=_with_what_follows(mechanism, struck),
+        ambiguous=any(choices),
+    )
+
+
+def _with_what_follows(mechanism: Mechanism, names: list[str]) -> tuple[str, ...]:
+    """Return responses and those derived from them, in the order of the mechanism."""
+
+    def concerns(name: str, response: Response) -> bool:
+        of: Sequence[str] = ()
+        if isinstance(response, ResponseDifference):
+            of = response.of
+        elif isinstance(response, ConditionMet):
+            of = (response.condition.response,)
+        return name in names or any(part in names for part in of)
+
+    return tuple(name for name, response in mechanism.responses.items() if concerns(name, response))
 
 
 def contacts_with_ranges(mechanism: Mechanism, phase: int, *, forces: bool = False) -> dict[str, str]:

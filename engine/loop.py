@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, copied
 from engine.assembly import Assembly
 from engine.assembly.bilateral import turning_arm
 from engine.jit import Kernel
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
+from engine.kernels.statics import hold_loads
 from engine.kernels.time_loop import (
     BALANCED,
     COMPLETED,
@@ -21,6 +22,7 @@ from engine.kernels.time_loop import (
     PHASE,
     PHASE_END,
     PHASE_OVER,
+    RELEASED,
     SETTLED,
     STATUS,
     STEP,
@@ -83,10 +85,13 @@ def _extent(mechanism: Mechanism) -> float:
 
 
 def prepare(assembly: Assembly, control: Control) -> None:
-    """Compile the time loop, or load it from the cache, by a run with horizon 0, which changes nothing."""
+    """Compile the time loop and the balance at rest, or load them from the cache, by calls that change nothing."""
     if isinstance(run_to_end, Kernel) and not run_to_end.compiled.signatures:
         nowhere = control._replace(horizon=0.0)
         run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
+    if isinstance(hold_loads, Kernel) and not hold_loads.compiled.signatures:
+        state, work = copied(assembly.state), copied(assembly.work)
+        hold_loads(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step, -np.inf)  # no contacts
 
 
 def drive(
@@ -97,6 +102,7 @@ def drive(
     sink: Callable[[Array], None] | None = None,
     every: int = 1,
     moves: Callable[[Course], bool] | None = None,
+    released: Callable[[Course], None] | None = None,
 ) -> Course:
     """Run the time loop to its end, or until some real time [s] has passed or another thread cancels it.
 
@@ -104,7 +110,8 @@ def drive(
     then continues until nothing has moved for twice the window of rest and something holds the pose; if nothing does,
     for four times the window, and so on up to the horizon. ``moves`` tells whether bodies start to move in the pose at
     rest. It is asked at the end of the last phase, and of every phase at rest in which forces are read, where it may
-    write the forces that balance the loads; it does not change the motion.
+    write the forces that balance the loads; it does not change the motion. ``released`` is called where a later phase
+    begins at rest, and may change the impulses with which its first step begins.
 
     The sink gets blocks of rows of the trajectory, see `kernels.record`: every ``every``-th step and the last one.
     """
@@ -123,6 +130,9 @@ def drive(
                 run_to_end(assembly.arrays, settings, course, rows, stride, stop)
                 if course.counts[STATUS] == FULL and sink:
                     _flush(rows, sink)
+                elif course.counts[STATUS] == RELEASED:
+                    if released:
+                        released(course)
                 elif moves and course.counts[STATUS] == PHASE_OVER:
                     if moves(course) and _ends_at_rest(assembly, course):
                         window *= 2

@@ -101,6 +101,11 @@ class Run:
         Response -> value measured at the end, also for a failed run.
     ranges : dict
         For each contact force read at rest: the smallest and largest value that friction allows in that pose.
+    at_impact : tuple of str
+        Responses that are forces of an impact, or were read at the peak of one: they depend on the length of the step,
+        and are no property of the mechanism.
+    ambiguous : bool
+        Whether motion would have solved the equations as well where the mechanism rests, or rested between two phases.
     """
 
     status: Status
@@ -110,3 +115,21 @@ class Run:
     certificate: Certificate
     measured: dict[str, float] = field(default_factory=dict)
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    at_impact: tuple[str, ...] = ()
+    ambiguous: bool = False
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know about the values of the run, in sentences."""
+        said = [
+            f"{name}: a contact closed in the step of this force, so it is its impulse divided by the step, and no "
+            'property of the mechanism; measure the impulse (type = "contact_impulse"), the mean over a time '
+            "(averaged_over), or drive so slowly that nothing strikes"
+            for name in self.at_impact
+        ]
+        if self.ambiguous:
+            said.append(
+                "friction holds what would move as well: with these loads rest and motion both solve the equations, "
+                "and the mechanism stayed at rest; whether it holds depends on how it came there"
+            )
+        return tuple(said)

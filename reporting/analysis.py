@@ -29,6 +29,7 @@ from reporting.statuses import (
     count_statuses,
     counts_by_status,
     list_failures,
+    why_no_property,
     why_no_verdict,
 )
 from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
@@ -111,7 +112,7 @@ def analyse(
                 corners,
                 CONFIDENCE,
                 rare_estimates(rare).get(r.name, ()),
-                withheld,
+                withheld or why_no_property(r.name, drawn, spec.min_ok),
             ),
             repeatability=scatter.get(r.name),
             rounding=rounding.get(r.name),

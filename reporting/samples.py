@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 CERTIFICATE = ("sample", "status", "message", "max_residual", "max_penetration", "settled")
 OPTIONAL = "wall_s"
 LATER = ("created_energy", "lost_energy", "max_kinetic_energy", "max_turn")  # rows of earlier builds lack them
+AT_IMPACT, AMBIGUOUS = "at_impact", "ambiguous"  # earlier builds have neither
 IMPORTANCE = ("component", "log_weight", "aimed")
 OK = "ok"
 MESSAGES_KEPT = 20  # of each status
@@ -57,6 +58,10 @@ class Samples:
     # Group of production batches of each sample, where variables have batches of different sizes: samples of different
     # groups share no shift. None where each production batch is such a group.
     lot: NDArray[np.int64] | None = None
+    # By response: whether its value is a force at an impact, shape (n,); only responses with such values
+    at_impact: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    # Whether motion would have solved the equations as well where the sample rests, shape (n,); None: not known
+    ambiguous: NDArray[np.bool_] | None = None
 
     @property
     def lots(self) -> NDArray[np.int64] | None:
@@ -80,6 +85,8 @@ class Samples:
             values={name: column[rows] for name, column in self.values.items()},
             importance={name: column[rows] for name, column in self.importance.items()},
             later={name: column[rows] for name, column in self.later.items()},
+            at_impact={name: column[rows] for name, column in self.at_impact.items()},
+            ambiguous=None if self.ambiguous is None else self.ambiguous[rows],
         )
 
 
@@ -98,6 +105,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in (*needed, *LATER)}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
+    struck, ambiguous = list[str](), list[Array]()
     for table in _tables(rows):
         _check_columns(table, spec, needed)
         unit = _unit(table, "max_penetration") or unit
@@ -109,6 +117,9 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         codes.append(_statuses(table, statuses, messages))
         if OPTIONAL in table.column_names:
             seconds = (seconds or 0.0) + float(np.nansum(_numbers(table, OPTIONAL)))
+        if AT_IMPACT in table.column_names and AMBIGUOUS in table.column_names:
+            struck += [text or "" for text in _strings(table, AT_IMPACT).to_pylist()]
+            ambiguous.append(_numbers(table, AMBIGUOUS))
     later = {name: np.concatenate(pieces.pop(name)) for name in LATER}
     columns = {name: np.concatenate(pieces.pop(name)) for name in needed}
     sample, status = columns.pop("sample").astype(np.int64), np.concatenate(codes)
@@ -131,7 +142,16 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},
         later=later if all(np.isfinite(column).any() for column in later.values()) else {},
         values=columns,
+        at_impact=_marked(struck) if len(struck) == sample.size else {},
+        ambiguous=np.concatenate(ambiguous) == 1.0 if len(struck) == sample.size and ambiguous else None,
     )
+
+
+def _marked(lists: list[str]) -> dict[str, NDArray[np.bool_]]:
+    """Return for each name in lists of names, separated by commas, which of the lists have it."""
+    split = {text: text.split(",") for text in set(lists) if text}
+    names = sorted({name for listed in split.values() for name in listed})
+    return {name: np.array([name in split.get(text, ()) for text in lists], bool) for name in names}
 
 
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:

@@ -103,6 +103,19 @@ def statuses_in_words(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{grouped(-count)} {status}" for count, status in failed)
 
 
+def why_no_property(name: str, samples: Samples, least: float) -> str:
+    """Return why a response has no verdict: more than 1 - `least` of its values are forces at impacts; else empty."""
+    ok = int(np.count_nonzero(samples.ok))
+    struck = int(np.count_nonzero(samples.at_impact[name] & samples.ok)) if name in samples.at_impact else 0
+    if struck <= (1 - least) * ok:
+        return ""
+    return (
+        f"{grouped(struck)} of {grouped(ok)} values are forces in the step of an impact: its impulse divided by the "
+        "length of the step, and no property of the mechanism. Measure the impulse (contact_impulse) or a mean over a "
+        "time (averaged_over), or drive so slowly that nothing strikes."
+    )
+
+
 def why_no_verdict(counts: Mapping[str, int], least: float) -> str:
     """Return why a campaign with less than the share `least` of ok samples has no verdict; empty if it may have one."""
     if not too_few_ok(counts.get(OK, 0), sum(counts.values()), least):

@@ -147,7 +147,7 @@ def test_fields_of_the_json_documents():
     page = PAGES["docs/command.md"]
     sections = dict(re.findall(r"^## ([a-z ]+)\n(.*?)(?=^## |\Z)", page, re.M | re.S))
     shown = {
-        "simulate": ("status", "message", "responses", "units", "ranges", "certificate", "files"),
+        "simulate": ("status", "message", "responses", "units", "ranges", "remarks", "certificate", "files"),
         "status": (
             "campaign",
             "store",

@@ -8,7 +8,7 @@ from engine.mechanism import Mechanism, unit_of
 from engine.mechanism.quantities import Quantity, UnitSystem
 
 # earlier builds did not have them
-LATER_COLUMNS = (
+LATER_NUMBERS = (
     "max_created_energy",
     "created_energy",
     "max_lost_energy",
@@ -16,6 +16,8 @@ LATER_COLUMNS = (
     "max_kinetic_energy",
     "max_turn",
 )
+REMARK_COLUMNS = ("at_impact", "ambiguous")
+LATER_COLUMNS = (*LATER_NUMBERS, *REMARK_COLUMNS)
 CERTIFICATE_COLUMNS = (
     "sample",
     "status",
@@ -24,8 +26,9 @@ CERTIFICATE_COLUMNS = (
     "wall_s",
     "max_residual",
     "max_penetration",
-    *LATER_COLUMNS,
+    *LATER_NUMBERS,
     "settled",
+    *REMARK_COLUMNS,
     "attempts",
     "earlier_attempts",
 )
@@ -69,8 +72,10 @@ def results_schema(
         _number("wall_s", units["wall_s"]),
         _number("max_residual", "1"),
         _number("max_penetration", units["max_penetration"]),
-        *(_number(name, units[name]) for name in LATER_COLUMNS),
+        *(_number(name, units[name]) for name in LATER_NUMBERS),
         pa.field("settled", pa.bool_(), nullable=False),
+        pa.field("at_impact", pa.string()),  # names of responses, separated by commas; see `engine.Run`
+        pa.field("ambiguous", pa.bool_()),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),
         *(pa.field(name, OF_SAMPLERS[name], nullable=False) for name in of_sampler),

@@ -21,7 +21,7 @@ from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.plan_header import SETTINGS, PlanHeader, RepeatPlan, plan_repeats
 from campaign.spec.campaign_file import RETRIED, SimulationSettings
-from campaign.spec.result_columns import LATER_COLUMNS
+from campaign.spec.result_columns import LATER_COLUMNS, LATER_NUMBERS
 from campaign.store import BadPart, Store, open_store
 from campaign.store.layout import CANCEL
 from campaign.store.repeat_sets import repeat_plans
@@ -144,8 +144,10 @@ def _attempt(
         "wall_s": run.certificate.wall_s,
         "max_residual": run.certificate.max_residual,
         "max_penetration": run.certificate.max_penetration,
-        **{name: getattr(run.certificate, name) for name in LATER_COLUMNS},
+        **{name: getattr(run.certificate, name) for name in LATER_NUMBERS},
         "settled": run.certificate.settled,
+        "at_impact": ",".join(run.at_impact),
+        "ambiguous": run.ambiguous,
     }
 
 

@@ -124,6 +124,8 @@ def _print_run(run: "Run", files: dict[str, str], json: bool) -> None:
         unit = "" if run.units[name] == "1" else f" {run.units[name]}"
         shown = "not measured" if isnan(value) else f"{value:.10g}{unit}{interval}"
         print_text(f"{name:{width}}  {shown}")
+    for remark in run.remarks:
+        print_text(f"note: {remark}")
     print_text("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()), lines=True)
     for name, path in files.items():
         print_text(f"{name}: {path}")

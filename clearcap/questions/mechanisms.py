@@ -265,7 +265,7 @@ def simulate_once(source: MechanismSource, step: float | None = None, horizon: f
 def run_document(run: Run) -> dict[str, Any]:
     """Return a run as ``clearcap simulate --json`` and the web service write it."""
     results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
-    return {**results, "ranges": run.ranges, "certificate": asdict(run.certificate)}
+    return {**results, "ranges": run.ranges, "remarks": run.remarks, "certificate": asdict(run.certificate)}
 
 
 def try_once(source: MechanismSource) -> dict[str, Any]:

@@ -44,7 +44,7 @@ from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, analyse, compare_rows
 from reporting.rounding import leveled
-from reporting.samples import LATER, Repeats, read_samples
+from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
 from reporting.write import NAMES, USUAL
@@ -213,6 +213,7 @@ def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     columns += [name for name in LATER if name in plan.schema.names]
     columns += sampler_named(plan.spec.sampler).columns
+    columns += [name for name in (AT_IMPACT, AMBIGUOUS) if name in plan.schema.names]
     tables = chain([plan.schema.empty_table().select(columns)], store.stream(plan, columns))
     if not _has_production_batches(plan):
         yield from tables

@@ -150,6 +150,8 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         previous=offset.copy(),
         reported=np.full(offset.size, np.nan),
         peak=np.full(offset.size, np.nan),
+        impact=np.zeros(2),
+        at_impact=np.zeros(offset.size, bool),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
         vectors=np.zeros((2, 3)),

@@ -23,6 +23,7 @@ KINDS = {
     "angle": model.ANGLE,
     "angular_velocity": model.ANGULAR_VELOCITY,
     "gap": model.GAP,
+    "contact_impulse": model.CONTACT_IMPULSE,
     "contact_force": model.CONTACT_FORCE,
     "joint_force": model.JOINT_FORCE,
     "spring_force": model.SPRING_FORCE,
@@ -49,6 +50,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: S
         body=np.array([body for _, body, _ in what], np.int64).reshape(-1, 3),
         point=np.array([point for _, _, point in what], float).reshape(-1, 12),
         offset=np.array([getattr(response, "offset", 0.0) for _, response in items], float),
+        averaged_over=np.array([getattr(r, "averaged_over", None) or 0.0 for _, r in items], float),
         measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),  # in every phase
         at=np.array([at for at, _, _ in when], np.int64),
         from_phase=np.array([_phase(mechanism, r.from_phase, 0) for _, r in items], np.int64),

@@ -13,9 +13,9 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
-POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # impulses of a whole step, divided by its length
-DERIVED = 11  # computed from other responses, after the run
+POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(9, 12)  # impulses of a whole step, divided by its length
+DERIVED = 12  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -131,6 +131,7 @@ class Responses(NamedTuple):
     body: np.ndarray  # (nr, 3) int64
     point: np.ndarray  # (nr, 12)
     offset: np.ndarray  # (nr,)
+    averaged_over: np.ndarray  # (nr,) time constant of the mean of a force; 0: the force of the last step
     measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run, which is constant at rest
     at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
     from_phase: np.ndarray  # (nr,) int64, the phase at whose start the search for peaks and events begins
@@ -237,6 +238,8 @@ class Scratch(NamedTuple):
     previous: np.ndarray  # (nr,) measured at its start
     reported: np.ndarray  # (nr,) the responses, each at its own instant
     peak: np.ndarray  # (nr,) largest or smallest value so far of the response whose peak is sought
+    impact: np.ndarray  # (2,) largest impulse of an impact divided by the step: in the last step, in the one before
+    at_impact: np.ndarray  # (nr,) bool, whether the reported value is a force at an impact
     anchor: np.ndarray  # (nr,) values at the start of the current pause
     travel: np.ndarray  # (nc,) slip since then
     vectors: np.ndarray  # (2, 3)

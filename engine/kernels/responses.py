@@ -12,6 +12,7 @@ SPRING_FORCE      linear spring
 SPRING_TORQUE     torsion spring
 TIME
 DERIVED           NaN here
+CONTACT_IMPULSE   contact; normal impulse so far
 CONTACT_FORCE     contact
 FRICTION_FORCE    contact
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
@@ -27,6 +28,7 @@ from engine.kernels.model import (
     ANGLE,
     ANGULAR_VELOCITY,
     CONTACT_FORCE,
+    CONTACT_IMPULSE,
     DERIVED,
     END,
     FRICTION_FORCE,
@@ -40,14 +42,18 @@ from engine.kernels.model import (
 )
 from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
 
+SHARE = 0.1  # of a force, from which an impact counts
+SHORT = 0.1  # share of the time of a mean, below which a step resolves it
+
 
 @kernel
 def measure(responses, contacts, loads, state, sites, values, vectors, instant):
     """Write every response at the end of a step into ``values``, (nr,).
 
     On entry, ``values`` holds those of the previous step, or the offsets at the start: an angle counts its full turns
-    from there. ``sites`` are written where a gap is measured, ``vectors``, (2, 3), is workspace, and ``instant`` holds
-    the time at the end of the step and its length.
+    from there, an impulse is added up, and a mean force follows the force like a load cell behind a filter of first
+    order. ``sites`` are written where a gap is measured, ``vectors``, (2, 3), is workspace, and
+    ``instant`` holds the time at the end of the step and its length.
     """
     t, h = instant
     frame, p, q = sites.frame, vectors[0], vectors[1]
@@ -63,6 +69,8 @@ def measure(responses, contacts, loads, state, sites, values, vectors, instant):
             value = t
         elif kind == DERIVED:
             value = np.nan
+        elif kind == CONTACT_IMPULSE:
+            value = values[i] + state.r[body[0], 0]
         elif kind == CONTACT_FORCE:
             value = state.r[body[0], 0] / h
         elif kind == FRICTION_FORCE:
@@ -73,6 +81,8 @@ def measure(responses, contacts, loads, state, sites, values, vectors, instant):
             value = _rotation(kind, body, row, state, values[i] - responses.offset[i], p)
         else:
             value = _position(kind, body, row, state, p, q)
+        if responses.averaged_over[i] > 0.0:
+            value = values[i] - (value - values[i]) * np.expm1(-h / responses.averaged_over[i])
         values[i] = value + responses.offset[i]
 
 
@@ -132,28 +142,47 @@ def _joint_impulse(body, row, state, frame, total, way):
 
 
 @kernel
-def update_reported(responses, values, previous, phase, reported, peak):
-    """Update the reported values after a step, from the values at its end and ``previous``, those at its start.
+def update_reported(responses, work, phase, h):
+    """Update the reported values after a step ``h``, from the values at its end and ``previous``, those at its start.
 
     ``reported`` is NaN before the first step, and until the event at which the response is read has happened; ``peak``,
-    the peak so far of the response whose peak is searched for, is NaN before the first step.
+    the peak so far of the response whose peak is searched for, is NaN before the first step. ``at_impact`` marks the
+    responses whose force, or the force at whose peak they are read, is that of an impact: it depends on the step.
     """
+    values, previous, reported, peak = work.values, work.previous, work.reported, work.peak
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]
         if phase < responses.from_phase[i] or phase > responses.to_phase[i]:
             continue
         j = responses.trigger[i]
+        struck = _at_impact(responses, values[i], work.impact[0], i, h)
         if responses.at[i] == END:
-            reported[i] = values[i]
+            reported[i], work.at_impact[i] = values[i], struck
         elif responses.at[i] == PEAK:
             if not side * peak[i] >= side * values[j]:
                 peak[i], reported[i] = values[j], values[i]
+                work.at_impact[i] = struck or _at_impact(responses, values[j], work.impact[0], j, h)
             if responses.kind[j] < CONTACT_FORCE and side * previous[j] > side * peak[i]:
                 # the start of the phase counts, but not the forces of the step before it
                 peak[i], reported[i] = previous[j], previous[i]
+                work.at_impact[i] = _at_impact(responses, previous[i], work.impact[1], i, h)
         elif np.isnan(reported[i]):
             before, after = side * (previous[j] - limit), side * (values[j] - limit)
             if before > 0.0:
                 reported[i] = previous[i]
+                work.at_impact[i] = _at_impact(responses, previous[i], work.impact[1], i, h)
             elif after > 0.0:  # the crossing, and the value measured there, by linear interpolation
                 reported[i] = previous[i] + before / (before - after) * (values[i] - previous[i])
+                work.at_impact[i] = struck
+
+
+@inner
+def _at_impact(responses, value, impact, i, h):
+    """Return whether response i is a force to which an impact contributes, so that it depends on the step.
+
+    A mean over much more than the step does not: it is the impulse over that time.
+    """
+    force = responses.kind[i] >= CONTACT_FORCE and responses.kind[i] != DERIVED
+    if not force or h < SHORT * responses.averaged_over[i]:
+        return False
+    return impact > SHARE * abs(value)

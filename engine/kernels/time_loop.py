@@ -8,7 +8,8 @@ from engine.friction.arrays import CONVERGED
 from engine.jit import by_address, inner, kernel
 from engine.kernels.bilateral import begin_rows
 from engine.kernels.energy import kinetic_energy
-from engine.kernels.model import CONTACT_FORCE, END, Control, StepContext
+from engine.kernels.impacts import largest_impact
+from engine.kernels.model import CONTACT_FORCE, CONTACT_IMPULSE, DERIVED, END, Control, StepContext
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported
@@ -22,7 +23,7 @@ LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that
 MUCH_CREATED = 0.1  # share of it that all steps together may create before the longest step is halved
 ROUNDING = 1e-6  # share of a step by which the sum of all steps may be off
 
-OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL, PHASE_OVER = range(8)
+OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL, PHASE_OVER, RELEASED = range(9)
 
 # indices of `Course.counts`
 STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT = range(6)
@@ -74,14 +75,16 @@ def run_to_end(arrays, control, course, rows, every, stop):
 
     Every ``every``-th step (0: none) is written into ``rows``, see `kernels.record`. When they are full, the status is
     FULL, and the run continues when it is called again with room in them. With ``control.pauses`` the status is
-    PHASE_OVER at rest at the end of a phase before the last, if forces are read there; the run goes on when its number
-    is BALANCED. ``stop``, (1,) uint8, is set by another thread to end the run (time limit, cancellation).
+    PHASE_OVER at rest at the end of a phase before the last, if forces are read there, and the run goes on when its
+    number is BALANCED; it is RELEASED where a later phase begins with no body moving. ``stop``, (1,) uint8, is set by
+    another thread to end the run (time limit, cancellation).
     """
     model, state, work, _ = arrays
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
     restitution = 0.0
     for i in range(model.laws.restitution.shape[0]):
         restitution = max(restitution, model.laws.restitution[i])
+    hits = _reads_forces_in_motion(model.responses)
     n[STATUS] = OK
     if n[PHASE] < 0:
         now[PEAK_KINETIC] = 0.5 * np.sum(model.bodies.mass) * control.slow**2
@@ -100,6 +103,10 @@ def run_to_end(arrays, control, course, rows, every, stop):
                 n[STATUS] = PHASE_OVER
                 return
             _next_phase(model, state, work, control, course)
+            at_rest = slow(model.bodies, state.v, control.drift / control.window)
+            if control.pauses and at_rest and n[PHASE] < phases:
+                n[STATUS] = RELEASED
+                return
             continue
         if every > 0 and n[ACCEPTED] % every == 0 and record(model, state, work, now[TIME], now[STEP], rows):
             n[STATUS] = FULL
@@ -117,7 +124,10 @@ def run_to_end(arrays, control, course, rows, every, stop):
         if n[STATUS] != OK:
             return
         _measure(model, state, work, course)
-        update_reported(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
+        if hits:
+            work.impact[1] = work.impact[0]
+            work.impact[0] = largest_impact(model.bodies, model.contacts, state, work) / now[STEP]
+        update_reported(model.responses, work, n[PHASE], now[STEP])
         _track_rest(model.responses, state, work, control, course)
         if until_rest and slow(model.bodies, state.v, control.slow):
             n[SLOW] = 1
@@ -144,6 +154,9 @@ def _next_phase(model, state, work, control, course):
     """Enter the next phase: its clock and its motions begin."""
     n, now = course.counts, course.reals
     n[PHASE] += 1
+    for i in range(work.values.shape[0]):  # an impulse counts from the phase with which it begins
+        if model.responses.kind[i] == CONTACT_IMPULSE and model.responses.from_phase[i] == n[PHASE]:
+            work.values[i] = 0.0
     if n[PHASE] < model.phases.duration.shape[0]:
         model.time_laws.begun[n[PHASE]] = now[TIME]
         begin_rows(model.bilateral, state, work.bilateral, n[PHASE])
@@ -159,6 +172,16 @@ def _reads_forces(responses, phase):
         force = responses.kind[i] >= CONTACT_FORCE or responses.kind[responses.trigger[i]] >= CONTACT_FORCE
         at_end = responses.at[i] == END and responses.to_phase[i] == phase
         if force and (at_end or responses.from_phase[i] == phase + 1):
+            return True
+    return False
+
+
+@inner
+def _reads_forces_in_motion(responses):
+    """Return whether a force of a single step is read."""
+    for i in range(responses.kind.shape[0]):
+        kind = max(responses.kind[i], responses.kind[responses.trigger[i]])
+        if kind >= CONTACT_FORCE and kind != DERIVED:
             return True
     return False
 

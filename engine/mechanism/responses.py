@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, TableModel, refuse
+from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, PositiveNumber, TableModel, refuse
 from engine.mechanism.conditions import At, ValidityCondition
 from engine.mechanism.quantities import Quantity
 
@@ -44,6 +44,7 @@ class Measured(TableModel):
     """Base class of the measured responses: a title, and the instant at which they are read."""
 
     measures: ClassVar[Quantity]
+    adds_up: ClassVar[bool] = False  # from the beginning of from_phase, whenever it is read
 
     title: str = Field(default="", description="what the response is called in a report")
     at: At = Field(
@@ -67,7 +68,7 @@ class Measured(TableModel):
 
     @model_validator(mode="after")
     def _searched(self) -> Self:
-        if self.from_phase is not None and self.at == "end":
+        if self.from_phase is not None and self.at == "end" and not self.adds_up:
             raise refuse(
                 "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
                 "or an event; remove it, or give at",
@@ -178,10 +179,30 @@ class Gap(Measured):
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
 
 
-class ContactForce(Measured):
-    """The force of a contact: the normal force, or the magnitude of the friction force."""
+class ContactImpulse(Measured):
+    """The normal force of a contact, added up over time."""
+
+    measures = Quantity("impulse")
+    adds_up = True
+
+    type: Literal["contact_impulse"] = Field(description="the kind of response")
+    contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
+
+
+class Force(Measured):
+    """A force that contacts transmit."""
 
     measures = Quantity("force")
+
+    averaged_over: Annotated[PositiveNumber | None, Quantity("time")] = Field(
+        default=None,
+        description="time constant of a mean over the past, as a load cell shows it behind a filter of first order; "
+        "default: the force of one step, which at an impact depends on the step",
+    )
+
+
+class ContactForce(Force):
+    """The force of a contact: the normal force, or the magnitude of the friction force."""
 
     type: Literal["contact_force"] = Field(description="the kind of response")
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
@@ -196,19 +217,18 @@ class ContactForce(Measured):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        if self.bound is not None and (self.component != "normal" or self.at != "end"):
+        if self.bound is not None and (self.component != "normal" or self.at != "end" or self.averaged_over):
             raise refuse(
-                "a bound is that of a normal force at rest; allowed with component = normal and at = end; remove it",
+                "a bound is that of a normal force at rest; allowed with component = normal and at = end, without "
+                "averaged_over; remove it",
                 key="bound",
                 value=self.bound,
             )
         return self
 
 
-class JointForce(Measured):
+class JointForce(Force):
     """The resultant of all contact forces of a joint with clearance, on its second side, such as the journal."""
-
-    measures = Quantity("force")
 
     type: Literal["joint_force"] = Field(description="the kind of response")
     joint: Name = Field(description="the joint, one with clearance")
@@ -259,6 +279,7 @@ Response = Annotated[
     | Angle
     | AngularVelocity
     | Gap
+    | ContactImpulse
     | ContactForce
     | JointForce
     | SpringForce

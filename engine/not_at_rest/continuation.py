@@ -74,7 +74,7 @@ def go_on(
     length = row_length(len(assembly.model.bodies.mass), len(assembly.contact_names), len(assembly.work.values))
     kept = FINE if every_step else max(min(most, NUMBERS // length), FINE)
     stride = -(-most // kept)
-    arrays, course = _copy(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
+    arrays, course = copy_of(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
     beyond = end + most * control.longest
     course.reals[time_loop.PHASE_END] = beyond
     # a trial with a shorter step must not begin with the step of the run
@@ -99,8 +99,8 @@ def go_on(
     return Continuation(rows[:, 0], twist, own, moving[..., :7], touching[..., 1], rested)
 
 
-def _copy(arrays: RunArrays, phase: int) -> RunArrays:
-    """Return copies of all arrays that a run writes; the run ends with the current phase."""
+def copy_of(arrays: RunArrays, phase: int) -> RunArrays:
+    """Return copies of all arrays that a run writes; such a run ends with the current phase."""
     model, state, work, problem = arrays
     phases = model.phases._replace(**{name: x[: phase + 1] for name, x in model.phases._asdict().items()})
     laws = model.time_laws._replace(begun=model.time_laws.begun.copy())

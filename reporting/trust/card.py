@@ -12,6 +12,7 @@ from reporting.trust.checks import (
     PENETRATION_BAR,
     RESIDUAL_BAR,
     Check,
+    accidents,
     complete,
     drawn_as_requested,
     energy,
@@ -60,6 +61,7 @@ def trust_checks(
         largest("Penetration", samples, samples.max_penetration, unit, PENETRATION_BAR.get(unit)),
         *energy(samples),
         settled(samples),
+        *accidents(samples),
         drawn_as_requested(variables, correlations, production=design.production),
     )
 

@@ -133,6 +133,25 @@ def settled(samples: Samples) -> Check:
     return Check("Settled", "attention", text, float(moving))
 
 
+def accidents(samples: Samples) -> tuple[Check, ...]:
+    """Check whether values hang on the length of a step or on how a sample came to rest; nothing where none does."""
+    checks, total = [], int(np.count_nonzero(samples.ok))
+    counts = {name: int(np.count_nonzero(struck & samples.ok)) for name, struck in samples.at_impact.items()}
+    if any(counts.values()):
+        which = ", ".join(f"{name} ({format_numbers.grouped(count)})" for name, count in counts.items() if count)
+        text = f"Forces in the step of an impact are no property of the mechanism: {which}."
+        checks.append(Check("Forces at impacts", "attention", text, float(max(counts.values()))))
+    held = 0 if samples.ambiguous is None else int(np.count_nonzero(samples.ambiguous & samples.ok))
+    if held:
+        share = format_numbers.percent(held / total)
+        text = (
+            f"{format_numbers.grouped(held)} ok samples ({share}) rest where motion would solve the equations as well: "
+            "friction holds them as it held them before. Whether parts hold depends on how they came there."
+        )
+        checks.append(Check("Self-locking", "attention", text, float(held)))
+    return tuple(checks)
+
+
 def drawn_as_requested(
     variables: tuple[VariableAnalysis, ...], correlations: tuple[CorrelationAnalysis, ...], *, production: bool
 ) -> Check:

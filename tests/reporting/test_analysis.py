@@ -116,6 +116,34 @@ def test_unsettled_samples_are_told(campaign) -> None:
     assert (found.level, found.value) == ("attention", 1.0)
 
 
+def with_remarks(table, at_impact, ambiguous=None):
+    return table.append_column("at_impact", [at_impact]).append_column("ambiguous", [ambiguous or [False] * 60])
+
+
+def test_forces_at_impacts_get_no_verdict(campaign) -> None:
+    table, spec = campaign()
+    name = spec.responses[0].name
+    a = analysis_of(with_remarks(table, [name, f"other,{name}"] + [""] * 58), spec)
+    assert a.responses[0].verdict.word == "no verdict"
+    assert "2 of 60 values are forces in the step of an impact" in a.responses[0].verdict.reasons[0]
+    assert a.responses[1].verdict.word != "no verdict"
+    found = check(a, "Forces at impacts")
+    assert (found.level, found.value) == ("attention", 2.0)
+
+
+def test_samples_that_rest_by_their_history_are_told(campaign) -> None:
+    table, spec = campaign()
+    a = analysis_of(with_remarks(table, [""] * 60, [True] * 3 + [None] * 57), spec)
+    found = check(a, "Self-locking")
+    assert (found.level, found.value) == ("attention", 3.0)
+    assert not any(line.name == "Forces at impacts" for line in a.trust)
+
+
+def test_tables_without_remarks_say_nothing(campaign) -> None:
+    for table, spec in (campaign(), (with_remarks(campaign()[0], [""] * 60), campaign()[1])):
+        assert not {"Forces at impacts", "Self-locking"} & {line.name for line in analysis_of(table, spec).trust}
+
+
 def test_inputs_that_are_not_what_was_asked_are_told(campaign) -> None:
     table, spec = campaign(200)
     assert check(analysis_of(table, spec), "Inputs as requested").level == "good"

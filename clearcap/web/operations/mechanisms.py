@@ -119,6 +119,7 @@ class SimulatedRun(BaseModel):
     responses: dict[str, float | None] = Field(description="The measured values; null if the run has none")
     units: dict[str, str]
     ranges: dict[str, list[float]] = Field(description="Least and largest contact force at rest that friction allows")
+    remarks: list[str] = Field(description="What to know about these values")
     certificate: dict[str, Any] = Field(description="The certificate of the run")
 
 

@@ -34,6 +34,8 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
         "max_kinetic_energy": 6e-6,
         "max_turn": 7e-3,
         "settled": True,
+        "at_impact": "",
+        "ambiguous": False,
     }
     ending = {"status": "ok", "message": "", "attempts": 1, "earlier_attempts": ""}
     assert row == {"sample": 23, **drawn, **run.responses, **certificate, **ending}

@@ -35,6 +35,8 @@ ROW = {
     "max_kinetic_energy": 6e-6,
     "max_turn": 7e-3,
     "settled": True,
+    "at_impact": "",
+    "ambiguous": False,
     "wall_s": 0.01,
     "FC-1": 12.6,
 }
@@ -168,7 +170,7 @@ def test_a_mechanism_that_does_not_come_to_rest_is_a_row_of_its_own_status(tmp_p
     assert failed_samples(store, plan, ["not_converged"]) == []
 
 
-def test_a_row_of_an_earlier_build_has_no_energies():
+def test_a_row_of_an_earlier_build_lacks_columns():
     """It is compared in what it has."""
     earlier = {name: value for name, value in ROW.items() if name not in LATER_COLUMNS}
     assert _same(ROW, earlier, ["FC-1"])

@@ -106,7 +106,7 @@ def test_status_of_100000_rows(tmp_path, store, campaign_file, known):
     plan = make_plan(load_campaign(str(campaign_file), samples=100_000), 100)
     store.create_plan(plan)
     row = dict.fromkeys(plan.schema.names, 1.0) | {"status": "ok", "message": "", "settled": True}
-    row |= {"steps": 1, "attempts": 1, "earlier_attempts": ""}
+    row |= {"steps": 1, "attempts": 1, "earlier_attempts": "", "at_impact": "", "ambiguous": False}
     table = pa.Table.from_pylist([row | {"sample": 0}] * 100, schema=plan.schema)
     parts = []
     for batch, (first, count) in enumerate(plan.batches):
