@@ -11,7 +11,7 @@ import numpy as np
 
 from reporting.arrays import Array
 from reporting.capability.moments import ROUNDING
-from reporting.samples import Samples
+from reporting.samples import SMALLEST, Samples
 from reporting.spec import ReportSpec
 
 
@@ -31,7 +31,11 @@ def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[s
             column = values[response.name].copy()
             column[rows] = one
             values[response.name] = column
-    return (replace(samples, values=values), removed) if removed else (samples, {})
+    for variable in spec.variables:
+        x = values[variable.name]
+        if 0.0 < np.nanmax(x, initial=-np.inf) - np.nanmin(x, initial=np.inf) <= SMALLEST:
+            values[variable.name] = np.where(np.isnan(x), x, np.nanmedian(x))
+    return replace(samples, values=values), removed
 
 
 def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
@@ -43,7 +47,7 @@ def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
     if x.size < 2:
         return x
     low, high = float(x.min()), float(x.max())
-    negligible = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)))
+    negligible = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)), SMALLEST)
     if not 0.0 < high - low <= negligible:
         return x
     # Keep only meaningful decimals: 1.0000000000000002 becomes 1, and 3e-15 beside a limit of 1e-3 becomes 0.

@@ -32,6 +32,8 @@ AT_IMPACT, AMBIGUOUS = "at_impact", "ambiguous"  # earlier builds have neither
 IMPORTANCE = ("component", "log_weight", "aimed")
 OK = "ok"
 MESSAGES_KEPT = 20  # of each status
+# Values beyond this have powers that are no numbers, and values closer to each other than this have none either.
+LARGEST, SMALLEST = 1e30, 1e-30
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,10 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     there are more rows than requested samples.
     """
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
+    for r in spec.responses:
+        for key, limit in (("lsl", r.lsl), ("usl", r.usl)):
+            if limit is not None and math.isfinite(limit) and abs(limit) > LARGEST:
+                raise ReportError(f"response {r.name}: {key} = {limit:g} is beyond {LARGEST:g}; give another unit")
     needed = [*names, "sample", "max_residual", "max_penetration", "settled"]
     needed += [spec.production_batch_column] if spec.production_batch_column else []
     needed += IMPORTANCE if spec.proposal else ()
@@ -244,7 +250,9 @@ def _numbers(table: "pyarrow.Table", name: str) -> Array:
         raise ReportError(f"column {name!r} holds {kind}; it must hold numbers")
     if name == "sample" and column.null_count:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
-    values: Array = column.cast(pyarrow.float64()).to_numpy()
+    values: Array = column.cast(pyarrow.float64(), safe=False).to_numpy()  # of whole numbers beyond 2^53 the nearest
+    if np.any(np.isfinite(values) & (np.abs(values) > LARGEST)):
+        raise ReportError(f"column {name!r} has values beyond {LARGEST:g}, whose powers overflow; give another unit")
     return values
 
 

@@ -9,6 +9,10 @@ The interval of the scatter is that of a variance whose error is estimated from 
 response's variance adds the squared distances of both intervals on a logarithmic scale. Measured coverage of 95 %
 intervals of the share is in ``docs/report.md``. With few pairs, scatter that only some samples show may be missed
 altogether: `unseen` is the largest share of such samples that may have no pair.
+
+The scatter of the rows is part of what their inputs leave unexplained, so it is capped by the variance that a
+cross-validated model of the rows leaves. If the pairs differ by more than that, it is the runs with half the step that
+differ, and the result depends on the step: a bias, or a few samples that behave in another way.
 """
 
 import math
@@ -44,6 +48,9 @@ class Repeatability:
     shift: float | None = None  # mean of the runs with half the step minus that of the others, in the response's unit
     shift_interval: Interval | None = None
     unseen: float | None = None  # upper confidence bound of the share of samples that scatter although no pair does
+    # Half the variance of the differences, as a share of that of the response, where it is more than the rows leave
+    # unexplained: the result depends on the step. Else None.
+    beyond_rows: float | None = None
 
     @property
     def removable(self) -> float | None:
@@ -52,12 +59,18 @@ class Repeatability:
 
 
 def repeatability(
-    first: Array, second: Array, std: float | None, std_interval: Interval | None, confidence: float
+    first: Array,
+    second: Array,
+    std: float | None,
+    std_interval: Interval | None,
+    confidence: float,
+    left: Interval | None = None,
 ) -> Repeatability:
     """Return the scatter between the two runs of some samples.
 
     `first`, shape (m,), are the runs of the campaign, `second` those with half the step, NaN where a run has no value.
-    `std` is that of the response over all samples; None if no share is wanted.
+    `std` is that of the response over all samples; None if no share is wanted. `left` is the share of its variance that
+    the inputs leave unexplained, with an upper bound; None if it is not known.
     """
     both = np.isfinite(first) & np.isfinite(second)
     pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
@@ -72,10 +85,14 @@ def repeatability(
     ratios = _ratios(difference, shape, spread, confidence)
     sigma = spread / math.sqrt(2)
     half = float(stdtrit(pairs - 1, 0.5 + confidence / 2)) * spread / math.sqrt(pairs)
-    share = share_interval = None
+    share = share_interval = beyond = None
     if std:
         share = min((sigma / std) ** 2, 1.0)
         share_interval = None if ratios is None else _share_interval((sigma / std) ** 2, ratios, std, std_interval)
+        if left is not None and share > left[1]:
+            beyond, share = (sigma / std) ** 2, left[0]
+            sigma = std * math.sqrt(share)
+            share_interval = None if ratios is None else (0.0, left[1])
     return Repeatability(
         pairs=pairs,
         lost=lost,
@@ -86,7 +103,29 @@ def repeatability(
         shift=shift,
         shift_interval=(shift - half, shift + half),
         unseen=1 - (1 - confidence) ** (1 / pairs),
+        beyond_rows=beyond,
     )
+
+
+def unexplained_by_rows(x: Array, y: Array) -> Interval | None:
+    """Return the share of the variance of y, (n,), that its inputs x, (n, d), leave unexplained, and an upper bound.
+
+    From the squared errors at rows left out one by one, of a linear model or of one with squares, whichever errs less.
+    None with too few rows.
+    """
+    varies = np.std(x, axis=0) > 0
+    z = (x[:, varies] - x[:, varies].mean(axis=0)) / x[:, varies].std(axis=0)
+    spread, found = float(np.var(y, ddof=1)), list[Interval]()
+    for columns in (z, np.hstack([z, z * z])):
+        features = np.column_stack([np.ones(y.size), columns])
+        if y.size < 3 * features.shape[1] or not spread > 0:
+            continue
+        basis = np.linalg.qr(features)[0]
+        leverage = np.minimum(np.sum(basis * basis, axis=1), 1 - 1e-9)
+        squared = ((y - basis @ (basis.T @ y)) / (1 - leverage)) ** 2 / spread
+        mean, error = float(np.mean(squared)), float(np.std(squared)) / math.sqrt(y.size)
+        found.append((min(mean, 1.0), min(mean + 2 * error, 1.0)))
+    return min(found, default=None)
 
 
 def _ratios(difference: Array, shape: dict[str, float], spread: float, confidence: float) -> Interval | None:
@@ -130,7 +169,10 @@ def repeatabilities(
         lots = None if drawn.lots is None else drawn.lots[drawn.ok]
         numbers = capability(y, confidence=confidence, lots=lots, ordered=False)
         known = (numbers.std, numbers.std_interval) if spec.design.production else (None, None)
+        inputs = np.column_stack([drawn.values[v.name][drawn.ok] for v in spec.variables]) if spec.variables else None
+        known_y = np.isfinite(y) if inputs is None else np.isfinite(y) & np.isfinite(inputs).all(axis=1)
+        left = None if inputs is None else unexplained_by_rows(inputs[known_y], y[known_y])
         first = np.where(pool.ok, pool.values[response.name], np.nan)[at[there]]
         second = np.where(repeats.ok, repeats.values[response.name], np.nan)[there]
-        found[response.name] = repeatability(first, second, *known, confidence)
+        found[response.name] = repeatability(first, second, *known, confidence, left)
     return found

@@ -21,6 +21,7 @@ from scipy.special import fdtrc
 from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
 from reporting.errors import ReportError
+from reporting.samples import SMALLEST
 from reporting.spec import VariableSpec
 
 # The worst case of a plane that explains a smaller share of the variance is not reliable.
@@ -147,7 +148,7 @@ def linear_stack(
     correlations. `command` gives the command that simulates values by variable.
     """
     varying = [v for v in specs if v.std > 0]
-    has = np.flatnonzero(np.isfinite(y))
+    has = np.flatnonzero(np.logical_and.reduce([np.isfinite(y), *(np.isfinite(columns[v.name]) for v in varying)]))
     if not varying or has.size < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):
         return None
     rows = has[random_rows(has.size)[:_ROWS]]
@@ -210,7 +211,8 @@ class _Plane:
 def _plane(y: Array, x: Array) -> _Plane:
     """Return the plane through the samples; variables that do not vary have the slope 0."""
     n, k = x.shape
-    spread = np.where(np.ptp(x, axis=0) > 0, x.std(axis=0), np.inf)
+    # the deviation of a column that is nearly constant may underflow
+    spread = np.where(x.std(axis=0) > SMALLEST, x.std(axis=0), np.inf)
     z, deviation = (x - x.mean(axis=0)) / spread, y - y.mean()
     if not deviation.std() > ROUNDING * np.abs(y).max():
         return _Plane(float(y.mean()), np.zeros(k), None, None, CONSTANT)

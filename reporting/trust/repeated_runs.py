@@ -26,17 +26,23 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
         return Check(NAME, "info", f"{text}{remedy}")
     scattering = {name for name, (_, f) in found.items() if (f.share or 0.0) >= NOTABLE_SHARE}
     moving = {name for name, (r, f) in found.items() if _is_moved(r, f)}
+    dependent = [name for name, (_, f) in found.items() if f.beyond_rows is not None]
     sentences = [f"{repeats.sample.size} samples were simulated a second time, with half the step."]
     sentences += _scatter([found[name] for name in found if name in scattering])
     sentences += _others([(r, f) for name, (r, f) in found.items() if name not in scattering], bool(scattering))
     sentences += [_shift(*found[name]) for name in found if name in moving]
+    if dependent:
+        sentences.append(
+            f"In {', '.join(dependent)} runs with half the step differ by more than the inputs leave unexplained: the "
+            "result depends on the step, and that is no scatter of the samples."
+        )
     sentences += _lost(repeats, found)
     pairs = min(f.pairs for _, f in found.values())
     unseen = max(f.unseen or 0.0 for _, f in found.values())
     if pairs < _ENOUGH:
         sentences.append(f"So few may miss scatter that occurs in up to {_percent(unseen)} of the samples.{remedy}")
     unsure = any(f.share_interval is None or f.share_interval[1] >= NOTABLE_SHARE for _, f in found.values())
-    is_attention = scattering or moving or any(f.lost for _, f in found.values())
+    is_attention = scattering or moving or dependent or any(f.lost for _, f in found.values())
     level = "attention" if is_attention else "info" if unsure else "good"
     shares = [f.share for _, f in found.values() if f.share is not None]
     return Check(NAME, level, " ".join(sentences), max(shares, default=None))

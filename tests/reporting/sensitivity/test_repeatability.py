@@ -8,7 +8,7 @@ import pytest
 
 from reporting.samples import read_samples
 from reporting.sensitivity import sensitivity
-from reporting.sensitivity.repeatability import repeatabilities, repeatability
+from reporting.sensitivity.repeatability import repeatabilities, repeatability, unexplained_by_rows
 from reporting.sensitivity.total_order import TotalOrder, total_order_indices
 from reporting.sensitivity.unexplained import Known, without_scatter
 from reporting.trust.repeated_runs import repeatable
@@ -199,3 +199,23 @@ def test_the_card_of_other_repeats():
     assert lost.level == "attention"
     assert "For 2 samples only one of the two runs succeeded" in lost.text
     assert card(replace(repeats, sample=repeats.sample[:0], ok=repeats.ok[:0], values={})).level == "info"
+
+
+def test_scatter_is_at_most_what_the_inputs_leave_unexplained() -> None:
+    """Two of fifteen runs with half the step jump: that is a bias of the step, and no scatter of the rows."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(300, 3))
+    y = x @ [1.0, 0.5, 0.2] + 0.2 * rng.normal(size=300)
+    left = unexplained_by_rows(x, y)
+    truth = 0.04 / (1.29 + 0.04)
+    assert left[0] == pytest.approx(truth, rel=0.25)
+    half = y[:15] + 0.01 * rng.normal(size=15)
+    half[[3, 9]] -= 3.0
+    free = repeatability(y[:15], half, float(y.std(ddof=1)), None, 0.95)
+    capped = repeatability(y[:15], half, float(y.std(ddof=1)), None, 0.95, left)
+    assert free.share > 0.3
+    assert capped.share == left[0]
+    assert capped.share_interval == (0.0, left[1])
+    assert capped.beyond_rows == pytest.approx(free.share)
+    small = repeatability(y[:15], y[:15] + 0.05 * rng.normal(size=15), float(y.std(ddof=1)), None, 0.95, left)
+    assert small.beyond_rows is None
