@@ -22,7 +22,7 @@ from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
 from reporting.sensitivity.unexplained import Known
-from reporting.spec import Design, ReportSpec
+from reporting.spec import Design, ReportSpec, ResponseSpec
 from reporting.statuses import (
     FailedSample,
     StatusCount,
@@ -46,6 +46,15 @@ CONFIDENCE = 0.95
 _WORSE = ("marginal", "not capable")  # verdicts below the one of a Cpk at the target
 
 Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Weighted runs of another campaign on the same mechanism that decide what the samples leave open."""
+
+    rows: "Rows"
+    spec: ReportSpec
+    responses: tuple[str, ...]  # those that are open
 
 
 @dataclass(frozen=True)
@@ -83,20 +92,24 @@ def analyse(
     rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
+    decided: Decision | None = None,
 ) -> Analysis:
     """Return the analysis of a finished or running campaign; raise ReportError if rows or limits are wrong.
 
     `rescale` (factors by variable, columns of all variables) gives the change of the density at each sample when the
     standard deviations of some variables are multiplied by factors. Without it there is no tolerance advice. `against`
     is another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
-    statistics of this one. `repeats` are samples that were simulated a second time with half the step.
+    statistics of this one. `repeats` are samples that were simulated a second time with half the step. `decided` are
+    weighted runs that decide some responses.
     """
     samples, rounding = leveled_samples(samples, spec)
+    spec = _without_boundaries(spec, samples)
     other = None if against is None else _drawn(*against)
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
-    drawn, rare = independent_draws(samples, spec), rare_rejects(samples, spec, CONFIDENCE)
+    drawn, rare = independent_draws(samples, spec), _rare(samples, spec, decided)
+    weighted = rare_estimates(rare, None if decided is None else decided.responses)
     counts = counts_by_status(samples)
     scatter, totals = repeatabilities(repeats, samples, drawn, spec, CONFIDENCE), total_order(samples, spec)
     known = {r.name: Known(totals.get(r.name), scatter.get(r.name)) for r in spec.responses}
@@ -111,7 +124,7 @@ def analyse(
                 by_response.get(r.name),
                 corners,
                 CONFIDENCE,
-                rare_estimates(rare).get(r.name, ()),
+                weighted.get(r.name, ()),
                 withheld or why_no_property(r.name, drawn, spec.min_ok),
             ),
             repeatability=scatter.get(r.name),
@@ -168,10 +181,31 @@ def compare_rows(
     return compare(*_drawn(rows, spec), *_drawn(other_rows, other_spec), confidence)
 
 
+def _rare(samples: Samples, spec: ReportSpec, decided: Decision | None) -> RareRejects | None:
+    """Return the rare rejects of an importance-sampling campaign, or of the weighted runs that decide."""
+    if decided is None:
+        return rare_rejects(samples, spec, CONFIDENCE)
+    aimed, _ = leveled_samples(read_samples(decided.rows, decided.spec), decided.spec)
+    return rare_rejects(aimed, _without_boundaries(decided.spec, aimed), CONFIDENCE)
+
+
 def _drawn(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
     """Return the samples that a campaign drew from its distributions, and its spec."""
     samples, _ = leveled_samples(read_samples(rows, spec), spec)
     return independent_draws(samples, spec), spec
+
+
+def _without_boundaries(spec: ReportSpec, samples: Samples) -> ReportSpec:
+    """Return the spec without the limits that no value can pass; one that a value passes stays a limit."""
+    return replace(spec, responses=tuple(_without_boundary(r, samples.values[r.name]) for r in spec.responses))
+
+
+def _without_boundary(spec: ResponseSpec, values: Array) -> ResponseSpec:
+    if spec.boundary == "lower" and spec.lsl is not None and not np.any(values < spec.lsl):
+        return replace(spec, lsl=None)
+    if spec.boundary == "upper" and spec.usl is not None and not np.any(values > spec.usl):
+        return replace(spec, usl=None)
+    return spec
 
 
 def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known]) -> Sensitivity | None:

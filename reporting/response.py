@@ -12,7 +12,7 @@ from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
 from reporting.capability.target_indices import TargetIndices, target_indices
-from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, verdict
+from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
 from reporting.errors import ReportError
 from reporting.samples import Samples
@@ -23,10 +23,12 @@ from reporting.shape.estimates import ExpectedShare, expected_share, index_estim
 from reporting.shape.fitting import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
-from reporting.shape.normality import DEPARTURE_P, Normality, ProbabilityPlot, normality, probability_plot
+from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, departs, normality, probability_plot
+from reporting.shape.second_population import second_population
 from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
+from reporting.statuses import why_no_value
 from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
 from reporting.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 
@@ -80,6 +82,13 @@ class ResponseAnalysis:
     repeatability: Repeatability | None = None  # between runs of a sample with different steps; None without repeats
     rounding: float | None = None  # largest difference between values that are treated as one, as it is rounding only
 
+    @property
+    def index(self) -> float | None:
+        """The index that decides the verdict, infinite where no share lies out of limits; without a verdict, Cpk."""
+        if self.verdict.by and self.verdict.index is None and self.verdict.index_low is not None:
+            return math.inf
+        return self.capability.cpk if self.verdict.index is None else self.verdict.index
+
 
 def analyse_response(
     spec: ResponseSpec,
@@ -117,15 +126,22 @@ def analyse_response(
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
-    # Bonferroni: the card's adjustment by Holm needs the p-values of all responses, and only this one is known here.
-    # What chance alone makes look not normal among several responses must not overrule Cpk.
-    normal = shape.verdict != "not normal" and (shape.p is None or _tested(request) * shape.p >= DEPARTURE_P)
+    # What chance alone makes look not normal among several responses must not change which estimate decides.
+    normal = not departs(shape, _tested(request), PROVEN_P)
+    worth = x.size if numbers.lots is None else numbers.lots.effective
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
         verdict=verdict(
-            numbers, counted, others, production=request.design.production, normal=normal, withheld=withheld
+            numbers,
+            counted,
+            others,
+            production=request.design.production,
+            normal=normal,
+            withheld=withheld or why_no_value(samples, numbers.n, request.min_ok),
+            bars=bars_of(spec.requirement, spec.index),
+            unseen=second_population(x, spec.lsl, spec.usl, worth) if limited and x.size else None,
         ),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),

@@ -119,6 +119,13 @@ class ResponseSpec:
         Target value, for Cpm.
     source : str
         Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
+    requirement : float
+        Index from which on the response is capable.
+    index : str
+        The index that decides: "share" (of the share beyond the worse limit), "cpk" or "percentile" (ISO 22514-2).
+    boundary : str
+        "lower" or "upper" if that limit is a bound that no value can pass, as 0 for a gap: it has no index and no share
+        beyond it, unless a value does pass it; else empty.
     resolution, relative_resolution : float
         Largest meaningless difference between two values, because it is within the solver's tolerances: in the unit
         of the column, and as a share of the largest value.
@@ -133,6 +140,9 @@ class ResponseSpec:
     source: str
     resolution: float = 0.0
     relative_resolution: float = 0.0
+    requirement: float = 1.33
+    index: str = "share"
+    boundary: str = ""
 
 
 @dataclass(frozen=True)

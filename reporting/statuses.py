@@ -122,3 +122,15 @@ def why_no_verdict(counts: Mapping[str, int], least: float) -> str:
         return ""
     enough = short_percent(least)
     return f"{failures_in_words(counts)} and may be the rejects. A verdict needs at least {enough} ok samples."
+
+
+def why_no_value(samples: Samples, values: int, least: float) -> str:
+    """Return why a response with `values` finite values has no verdict: too few samples have one; empty if enough do.
+
+    A run without a value may be a reject just as a failed one.
+    """
+    finished = samples.sample.size
+    if not too_few_ok(values, finished, least):
+        return ""
+    missing = f"{grouped(finished - values)} of {grouped(finished)} samples have no value"
+    return f"{missing} and may be the rejects. A verdict needs at least {short_percent(least)} with one."

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reporting.analysis import Analysis, Rescale, analyse
+from reporting.analysis import Analysis, Decision, Rescale, analyse
 from reporting.errors import ReportError
 from reporting.render.excel import render_workbook
 from reporting.render.html import render_html
@@ -44,6 +44,7 @@ def write_report(
     rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
+    decided: Decision | None = None,
 ) -> dict[str, str]:
     """Analyse the samples and write the files of their report.
 
@@ -60,7 +61,7 @@ def write_report(
     kinds : collection of str
         Keys of `NAMES`; "html" and "json" are always written. A file whose package is missing is omitted, and
         the page says how to install it.
-    rescale, against, repeats
+    rescale, against, repeats, decided
         See `reporting.analysis.analyse`.
 
     Returns
@@ -74,7 +75,7 @@ def write_report(
         The rows do not fit the spec, or the folder cannot be written.
     """
     samples = read_samples(rows, spec)
-    analysis = analyse(samples, spec, rescale, against, repeats)
+    analysis = analyse(samples, spec, rescale, against, repeats, decided)
     contents = _rendered(analysis, samples, {"html", "json", *kinds})
     folder = Path(folder)
     try:

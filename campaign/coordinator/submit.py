@@ -33,7 +33,7 @@ from engine import simulate
 from engine.platform.child import python_environment
 
 # keys that no row depends on
-IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "repeats", "format")
+IRRELEVANT = ("name", "title", "header", "samples", "responses", "requirements", "stop", "decide", "repeats", "format")
 DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid")  # whatever the machine
 
 logger = logging.getLogger(__name__)

@@ -1,6 +1,7 @@
 """The pydantic models of a campaign file: which keys and values are allowed."""
 
 from decimal import Decimal
+from math import inf
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -10,6 +11,7 @@ from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import SAMPLERS, check_sampling
 from campaign.inputs.sampling.proposal import Proposal
 from engine.mechanism.base import Number, PositiveNumber, TableModel
+from engine.mechanism.faults import did_you_mean
 
 # statuses that other settings could avoid; an ``invalid`` run is a result, and settings do not cause a crash
 RETRIED = ("not_at_rest", "not_converged", "jammed", "diverged", "timeout")
@@ -17,6 +19,7 @@ FIRST_RUNS = 100  # if all fail, so will the others: with 5 % success, the first
 GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
 LARGEST_LIST = 1_000_000  # rows of a user's table
 MOST_VARIABLES = 1000
+DECIDING_RUNS = 4000  # of an aimed campaign
 
 ShortName = Annotated[str, Field(min_length=1, max_length=100)]
 Correlation = Annotated[
@@ -108,6 +111,16 @@ class Execution(TableModel, strict=True):
         return {} if self.time_limit is None else {"simulation.wall_limit": self.time_limit}
 
 
+class Decide(TableModel, strict=True):
+    """What ``clearcap run`` may spend on verdicts that the samples leave open."""
+
+    runs: Annotated[int, Field(ge=0, le=100_000_000)] = Field(
+        default=DECIDING_RUNS,
+        description="Most further runs, drawn where rejects are expected: 1,000, and 250 more for each response whose"
+        " verdict is not certain; 0 for none.",
+    )
+
+
 class Stop(TableModel, strict=True):
     """The campaign stops as soon as a statistic is precise enough, and computes no further samples.
 
@@ -189,7 +202,30 @@ class Response(TableModel, strict=True):
         default=None, description="Distance of both limits from the nominal, in the response's unit, above 0."
     )
     target: Number | None = Field(
-        default=None, description="Value that production aims at, in the response's unit; the nominal if absent."
+        default=None,
+        description="Value that production aims at, between the limits, in the response's unit; the nominal if absent.",
+    )
+    upper: Number | None = Field(
+        default=None,
+        description="With nominal and lower, unequal tolerances: deviation of usl from the nominal, signed.",
+    )
+    lower: Number | None = Field(
+        default=None, description="Deviation of lsl from the nominal, signed and below upper: -0.1 for 20 +0.2/-0.1."
+    )
+    boundary: Literal["lower", "upper"] | None = Field(
+        default=None,
+        description="The limit that no value can pass, as 0 for a gap, ovality or run-out: it has no index and no share"
+        " beyond it.",
+    )
+    requirement: PositiveNumber | ShortName | None = Field(
+        default=None,
+        description="Index from which on the response is capable, or a class of the table requirements; 1.33 if"
+        " absent.",
+    )
+    index: Literal["share", "cpk", "percentile"] | None = Field(
+        default=None,
+        description="The index that decides the verdict: of the share beyond the worse limit (Cpk where values are"
+        " normal; if absent), Cpk by mean and sigma whatever the shape, or the percentile index of ISO 22514-2.",
     )
     source: str = Field(
         default="",
@@ -198,22 +234,37 @@ class Response(TableModel, strict=True):
 
     @model_validator(mode="after")
     def _limits_make_sense(self) -> Self:
-        if (self.nominal is None) != (self.tolerance is None):
-            raise ValueError("nominal and tolerance are only valid together; give both, or lsl and usl")
+        unequal = (self.lower, self.upper) != (None, None)
+        given = self.tolerance is not None or unequal
+        if given and unequal == (self.tolerance is not None):
+            raise ValueError("tolerance is the same on both sides, lower and upper are not; give one or the other")
+        if unequal and (self.lower is None or self.upper is None or not self.lower < self.upper):
+            raise ValueError("lower and upper are only valid together, signed, with lower below upper: -0.1 and 0.2")
+        if (self.nominal is None) == given:
+            raise ValueError(
+                "nominal and tolerance are only valid together, or nominal with lower and upper; or give lsl and usl"
+            )
         if self.nominal is not None and (self.lsl is not None or self.usl is not None):
             raise ValueError("nominal and tolerance already define lsl and usl; give one pair or the other")
-        if self.lsl is not None and self.usl is not None and not self.lsl < self.usl:
-            raise ValueError(f"lsl = {self.lsl:g} is not below usl = {self.usl:g}; exchange or widen the limits")
+        lsl, usl, target = self.limits()
+        if lsl is not None and usl is not None and not lsl < usl:
+            raise ValueError(f"lsl = {lsl:g} is not below usl = {usl:g}; exchange or widen the limits")
+        if target is not None and not (-inf if lsl is None else lsl) <= target <= (inf if usl is None else usl):
+            raise ValueError(f"target = {target:g} lies outside the limits {lsl} to {usl}; production cannot aim there")
+        if self.boundary and (lsl if self.boundary == "lower" else usl) is None:
+            raise ValueError(f'boundary = "{self.boundary}": there is no {self.boundary} limit; give it, as lsl = 0')
         return self
 
     def limits(self) -> tuple[float | None, float | None, float | None]:
         """Return lower limit, upper limit and target; None where there is none."""
-        if self.nominal is None or self.tolerance is None:
+        if self.nominal is None:
             return self.lsl, self.usl, self.target
-        target = self.nominal if self.target is None else self.target
         # in decimals, as on a drawing: 2.11 - 0.25 is 1.86 and not 1.8599999999999999
-        nominal, tolerance = Decimal(repr(self.nominal)), Decimal(repr(self.tolerance))
-        return float(nominal - tolerance), float(nominal + tolerance), target
+        nominal, equal = Decimal(repr(self.nominal)), self.tolerance or 0.0
+        low = nominal + Decimal(repr(-equal if self.lower is None else self.lower))
+        high = nominal + Decimal(repr(equal if self.upper is None else self.upper))
+        target = self.nominal if self.target is None and low <= nominal <= high else self.target
+        return float(low), float(high), target
 
 
 class SampleTable(TableModel, strict=True):
@@ -284,6 +335,11 @@ class CampaignSpec(TableModel, strict=True):
         default=None,
         description="Rule that stops the campaign early, once a statistic is precise enough; all samples if absent.",
     )
+    decide: Decide | None = Field(
+        default=None,
+        description=f"What clearcap run may spend on verdicts that are not certain; at most {DECIDING_RUNS} runs if"
+        " absent.",
+    )
     author: Annotated[str | None, Field(min_length=1)] = Field(
         default=None,
         description="Who answers for the campaign, for the head of the report; who submitted it if absent.",
@@ -308,6 +364,10 @@ class CampaignSpec(TableModel, strict=True):
     importance: Proposal | None = Field(
         default=None, description="Only for sampler importance: where rejects are expected, and samples are drawn."
     )
+    requirements: dict[ShortName, PositiveNumber] | None = Field(
+        default=None,
+        description="Required index of each class of characteristics that responses name, such as critical = 2.0.",
+    )
     responses: Annotated[dict[ShortName, Response], Field(default_factory=dict)] = Field(
         description="Limits of each response of the mechanism by its name; other responses are reported without limits."
     )
@@ -324,9 +384,25 @@ class CampaignSpec(TableModel, strict=True):
         return {**data, "samples": min(samples, largest)}
 
     @model_validator(mode="after")
+    def _classes_are_known(self) -> Self:
+        for name, response in self.responses.items():
+            known, wanted = self.requirements or {}, response.requirement
+            if isinstance(wanted, str) and wanted not in known:
+                raise ValueError(
+                    f'responses.{name}.requirement = "{wanted}": no such class; allowed: a number, or one of'
+                    f" requirements: {', '.join(known) or 'none is given'}{did_you_mean(wanted, known)}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _samples_can_be_drawn(self) -> Self:
         check_sampling(self)
         return self
+
+    def requirement(self, response: str) -> float | None:
+        """Return the index from which on a response is capable; None if the file does not say."""
+        wanted = self.responses.get(response, Response()).requirement
+        return (self.requirements or {})[wanted] if isinstance(wanted, str) else wanted
 
     def targets(self) -> dict[str, str]:
         """Return the key of the mechanism that each variable sets, by variable name."""

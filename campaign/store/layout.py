@@ -14,6 +14,7 @@ PARTS = "parts"
 MANIFEST = "manifest.json"
 REPEATS = "repeats.json"  # exists once somebody has asked for more repeats than the plan has
 STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign
+DECISION = "decision.json"  # names the aimed campaign that decides what this one leaves open
 STATE = "state.json"
 LEASE = "lease.json"
 HEARTBEAT = "heartbeat.json"

@@ -25,12 +25,14 @@ class Verdicts:
     headline: str = ""  # a sentence or two; empty if no report was written and enough runs are ok
     # By response, such as "capable, not certain"; empty if not known.
     words: dict[str, str] = field(default_factory=dict)
+    indices: dict[str, str] = field(default_factory=dict)  # those that decide, by response
 
 
 def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
     """Return the verdicts of the report just written."""
     from campaign.store.files.files import LARGEST
     from campaign.store.layout import REPORT
+    from reporting.format_numbers import index
     from reporting.write import NAMES
 
     content = store.read_json(plan.campaign_id, f"{REPORT}/{NAMES['json']}", LARGEST) or {}
@@ -38,7 +40,8 @@ def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
         response["spec"]["name"]: response["verdict"] + (", not certain" if response["certain"] is False else "")
         for response in content["responses"]
     }
-    return Verdicts(content["headline"], words)
+    indices = {r["spec"]["name"]: index(r["index"]) for r in content["responses"] if r["index"] is not None}
+    return Verdicts(content["headline"], words, indices)
 
 
 def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
@@ -61,12 +64,14 @@ def drive(
     as_json: bool,
     quiet: bool = False,
     early: "PrestartedWorkers | None" = None,
+    decide: bool = False,
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
 
-    ``early`` are workers of the cluster that have already been started. Raises TooManyFailed, after the report of the
-    finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or fewer
-    than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+    With ``decide``, further runs that aim at rejects decide the verdicts that the samples leave open. ``early`` are
+    workers of the cluster that have already been started. Raises TooManyFailed, after the report of the finished rows
+    is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or fewer than the
+    campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from campaign.coordinator.coordinate import coordinate
     from campaign.coordinator.failed_runs import TooManyFailed
@@ -75,6 +80,8 @@ def drive(
     try:
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show, connect=early.connect if early else None)
+        if decide and with_report:
+            _decide(store, plan, cluster, quiet=quiet)
     except (KeyboardInterrupt, SystemExit) as ending:
         command = store.command("resume", plan.campaign_id, *cluster.options())
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
@@ -84,6 +91,28 @@ def drive(
             say(f"report of the runs so far: {_report(store, plan)['html']}")
         raise
     finish(store, outcome, with_report=with_report, as_json=as_json)
+
+
+def _decide(store: "Store", plan: "Plan", cluster: "Cluster", *, quiet: bool) -> None:
+    """Compute the aimed campaign that decides the open verdicts; if it cannot be completed, say why, and go on."""
+    from campaign.coordinator.coordinate import coordinate
+    from campaign.errors import CampaignError
+    from clearcap.cli.progress import display
+    from clearcap.questions.decision import plan_decision
+
+    planned = plan_decision(store, plan)
+    if planned is None or not store.survey(planned[0]).missing:
+        return
+    decides, names = planned
+    say(
+        f"not certain: {', '.join(names)}; {decides.spec.samples} runs that aim at their rejects decide (campaign"
+        f" {decides.campaign_id}; --no-decide leaves them out)"
+    )
+    try:
+        with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
+            coordinate(store, decides, cluster, show)
+    except CampaignError as error:
+        say(f"nothing more is decided: {error}")
 
 
 def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:
@@ -156,11 +185,11 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
         limits = number(each.lsl), number(each.usl)
         ppm = "-" if each.ppm is None else f"{each.ppm:.3g}" if each.is_weighted else f"{each.ppm:.0f}"
         cells = (number(each.mean), number(each.std, 3), *limits, index(each.cpk), ppm)
-        table.append((label, verdicts.words.get(each.response, "-"), *cells))
-    heads = ("response", "verdict", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+        table.append((label, verdicts.words.get(each.response, "-"), verdicts.indices.get(each.response, "-"), *cells))
+    heads = ("response", "verdict", "index", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
     if verdicts.headline:
         print_text(verdicts.headline)
-    print_table(plan.spec.title or plan.spec.name, heads, table, texts=2)
+    print_table(plan.spec.title or plan.spec.name, heads, table, texts=2, bold="index")
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
     print_text(f"{counted(outcome.samples, 'run')}: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:

@@ -65,6 +65,10 @@ BatchSize = Annotated[
     int | None, typer.Option(min=1, help="Samples per batch of a new campaign; by default a batch takes about 10 s.")
 ]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Do not write the report.")]
+NoDecide = Annotated[
+    bool,
+    typer.Option("--no-decide", help="Compute no further runs for verdicts that the samples leave open."),
+]
 
 _PANEL = "Where to compute"
 

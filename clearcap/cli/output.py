@@ -63,8 +63,12 @@ def console(*, stderr: bool = False) -> "Console":
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
-def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int | None = None) -> None:
+def print_table(
+    title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int | None = None, bold: str = ""
+) -> None:
     """Print a table on standard output; its first ``texts`` columns hold texts and the others numbers.
+
+    The column with the head ``bold`` stands out.
 
     On a terminal, texts are wrapped to its width, but numbers are not, and nothing is cut off. In a file or a pipe,
     which have no width, no line is wrapped.
@@ -83,6 +87,7 @@ def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]],
         width = longest if is_number else min(longest, NARROWEST)
         table.add_column(
             head,
+            style="bold" if head == bold else "",
             justify="right" if is_number else "left",
             overflow="fold",
             min_width=width,

@@ -16,14 +16,15 @@ from campaign.plan import Plan
 from campaign.samples import limits_of
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.store import Store
+from campaign.store.layout import DECISION
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from reporting import ReportError
-from reporting.rare.aim import Aim, Target, aims, find_targets
+from reporting.rare.aim import WIDE, Aim, Target, aims, find_targets
 
 SUFFIX = "-rare"
 LONGEST_NAME = 60
-LEFT_OUT = ("stop", "grid", "table", "importance")
+LEFT_OUT = ("stop", "grid", "table", "importance", "decide")
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,13 @@ class AimedCampaign:
     variables: tuple[str, ...]  # those that vary, in the order of the components' centres
 
 
-def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[str] = ()) -> AimedCampaign:
-    """Return the campaign file with importance sampling that a campaign's rows suggest; by default for all limits."""
+def aimed_campaign(
+    store: Store, plan: Plan, samples: int, responses: Sequence[str] = (), wide_share: float = WIDE
+) -> AimedCampaign:
+    """Return the campaign file with importance sampling that a campaign's rows suggest; by default for all limits.
+
+    The component that looks for rejects elsewhere draws `wide_share` of the samples.
+    """
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
     for name in responses:
         if name not in limits:
@@ -54,8 +60,16 @@ def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[s
         targets = find_targets(z, weights, values, {name: limits[name] for name in responses or limits})
     except ReportError as error:
         raise CampaignError(f"{plan.campaign_id}: {error}") from error
-    components = aims(targets, len(names))
+    components = aims(targets, len(names), wide_share)
     return AimedCampaign(_tables(plan, components, names, samples), targets, components, names)
+
+
+def decided_by(store: Store, plan: Plan) -> tuple[Plan, tuple[str, ...]] | None:
+    """Return the aimed campaign that decides what a campaign leaves open, and these responses; None without one."""
+    record = store.read_json(plan.campaign_id, DECISION)
+    if record is None or record["campaign"] not in store.campaigns():
+        return None
+    return store.plan(record["campaign"]), tuple(record["responses"])
 
 
 def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array, dict[str, Array]]:

@@ -36,13 +36,15 @@ from campaign.store.store import report_folder
 from campaign.version import clearcap_version
 from campaign.worker.moments import plain_rows
 from clearcap.pictures.sketches.sketch import sketch_mechanism
+from clearcap.questions.aimed_campaign import decided_by
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.report_source import report_source, sha256, stated_date, stated_source
 from clearcap.questions.spreads import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
-from reporting.analysis import Analysis, analyse, compare_rows
+from reporting.analysis import Analysis, Decision, analyse, compare_rows
+from reporting.capability.verdict import CAPABLE
 from reporting.rounding import leveled
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, read_samples
 from reporting.samples import read_repeats as checked
@@ -104,8 +106,15 @@ def write_into(
         command = f"{spec.provenance[_COMMAND]} --against {other.campaign_id}"
         spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
     try:
-        repeats, rows = repeats_of(store, plan), report_rows(store, plan)
-        return write_report(rows, spec, folder, kinds=kinds, rescale=rescale, against=comparison, repeats=repeats)
+        rows, repeats, decided = report_rows(store, plan), repeats_of(store, plan), decision_of(store, plan)
+        return write_report(
+            *(rows, spec, folder),
+            kinds=kinds,
+            rescale=rescale,
+            against=comparison,
+            repeats=repeats,
+            decided=decided,
+        )
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
@@ -155,10 +164,19 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     """Return the content of a campaign's report as data; raise CampaignError if there is nothing to report on."""
     spec = report_spec(plan, store)
     try:
-        samples = read_samples(report_rows(store, plan), spec)
-        return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
+        samples, rescale = read_samples(report_rows(store, plan), spec), Spreads(plan.spec, plan.mechanism).change
+        return analyse(samples, spec, rescale, repeats=repeats_of(store, plan), decided=decision_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
+
+
+def decision_of(store: Store, plan: Plan) -> Decision | None:
+    """Return the weighted runs that decide what the samples leave open; None without any, or while some are missing."""
+    found = decided_by(store, plan)
+    if found is None or store.survey(found[0]).missing:
+        return None
+    decides, names = found
+    return Decision(report_rows(store, decides), report_spec(decides, store), names)
 
 
 class BriefIndices(BaseModel):
@@ -324,7 +342,13 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
     response = plan.spec.responses.get(name, Response())
     lsl, usl, target = response.limits()
     title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
-    return ResponseSpec(name, title, unit, lsl, usl, target, response.source, *resolution(plan.mechanism, name))
+    return ResponseSpec(
+        *(name, title, unit, lsl, usl, target, response.source),
+        *resolution(plan.mechanism, name),
+        requirement=plan.spec.requirement(name) or CAPABLE,
+        index=response.index or "share",
+        boundary=response.boundary or "",
+    )
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:

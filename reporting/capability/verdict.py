@@ -1,22 +1,27 @@
-"""Verdict on a response from its indices: capable, marginal or not capable. Every estimate can make it worse.
+"""Verdict on a response: capable, marginal or not capable, by the index of the share beyond its worse limit.
 
-Cpk decides. Another estimate overrules it if its whole interval lies in a worse class: counted rejects are a fact,
-whatever a normal distribution predicts. If the values are proven not to be normal, an estimate without the normal
-distribution decides if it is worse. An estimate that the count refutes is ignored. A verdict is *certain* if the
-interval of Cpk lies in one class, no estimate indicates a worse class, none proves a better one, and the count does not
-exclude the share that the index implies. So the verdict is never better than the class of Cpk, and never certain if
-methods disagree. Cpk implies a share only if the tails are normal as far as the limits, which few values cannot show:
-therefore the whole interval of an estimate without the normal distribution must also exclude every worse class.
+One index decides: the Cpk of a normal response with the share of rejects beyond the worse limit. For values that may be
+normal it is Cpk itself; for values that are proven not to be normal it comes from a fitted distribution, else from a
+Pareto tail; and from weighted runs where the campaign has them, which assume no distribution. The word is the class of
+this estimate. Another estimate of the share, or the count of rejects, replaces it only if its whole interval lies
+outside that class: a number that its own interval does not confirm changes no word. An estimate that the count refutes
+is ignored.
+
+A verdict is *certain* if the interval of the estimate that decides lies in one class, no other estimate indicates a
+worse class, an estimate without the normal distribution excludes the other classes, and so do the values for a second
+population that they do not rule out (`reporting.shape.second_population`).
 
 A failed sample has no value and may be a reject. With too many of them there is no verdict at all; with fewer the
 verdict is not certain if as many rejects would prove a worse class.
+
+If a customer prescribes Cpk or the percentile index of ISO 22514-2, that index alone decides.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from reporting.capability.shares import PPM, Nonconforming, Share, least_ppm
 from reporting.capability.summary import Capability
@@ -28,7 +33,10 @@ CAPABLE, MARGINAL = 1.33, 1.00
 # Share of normal responses with one limit and Cpk 1.00 called capable: 4 % with 30 values, 8 % with 20, 54 % with two.
 FEWEST_FOR_A_VERDICT = 30
 NO_PRODUCTION = "The samples do not represent production."
+WEIGHTED, PERCENTILE = "rare rejects", "fitted percentiles"  # estimates by these methods
 _BEST_FIRST = ("capable", "marginal", "not capable")
+# Without the normal distribution, the best method first. Percentiles of the values say nothing about a share beyond.
+_WITHOUT_NORMAL = ("fitted distribution", "tail")
 
 
 @dataclass(frozen=True)
@@ -47,6 +55,43 @@ class IndexEstimate:
 
 
 @dataclass(frozen=True)
+class Bars:
+    """The indices from which on a response is capable, and marginal, and the index that is asked for."""
+
+    capable: float = CAPABLE
+    marginal: float = MARGINAL
+    prescribed: str = "share"  # or "cpk" or "percentile", which then alone decides
+
+    def class_of(self, found: float) -> str:
+        """Return "capable", "marginal" or "not capable" for an index."""
+        return "capable" if found >= self.capable else "marginal" if found >= self.marginal else "not capable"
+
+    def classes(self, estimate: IndexEstimate) -> tuple[str, ...]:
+        """Return the classes that the interval of an estimate covers, the best first."""
+        first, last = (_BEST_FIRST.index(self.class_of(end)) for end in (estimate.high, estimate.low))
+        return _BEST_FIRST[first : last + 1]
+
+
+USUAL = Bars()
+
+
+def bars_of(requirement: float, prescribed: str = "share") -> Bars:
+    """Return the bars of a required index: marginal is one sigma less, as 1.00 is of 1.33 and 1.33 of 1.67."""
+    sigmas = 3 * requirement
+    whole = round(sigmas) if abs(sigmas - round(sigmas)) < 0.02 else sigmas
+    return Bars(requirement, round((whole - 1) / 3, 2), prescribed)
+
+
+@dataclass(frozen=True)
+class SecondPopulation:
+    """A small second population that the values do not rule out, and what a certain verdict assumes of it."""
+
+    ppm: float  # share of production that it has beyond the worse limit; 0 without one
+    words: str  # as the subject of a sentence
+    assumes: str  # in a sentence
+
+
+@dataclass(frozen=True)
 class CapabilityVerdict:
     """The verdict on a response and its basis."""
 
@@ -56,9 +101,14 @@ class CapabilityVerdict:
     # Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
     # contradicts; never where the values drift. None without a verdict.
     certain: bool | None = None
-    by: str = ""  # the estimate that decides: "index", or the one that overrules it; empty without a verdict
-    # why there is no verdict, why it is not certain, or why it is worse than Cpk, in sentences
+    by: str = ""  # the estimate that decides: "index" (Cpk), or the method of another one; empty without a verdict
+    # why there is no verdict, why it is not certain, or why Cpk does not decide, in sentences
     reasons: tuple[str, ...] = ()
+    # The index that decides, whose class the verdict is, and its interval; None where it is infinite or there is none.
+    index: float | None = None
+    index_low: float | None = None
+    index_high: float | None = None
+    assumes: str = ""  # what a certain verdict rests on besides its interval, in a sentence
 
 
 def verdict(
@@ -69,12 +119,14 @@ def verdict(
     production: bool = True,
     normal: bool = True,
     withheld: str = "",
+    bars: Bars = USUAL,
+    unseen: SecondPopulation | None = None,
 ) -> CapabilityVerdict:
     """Return the verdict on a response from its indices, its counted rejects and other trustworthy estimates.
 
-    `production`: the samples represent production. `normal`: the values may be normal; if they are proven not to be, an
-    estimate without the normal distribution decides if it is worse than Cpk. `withheld`: a sentence that says why no
-    response of the campaign gets a verdict; empty if they may get one.
+    `production`: the samples represent production. `normal`: the values may be normal; if they are proven not to be,
+    an estimate without the normal distribution decides. `withheld`: a sentence that says why no response of the
+    campaign gets a verdict; empty if they may get one. `unseen`: a second population that the values do not rule out.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")
@@ -84,43 +136,88 @@ def verdict(
     if capability.std == 0:
         return _on_constant(capability, counted)
     assert capability.cpk is not None
+    of_index = _of_cpk(capability)
+    known = list(others)
+    if bars.prescribed != "share":
+        percentiles = [other for other in known if other.by == PERCENTILE]
+        decides = percentiles[0] if bars.prescribed == "percentile" and percentiles else of_index
+        return _concluded(capability, counted, decides, bars)
+    count = [] if counted is None else [_by_count(counted)]
+    weighted = [other for other in known if other.by == WEIGHTED]
+    if weighted and (math.isfinite(weighted[0].value) or len(bars.classes(weighted[0])) == 1):
+        decides = _overruling(bars, weighted[0], count)
+        return _concluded(capability, counted, decides, bars, assumes=f"{decides.words}.")
+    bounds = [other for other in known if other.by in (*_WITHOUT_NORMAL, WEIGHTED)]
+    rivals = [*count, *_not_refuted(bounds, count)]
+    refuted = [] if counted is None else _excluded(capability, counted)
+    free = None if normal and not refuted else _without_normal(rivals)
+    decides = _overruling(bars, free or of_index, rivals)
+    word = bars.class_of(decides.value)
+    doubts = [
+        f"{other.words}: {bars.class_of(other.value)}."
+        for other in rivals
+        if other.by != "count" and other is not decides and _worse(bars.class_of(other.value), word)
+    ]
+    doubts += refuted if decides is of_index else []
+    hidden = _unsupported(decides, rivals, word, bars)
+    if unseen is not None:
+        with_it = bars.class_of(index_of_share(unseen.ppm + PPM * float(ndtr(-3 * decides.value))))
+        hidden += [f"{unseen.words}: {with_it}."] if _worse(with_it, word) else []
+    assumes = "" if unseen is None or word == _BEST_FIRST[-1] else unseen.assumes
+    return _concluded(capability, counted, decides, bars, [*doubts, *([] if doubts else hidden[:1])], assumes)
+
+
+def _of_cpk(capability: Capability) -> IndexEstimate:
+    """Return the estimate that Cpk is; without bounds where its interval is withheld."""
+    assert capability.cpk is not None
     if capability.cpk_interval is None:
-        return _without_interval(capability.cpk, capability.interval_reason, counted)
+        return IndexEstimate("index", -math.inf, capability.cpk, math.inf, f"Cpk {index(capability.cpk)}")
     low, high = capability.cpk_interval
-    of_index = IndexEstimate(
-        "index", low, capability.cpk, high, f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
-    )
-    further = _with_count(counted, others)
-    word, decides = class_of(of_index.value), of_index
-    for other in further:
-        if _worse(class_of(other.high), word):
-            word, decides = class_of(other.high), other
-    free = None if normal else _without_normal(further)
-    if free is not None and _worse(class_of(free.value), word):
-        word, decides = class_of(free.value), free
-    reasons = [*_undecided(decides, word)]
-    reasons += [_objection(e, word) for e in further if e is not decides and _objects(e, word)]
-    if decides is not of_index:
-        how = f"{word} at best" if class_of(decides.high) == word else f"{word}, as the values are not normal"
-        reasons.insert(0, f"{decides.words}: {how}, although {of_index.words} says {class_of(of_index.value)}.")
-    if counted is not None and decides is of_index:
-        reasons += _excluded(capability, counted)
-    reasons += changed_by_failures(counted, word)
+    words = f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
+    return IndexEstimate("index", low, capability.cpk, high, words)
+
+
+def _overruling(bars: Bars, leading: IndexEstimate, rivals: Iterable[IndexEstimate]) -> IndexEstimate:
+    """Return the estimate that decides: the leading one, unless the whole interval of a rival lies in other classes.
+
+    Of several rivals the worst one counts.
+    """
+    word = bars.class_of(leading.value)
+    against = [other for other in rivals if word not in bars.classes(other) and other is not leading]
+    return min(against, key=lambda other: other.value, default=leading)
+
+
+def _concluded(
+    capability: Capability,
+    counted: Nonconforming | None,
+    decides: IndexEstimate,
+    bars: Bars,
+    doubts: Iterable[str] = (),
+    assumes: str = "",
+) -> CapabilityVerdict:
+    """Return the verdict by the estimate that decides; any doubt takes its certainty."""
+    word, of_index = bars.class_of(decides.value), _of_cpk(capability)
+    others = [each for each in _BEST_FIRST if each in bars.classes(decides) and each != word]
+    withheld = decides.by != WEIGHTED and capability.cpk_interval is None
+    found = [capability.interval_reason] if withheld else []
+    found += [f"{decides.words}: may be {word} or {' or '.join(others)}."] if others and not withheld else []
+    found += [*doubts, *changed_by_failures(counted, word, bars)]
     if capability.order is not None and capability.order.finding:
-        reasons.append(capability.order.finding)
-    if not reasons:
-        reasons += _unsupported(further, word)
-    overruled_only = decides is not of_index and len(reasons) == 1
-    return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
-
-
-def _without_interval(cpk: float, reason: str, counted: Nonconforming | None) -> CapabilityVerdict:
-    """Return the verdict where the interval of Cpk is withheld, because there are too few production lots."""
-    word, by, reasons = class_of(cpk), "index", [reason]
-    count = None if counted is None else _by_count(counted)
-    if count is not None and _worse(class_of(count.high), word):
-        word, by, reasons = class_of(count.high), count.by, [f"{count.words}.", reason]
-    return CapabilityVerdict(word, False, by, (*reasons, *changed_by_failures(counted, word)))
+        found.append(capability.order.finding)
+    instead = []
+    if decides.by != "index" and bars.class_of(of_index.value) != word:
+        instead = [f"{decides.words}: {word}, although {of_index.words} says {bars.class_of(of_index.value)}."]
+    value, low, high = (end if math.isfinite(end) else None for end in (decides.value, decides.low, decides.high))
+    return CapabilityVerdict(
+        word,
+        not found,
+        decides.by,
+        (*instead, *found),
+        index=value,
+        index_low=low,
+        index_high=high,
+        assumes="" if found else assumes,
+    )
 
 
 def _on_constant(capability: Capability, counted: Nonconforming | None) -> CapabilityVerdict:
@@ -132,22 +229,17 @@ def _on_constant(capability: Capability, counted: Nonconforming | None) -> Capab
     return CapabilityVerdict("constant", reasons=(text, *changed_by_failures(counted, "constant")))
 
 
-def class_of(cpk: float) -> str:
-    """Return "capable", "marginal" or "not capable" for a Cpk."""
-    return "capable" if cpk >= CAPABLE else "marginal" if cpk >= MARGINAL else "not capable"
-
-
 def index_of_share(share: float) -> float:
     """Return the Cpk of a normal response with `share` ppm beyond its worse limit; infinite for 0 ppm."""
     return -float(ndtri(min(share, PPM) / PPM)) / 3
 
 
-def changed_by_failures(counted: Nonconforming | None, word: str) -> list[str]:
+def changed_by_failures(counted: Nonconforming | None, word: str, bars: Bars = USUAL) -> list[str]:
     """Return a sentence if the failed samples, counted as rejects, would prove a worse class than `word`."""
     if counted is None or word == _BEST_FIRST[-1]:
         return []
     failed, worse = counted.with_failures.count - counted.total.count, counted.worse_with_failures
-    least = class_of(index_of_share(worse.interval[0]))
+    least = bars.class_of(index_of_share(worse.interval[0]))
     if not failed or least == _BEST_FIRST[0] or (word in _BEST_FIRST and not _worse(least, word)):
         return []
     return [
@@ -175,26 +267,25 @@ def _missing(capability: Capability, withheld: str) -> str:
 def _by_count(counted: Nonconforming) -> IndexEstimate:
     """Return the estimate from the counted rejects: the worse side with its exact interval.
 
-    The value is the better end of the interval: one reject among 30,000 is no evidence for or against 33 ppm.
+    Without a reject the value is the low end: no reject among 5,000 proves no better class.
     """
     sides = [side for side in (counted.below, counted.above) if side is not None]
     low = min(index_of_share(side.interval[1]) for side in sides)
     high = min(index_of_share(side.interval[0]) for side in sides)
-    return IndexEstimate("count", low, high, high, _words(counted.total))
+    value = min(index_of_share(side.ppm) for side in sides)
+    return IndexEstimate("count", low, value if math.isfinite(value) else low, high, _words(counted.total))
 
 
-def _with_count(counted: Nonconforming | None, others: Iterable[IndexEstimate]) -> list[IndexEstimate]:
-    """Return the estimate from the count, and the estimates that it does not refute."""
-    if counted is None:
-        return list(others)
-    count = _by_count(counted)
-    return [count, *(other for other in others if other.high >= count.low and other.low <= count.high)]
+def _not_refuted(others: Iterable[IndexEstimate], count: Iterable[IndexEstimate]) -> list[IndexEstimate]:
+    """Return the estimates that the count does not refute."""
+    return [o for o in others if all(o.high >= counted.low and o.low <= counted.high for counted in count)]
 
 
-def _without_normal(further: list[IndexEstimate]) -> IndexEstimate | None:
+def _without_normal(rivals: Iterable[IndexEstimate]) -> IndexEstimate | None:
     """Return the estimate that decides if the values are not normal: the worst one of the best available method."""
-    for method in ("fitted distribution", "tail", "percentiles"):
-        found = [estimate for estimate in further if estimate.by == method]
+    known = tuple(rivals)
+    for method in _WITHOUT_NORMAL:
+        found = [estimate for estimate in known if estimate.by == method]
         if found:
             return min(found, key=lambda estimate: estimate.value)
     return None
@@ -214,34 +305,23 @@ def _worse(word: str, than: str) -> bool:
     return _BEST_FIRST.index(word) > _BEST_FIRST.index(than)
 
 
-def _undecided(estimate: IndexEstimate, word: str) -> list[str]:
-    """Return a sentence if the interval of the estimate that decides includes another class."""
-    other = [class_of(end) for end in (estimate.low, estimate.high) if class_of(end) != word]
-    return [f"{estimate.words}: may be {word} or {' or '.join(dict.fromkeys(other))}."] if other else []
+def _unsupported(decides: IndexEstimate, rivals: Sequence[IndexEstimate], word: str, bars: Bars) -> list[str]:
+    """Return a sentence if no estimate without the normal distribution excludes the other classes.
 
-
-def _objects(estimate: IndexEstimate, word: str) -> bool:
-    """Return whether an estimate indicates a worse class, or its whole interval lies in a better one."""
-    return _worse(class_of(estimate.value), word) or _worse(word, class_of(estimate.low))
-
-
-def _objection(estimate: IndexEstimate, word: str) -> str:
-    """Return the objection in a sentence."""
-    if _worse(word, class_of(estimate.low)):
-        return f"{estimate.words}: {class_of(estimate.low)}; the worse of the two counts."
-    return f"{estimate.words}: {class_of(estimate.value)}."
-
-
-def _unsupported(further: list[IndexEstimate], word: str) -> list[str]:
-    """Return a sentence if no estimate without the normal distribution excludes the worse classes.
-
-    The percentiles of the values do not count: they say nothing about the shares beyond them.
+    Few values do not show how their tails go on as far as the limits. Those of normal values may be heavier. Any may
+    end before the limits, which the fitted families seldom do, and beyond a small second population even a tail that
+    is fitted to it: so only the count excludes what is better than a tail says, and count and tail what is better than
+    the others say.
     """
-    shares = (estimate for estimate in further if estimate.by != "percentiles")
-    best = max(shares, key=lambda estimate: estimate.low, default=None)
-    if best is None or not _worse(class_of(best.low), word):
-        return []
-    return [f"Cpk assumes a normal distribution; without that, {best.words} does not rule out {class_of(best.low)}."]
+    counted = [estimate for estimate in rivals if estimate.by == "count"]
+    ended = counted if decides.by == "tail" else [e for e in rivals if e.by in ("count", "tail")]
+    worst, best = (max(rivals, key=lambda e: e.low, default=None), min(ended, key=lambda e: e.high, default=None))
+    if decides.by == "index" and worst is not None and _worse(bars.class_of(worst.low), word):
+        against = f"{worst.words} does not rule out {bars.class_of(worst.low)}."
+        return [f"Cpk assumes a normal distribution; without that, {against}"]
+    if decides.by != "count" and best is not None and _worse(word, bars.class_of(best.high)):
+        return [f"{best.words} does not rule out {bars.class_of(best.high)}, as the values may end before the limit."]
+    return []
 
 
 def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:

@@ -148,15 +148,15 @@ def find_targets(
     return tuple(targets)
 
 
-def aims(targets: Sequence[Target], dimensions: int) -> tuple[Aim, ...]:
+def aims(targets: Sequence[Target], dimensions: int, wide_share: float = WIDE) -> tuple[Aim, ...]:
     """Return the components: the aimed runs are divided equally among the targets, and one wide component is added."""
     found = [target for target in targets if target.centres]
     parts = [
-        Aim(AIMED * part / len(found), t.scale, centre, f"{t.name}: {t.by}")
+        Aim((AIMED + WIDE - wide_share) * part / len(found), t.scale, centre, f"{t.name}: {t.by}")
         for t in found
         for centre, part in t.centres
     ]
-    wide = Aim(WIDE if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "rejects that the others miss")
+    wide = Aim(wide_share if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "rejects that the others miss")
     return (*_merged(parts), wide)
 
 

@@ -7,6 +7,8 @@ c / a0) over the runs: I is 1 if a run lies beyond, w its weight, c is 1 for a p
 Its expectation is 0 for every limit, and its standard error is known.
 """
 
+import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +16,11 @@ from numpy.typing import NDArray
 
 from reporting.arrays import Array
 from reporting.capability.shares import PPM
-from reporting.capability.verdict import IndexEstimate, index_of_share
-from reporting.format_numbers import ppm
+from reporting.capability.verdict import WEIGHTED, IndexEstimate, index_of_share
+from reporting.format_numbers import grouped, ppm
 from reporting.rare.weighted import Draws, RareShare, flat_bound, rare_share
 from reporting.samples import Samples
-from reporting.spec import ReportSpec, ResponseSpec
+from reporting.spec import ProposalPart, ReportSpec, ResponseSpec
 
 SEEN = 0.02  # share of plain runs beyond the moved limit; at least FEWEST_SEEN runs
 FEWEST_SEEN = 20
@@ -65,6 +67,8 @@ class RareRejects:
     # Largest region of rejects that may have been missed behind a flat limit [ppm]; runs would have met a larger one.
     unseen_ppm: float
     checks: tuple[PlainCheck, ...]  # against plain Monte Carlo
+    campaign: str  # that has these runs
+    proposal: tuple[ProposalPart, ...]  # where it draws them
 
 
 def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareRejects | None:
@@ -98,16 +102,28 @@ def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareR
         with_failures=rare_share(rejects | failed, draws) if limited else None,
         unseen_ppm=PPM * flat_bound(0, n, draws),
         checks=tuple(check for check in checks if check is not None),
+        campaign=spec.campaign,
+        proposal=spec.proposal,
     )
 
 
-def rare_estimates(rare: RareRejects | None) -> dict[str, tuple[IndexEstimate, ...]]:
-    """Return the estimates from the weighted shares on the scale of Cpk, by response."""
+def rare_estimates(
+    rare: RareRejects | None, names: Collection[str] | None = None
+) -> dict[str, tuple[IndexEstimate, ...]]:
+    """Return the estimates from the weighted shares on the scale of Cpk, by response; of all, or of those named."""
     if rare is None:
         return {}
-    # Without a reject only the bound by the plain runs is left, which their own count has told already.
-    found = [r for r in rare.responses if r.total.rejects]
-    return {r.response: (IndexEstimate("rare rejects", *_ends(r), _words(r.total)),) for r in found}
+    by = f"{grouped(rare.runs)} weighted runs of {rare.campaign}"
+    found: dict[str, tuple[IndexEstimate, ...]] = {
+        r.response: (IndexEstimate(WEIGHTED, *_ends(r), f"{_words(r.total)} by {by}"),)
+        for r in rare.responses
+        if r.total.rejects and (names is None or r.response in names)
+    }
+    # Without a reject only the bound by the plain runs is left, which their own count has told already; where runs were
+    # made to decide, what they would have met behind a flat limit supports the other estimates.
+    none = f"no reject by {by}, which would have met more than {ppm(rare.unseen_ppm)} ppm behind a flat limit"
+    bound = IndexEstimate(WEIGHTED, index_of_share(rare.unseen_ppm), math.inf, math.inf, none)
+    return found | {r.response: (bound,) for r in rare.responses if r.response in (names or ()) and not r.total.rejects}
 
 
 def plain_check(
@@ -176,4 +192,4 @@ def _words(share: RareShare) -> str:
     """Return a share in words."""
     low, high = (ppm(end) for end in share.interval)
     known = f"at most {high} ppm" if share.doubt else f"{ppm(share.ppm)} ppm ({low} to {high})"
-    return f"{known} out of limits by weighted runs"
+    return f"{known} out of limits"

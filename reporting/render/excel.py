@@ -80,14 +80,17 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
 
 def _summary(analysis: Analysis) -> Table:
     """Return the sheet with one row per response."""
-    heads = ("response", "unit", "verdict", "certain", "by", "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
+    heads = ("response", "unit", "verdict", "index", "index low", "index high", "required", "certain", "by",
+             "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
              "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)",
              "ppm expected", "ppm expected low", "ppm expected high", "expected by")  # fmt: skip
     rows = []
     for r in analysis.responses:
         c, spec = r.capability, r.spec
         low, high = c.cpk_interval or (None, None)
-        rows.append((spec.name, spec.unit, r.verdict.word, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
+        found = r.verdict
+        rows.append((spec.name, spec.unit, found.word, found.index, found.index_low, found.index_high,
+                     spec.requirement, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
                      c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected,
                      *_expected(r)))  # fmt: skip
     return heads, rows
@@ -285,15 +288,15 @@ class SheetWriter:
                     widths[column] = max(widths[column], len(value))
                 elif value is not None and math.isfinite(value):
                     pattern = number_pattern(value, self._fences)
-                    sheet.write_number(last, column, value, self._numbers(pattern))
+                    sheet.write_number(last, column, value, self._numbers(pattern, heads[column] == "index"))
                     widths[column] = max(widths[column], len(pattern) + len(str(abs(int(value)))))
         for column, width in enumerate(widths):
             sheet.set_column(column, column, min(max(width + 2, LEAST_WIDTH), MOST_WIDTH))
         sheet.autofilter(0, 0, last, len(heads) - 1)
 
-    def _number_format(self, pattern: str) -> "Format":
-        """Return the format of numbers with a pattern."""
-        return self._book.add_format({"num_format": pattern, "valign": "top"})
+    def _number_format(self, pattern: str, is_bold: bool) -> "Format":
+        """Return the format of numbers with a pattern; that of the index that decides is bold."""
+        return self._book.add_format({"num_format": pattern, "valign": "top", "bold": is_bold})
 
 
 def number_pattern(value: float, fences: Sequence[float]) -> str:

@@ -21,7 +21,7 @@ from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
-from reporting.capability.verdict import CAPABLE, MARGINAL
+from reporting.capability.verdict import CAPABLE, MARGINAL, PERCENTILE, WEIGHTED
 from reporting.render import figures, overview
 from reporting.render.mechanism_figure import mechanism_figure
 from reporting.render.page_templates import page_environment
@@ -50,6 +50,15 @@ METHODS = {
     "percentile": "percentiles (ISO 22514-2, Clements)",
     "z_score": "Z-scores (Minitab)",
     "empirical": "the values' own percentiles (Cnpk)",
+}
+# Names of the index that decides, by its method.
+DECIDING = {
+    "index": "Cpk",
+    "fitted distribution": "by the fitted distribution",
+    "tail": "by the tail",
+    "count": "by the count of rejects",
+    PERCENTILE: "by percentiles (ISO 22514-2)",
+    WEIGHTED: "by weighted runs",
 }
 CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 
@@ -87,10 +96,10 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
 
 
 def weakest(analysis: Analysis) -> ResponseAnalysis | None:
-    """Return the response with the smallest Cpk; None if no response has a meaningful one."""
+    """Return the response with the smallest index, of those that decide; None if no response has a meaningful one."""
     if not analysis.design.production:
         return None
-    indices = [(r.capability.cpk, i) for i, r in enumerate(analysis.responses) if r.capability.cpk is not None]
+    indices = [(r.index, i) for i, r in enumerate(analysis.responses) if r.index is not None]
     return analysis.responses[min(indices)[1]] if indices else None
 
 
@@ -101,6 +110,7 @@ def environment() -> Environment:
     It is created once: it caches compiled templates, and compiling takes most of the time of a page.
     """
     made = page_environment("reporting.render")
+    made.globals["deciding"] = DECIDING
     made.filters.update(
         fixed=format_numbers.fixed,
         z=format_numbers.z_score,

@@ -15,7 +15,10 @@ _OF_SPEC = (
     *("title", "campaign", "author", "ended", "written", "header", "assumptions"),
     *("requested", "sampler", "stop", "replay"),
 )
-_OF_VERDICT = {"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons", "verdict": "word"}
+_OF_VERDICT = {
+    **{"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons"},
+    **{"index": "index", "index_low": "index_low", "index_high": "index_high", "assumes": "assumes", "verdict": "word"},
+}
 _POINTS = ("x", "y")  # points of figures, left out: the store has the samples
 _REPEATED = ("lsl", "usl", "target")  # inside a capability these only repeat its arguments
 

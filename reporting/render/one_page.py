@@ -52,7 +52,7 @@ def _how_bad(response: ResponseAnalysis) -> tuple[int, float]:
     """Return the sort key of a response: by verdict, the worst first, then by index."""
     word = response.verdict.word + (", not certain" if response.verdict.certain is False else "")
     place = _ORDER.index(word) if word in _ORDER else 0
-    return place, float("-inf") if response.capability.cpk is None else response.capability.cpk
+    return place, float("-inf") if response.index is None else response.index
 
 
 def _counted(others: list[ResponseAnalysis]) -> str:
@@ -68,7 +68,7 @@ def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
         known = [i for i in (r.sensitivity.ranked if r.sensitivity else ()) if i.share][:2]
         if known:
             shares = ", ".join(f"{_cut(i.variable, 'name')} {part(i.share)}" for i in known)
-            cpk = "" if r.capability.cpk is None else f" (Cpk {index(r.capability.cpk)})"
+            cpk = "" if r.index is None else f" (index {index(r.index)})"
             found.append(f"{_cut(r.spec.name, 'name')}{cpk}: {shares}")
     return found[:CAUSES]
 

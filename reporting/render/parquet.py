@@ -32,6 +32,7 @@ def capability_table(analysis: Analysis) -> "pa.Table":
     rows = [_row(response) for response in analysis.responses]
     schema = [("response", pa.string()), ("title", pa.string()), ("unit", pa.string()), ("verdict", pa.string())]
     schema += [("certain", pa.bool_()), ("verdict_by", pa.string()), ("verdict_reasons", pa.list_(pa.string()))]
+    schema += [(name, pa.float64()) for name in ("index", "index_low", "index_high")]
     schema += [("normality", pa.string()), ("distribution", pa.string())]
     schema += [(name, pa.int64() if name in _COUNTS else pa.float64()) for name in _numbers()]
     schema_of_rows = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
@@ -71,6 +72,9 @@ def _row(response: ResponseAnalysis) -> dict[str, Any]:
         "unit": response.spec.unit,
         "verdict": response.verdict.word,
         "certain": response.verdict.certain,
+        "index": response.verdict.index,
+        "index_low": response.verdict.index_low,
+        "index_high": response.verdict.index_high,
         "verdict_by": response.verdict.by,
         "verdict_reasons": list(response.verdict.reasons),
         "normality": response.normality.verdict,

@@ -178,6 +178,8 @@ def text_width(words: str) -> float:
 
 def labelled(low: float, high: float, count: int) -> list[tuple[float, str]]:
     """Return about `count` round numbers between `low` and `high`, each with its text."""
+    if not 0 < (high - low) / count < math.inf:
+        return []
     step = _round_step((high - low) / count)
     first = math.ceil(low / step - 1e-9)
     values = [step * i for i in range(first, math.floor(high / step + 1e-9) + 1)]
@@ -197,7 +199,7 @@ def _fitting(frame: PlotArea) -> list[tuple[float, str]]:
         ticks = labelled(*frame.x, count)
         if sum(text_width(words) + 14 for _, words in ticks) < room:
             return ticks
-    return ticks[:1]
+    return ticks[:1]  # none in a range that is no number
 
 
 def _round_step(about: float) -> float:

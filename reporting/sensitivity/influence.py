@@ -10,6 +10,7 @@ A correlated variable is critical only if it also acts itself, that is, with all
 the variance. A variable that has a tenth, but certainly causes less than 1 % itself, is *only correlated*.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -148,10 +149,15 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
     return Influence(
         variable=variable,
         coefficient=coefficient,
-        coefficient_interval=(coefficient - quantile * error, coefficient + quantile * error),
+        # without the one group of rows in which the variable differs, there is no coefficient
+        coefficient_interval=(
+            (coefficient - quantile * error, coefficient + quantile * error) if math.isfinite(error) else None
+        ),
         contribution=contribution,
         contribution_interval=(
-            None if contribution is None else share_interval(contribution, quantile * contribution_error)
+            None
+            if contribution is None or not math.isfinite(contribution_error)
+            else share_interval(contribution, quantile * contribution_error)
         ),
         inflation=float(line.inflation[i]) if np.isfinite(line.inflation[i]) else None,
         spearman=float(ranks.spearman[at, i]),

@@ -1,8 +1,8 @@
 """Results of the methods without the normal distribution for one response, from its fits, percentiles and tails.
 
 Their estimates on the scale of Cpk are for the verdict; only reliable ones are used: a fitted distribution with an
-interval, a Pareto tail that fits the values beyond its threshold, and percentiles of enough values for an interval. The
-expected share out of limits is that of the normal distribution if the response is normal, else one of theirs.
+interval, and a Pareto tail that fits the values beyond its threshold. The expected share out of limits is that of the
+normal distribution if the response is normal, else one of theirs.
 
 Their intervals assume independent values, so they are suppressed if the values are in production lots. Intervals of
 mean, sigma, their indices and counted shares allow for lots.
@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from reporting.capability.intervals import Interval, OpenInterval, with_ends
 from reporting.capability.shares import least_ppm
 from reporting.capability.summary import Capability
-from reporting.capability.verdict import IndexEstimate, index_of_share
+from reporting.capability.verdict import PERCENTILE, IndexEstimate, index_of_share
 from reporting.format_numbers import index, index_interval, ppm
 from reporting.shape.fitting import Fits
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.tails import TailShare
 
-_NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
+_NAMES = {"z_score": "fitted distribution", "percentile": PERCENTILE}
 OF_LOTS = "No interval: it would treat the values of a production lot as independent."
 
 
@@ -40,11 +40,13 @@ class ExpectedShare:
 def index_estimates(
     n: int, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
 ) -> tuple[IndexEstimate, ...]:
-    """Return the estimates of `n` values from the fitted distribution, their own percentiles and the Pareto tails."""
+    """Return the estimates of `n` values from the fitted distribution, its percentiles and the Pareto tails."""
     best, least, known = fits.of(fits.best), least_ppm(n), tuple(methods)
     title = best.title if best else ""
     ended = next((m.ppk_interval for m in known if m.method == "percentile" and m.family), None)
-    estimates = [_by_method(method, title, least, ended) for method in known if method.method in _NAMES]
+    estimates = [
+        _by_method(method, title, least, ended) for method in known if method.method in _NAMES and method.family
+    ]
     return *(estimate for estimate in estimates if estimate is not None), *_by_tails(tuple(tails), least)
 
 
@@ -99,14 +101,15 @@ def _by_method(method: NonnormalIndices, title: str, least: float, ended: OpenIn
     A distribution that ends before the limit has no share beyond it, however close its end is, and the end itself is
     fitted. Such a share therefore proves no more than `ended`, the interval of Ppk from the distribution's percentiles.
     """
-    source = f"the fitted distribution ({title})" if method.family else "the values' own percentiles (Cnpk)"
-    if method.family == "normal":
-        source = "the distributions that the values allow"
+    source = "the distributions that the values allow"
+    if method.family != "normal":
+        of = "percentiles of the " if method.method == "percentile" else ""
+        source = f"the {of}fitted distribution ({title})"
     if method.ppk is not None and method.ppk_interval:
         low, high = with_ends(method.ppk_interval)
         words = f"Ppk {index(method.ppk)} ({index_interval(method.ppk_interval)}) by {source}"
         return IndexEstimate(_NAMES[method.method], low, method.ppk, high, words)
-    if method.ppm_expected is not None and method.ppm_expected_interval:
+    if method.method == "z_score" and method.ppm_expected is not None and method.ppm_expected_interval:
         low, high = method.ppm_expected_interval
         words = f"{ppm(method.ppm_expected, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) by {source}"
         worst, value, best = (index_of_share(share) for share in (high, method.ppm_expected, low))

@@ -8,6 +8,7 @@ import numpy as np
 from reporting.arrays import Array
 
 _FEWEST, _MOST = 12, 60
+_FARTHEST = 1e6  # bins between the values and a limit that is an edge
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,10 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
             width = between / round(between / width)
     middle = low - 0.5 * width if high == low else low  # the bar of a constant is centred on it
     anchor = lsl if lsl is not None else usl if usl is not None else middle
+    if not high - low < _FARTHEST * width:
+        return None
+    if not abs(low - anchor) < _FARTHEST * width:
+        anchor = middle
     first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
     edges: Array = anchor + width * np.arange(first, last + 1, dtype=np.float64)
     for limit in (lsl, usl):
@@ -46,6 +51,8 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
     if usl is not None:
         edges = np.where(edges == usl, np.nextafter(usl, math.inf), edges)
     edges = np.unique(edges)
+    if edges.size < 2:
+        return None
     # By rounding the outermost edges may lie inside the values.
     edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
     counts, _ = np.histogram(x, edges)

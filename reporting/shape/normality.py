@@ -256,6 +256,11 @@ def _verdict(measures: Normality) -> tuple[str, str]:
     return "undecided", f"Undecided, more samples are needed: {distance}; {shape}."
 
 
+def departs(shape: Normality, tests: int, level: float = DEPARTURE_P) -> bool:
+    """Return whether values are not normal, beyond what chance produces among `tests` responses (Bonferroni)."""
+    return shape.verdict == "not normal" or (shape.p is not None and tests * shape.p < level)
+
+
 def _tails_in_words(measures: Normality) -> str:
     """Return which tails are heavier or lighter than normal ones."""
     return "".join(

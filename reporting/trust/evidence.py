@@ -5,6 +5,7 @@ statements; and on rare rejects, whether their shares are known and whether the 
 """
 
 import math
+from collections.abc import Iterable
 
 from scipy.special import ndtri
 
@@ -13,7 +14,7 @@ from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
 from reporting.capability.summary import Capability
-from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, class_of
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, bars_of
 from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -50,7 +51,7 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
         # The width of an interval falls as 1 / sqrt(n).
         needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} {what} would give ±5\u00a0%"
-    uncertain = [r.spec.name for r, c in indexed if len({class_of(end) for end in c.cpk_interval or ()}) > 1]
+    uncertain = [r.spec.name for r, c in indexed if not r.verdict.certain and _covers_classes(r, c.cpk_interval or ())]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
         text += f". The Cpk interval of {', '.join(uncertain)} covers more than one verdict: more {what} may decide"
@@ -176,14 +177,21 @@ def _counted(count: int, what: str) -> str:
 
 
 def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -> bool:
-    """Return whether the interval of Cpk stays in one class if it is widened to hold for all verdicts jointly."""
-    c = response.capability
-    if c.cpk is None or c.cpk_interval is None:
+    """Return whether the interval of the index stays in one class if it is widened to hold for all verdicts jointly."""
+    found = response.verdict
+    if found.index is None:
         return False
-    # Each of the verdicts may fail only with its part of the error (Bonferroni); the half width of an interval of Cpk
-    # grows with the normal quantile.
+    # Each of the verdicts may fail only with its part of the error (Bonferroni); the half width of an interval of an
+    # index grows with the normal quantile.
     wider = float(ndtri(1 - (1 - confidence) / (2 * judged)) / ndtri(0.5 + confidence / 2))
-    return len({class_of(c.cpk + wider * (end - c.cpk)) for end in c.cpk_interval}) == 1
+    low, high = (-math.inf if found.index_low is None else found.index_low, found.index_high or math.inf)
+    return not _covers_classes(response, [found.index + wider * (end - found.index) for end in (low, high)])
+
+
+def _covers_classes(response: ResponseAnalysis, ends: Iterable[float]) -> bool:
+    """Return whether an interval of an index covers more than one class."""
+    bars = bars_of(response.spec.requirement)
+    return len({bars.class_of(end) for end in ends}) > 1
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
@@ -215,6 +223,23 @@ def _as_rejects(response: ResponseAnalysis) -> str:
     if of_yield.cpk is None or cpk is None:
         return shares
     return f"Cpk {format_numbers.index(of_yield.cpk)} instead of {format_numbers.index(cpk)}, {shares}"
+
+
+def limits_in_place(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
+    """Name limits on the far side of zero from every value: a wrong sign, or a boundary; empty without such a limit."""
+    far = [
+        f"{r.spec.name} {key} = {format_numbers.plain(limit)}, values {format_numbers.significant(c.min)} to "
+        f"{format_numbers.significant(c.max)}"
+        for r in responses
+        for c in (r.capability,)
+        for key, limit in (("lsl", r.spec.lsl), ("usl", r.spec.usl))
+        if limit and c.min is not None and c.max is not None and (c.max < 0 < limit or limit < 0 < c.min)
+        if (r.spec.lsl or 0.0) != -(r.spec.usl or 0.0)  # a deviation from a nominal of zero
+    ]
+    if not far:
+        return ()
+    text = f"On the far side of zero from every value: {'; '.join(far)}. Is the sign right, or is zero a boundary?"
+    return (Check("Limits", "attention", text, float(len(far))),)
 
 
 def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:

@@ -1,11 +1,9 @@
 """Line of the trust card on normality: which responses are not normal, in which tail, and the effect on the ppm."""
 
-from collections.abc import Sequence
-
 from reporting import format_numbers
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT
 from reporting.response import ResponseAnalysis
-from reporting.shape.normality import DEPARTURE_P, PROVEN_P
+from reporting.shape.normality import PROVEN_P, departs
 from reporting.trust.checks import Check
 
 # A single response with a p-value below this would be called not normal.
@@ -19,9 +17,8 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     untested = [r for r in indexed if r.normality.p is None and r.normality.distance_interval is not None]
     if not shaped and not untested:
         return Check("Shape", "info", "No response with limits has enough values to judge its shape.")
-    # Without it one in four campaigns of six normal responses would have a p-value below 5 %.
-    adjusted = holm([r.normality.p or 0.0 for r in shaped])
-    departing = [r for r, p in zip(shaped, adjusted, strict=True) if p < DEPARTURE_P or _proven(r)]
+    # Of six normal responses one in four campaigns would have a p-value below 5 %.
+    departing = [r for r in shaped if departs(r.normality, len(shaped)) or _proven(r)]
     rest = [r for r in shaped if r not in departing]
     doubtful = [r for r in rest if (r.normality.p or 0.0) < PERHAPS_P]
     rest = [r for r in rest if r not in doubtful]
@@ -125,13 +122,3 @@ def _smallest_p(some: list[ResponseAnalysis]) -> str:
     """Return the smallest p-value of the test that judged the responses."""
     smallest = min((r.normality.p for r in some if r.normality.p is not None), default=None)
     return f"smallest p, tails included, {format_numbers.probability(smallest)}"
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values adjusted by Holm (1979), so that all those below 5 % hold jointly at 5 % under any dependence."""
-    order = sorted(range(len(p_values)), key=p_values.__getitem__)
-    adjusted, largest = [1.0] * len(p_values), 0.0
-    for rank, at in enumerate(order):
-        largest = max(largest, min((len(p_values) - rank) * p_values[at], 1.0))
-        adjusted[at] = largest
-    return adjusted

@@ -13,7 +13,7 @@ from campaign.version import clearcap_version
 from studies.coverage.families import Case, Key, all_tallies, cases
 from studies.coverage.limit_states import DESIGNED
 from studies.coverage.outcomes import Tally
-from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES
+from studies.coverage.productions import JUDGED_SHAPES, JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES
 from studies.coverage.rarities import AIMED
 from studies.coverage.tables import details, faults, table
 
@@ -24,7 +24,7 @@ def lines(
     """Yield the lines of the tables of some cases; ``mapped`` is `map` or a parallel substitute."""
     began = time.monotonic()
     tallies = all_tallies(chosen, mapped)
-    for productions in (SHAPES, LOTS, JUMPS, LOTS_IN_TURN, AIMED, DESIGNED):
+    for productions in (SHAPES, JUDGED_SHAPES, LOTS, JUMPS, LOTS_IN_TURN, AIMED, DESIGNED):
         if any(key[1] == production.name for key in tallies for production in productions):
             yield from (*table(tallies, productions), "")
     if detailed:

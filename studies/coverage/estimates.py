@@ -16,7 +16,7 @@ from reporting.capability.intervals import with_ends
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import NOT_NORMAL, capability
 from reporting.capability.target_indices import target_indices
-from reporting.capability.verdict import class_of, index_of_share
+from reporting.capability.verdict import USUAL, CapabilityVerdict, index_of_share
 from reporting.product_yield import product_yield
 from reporting.shape.fitting import fit_families
 from reporting.shape.nonnormal import NonnormalIndices
@@ -43,8 +43,9 @@ from studies.coverage.productions import (
 )
 
 INFINITE = float("inf")
-# Limits as scores at which normal values are marginal; another shape may be capable or not, by its Cpk alone.
-JUDGED = (-4.5, 3.5)
+# Limits as scores, by the class that the share beyond the worse one has.
+JUDGED = {"not capable": (-4.5, 2.7), "marginal": (-4.5, 3.6), "capable": (-6.0, 5.0)}
+FIRST = 50  # values that are judged first, if they are drawn in turn
 CLASSES = ("not capable", "marginal", "capable")
 SECOND = "second"
 CONTENTS = (0.95, 0.9973)
@@ -138,12 +139,29 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
 
 
 def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the class of a certain verdict, and the worse of the true classes by index and by share."""
-    true = truth(production.shape, limits=JUDGED)
-    analysed = page(production, production.draw(n, rng), true).responses[0].verdict
-    right = min(CLASSES.index(class_of(index)) for index in (true.cpk, index_of_share(max(true.below, true.above))))
-    given = float(CLASSES.index(analysed.word)) if analysed.certain else None
-    yield Statement("certain verdict", None if given is None else (given, given), float(right))
+    """Yield the class of a certain verdict, and the true class by the share beyond the worse limit."""
+    y = production.draw(n, rng)
+    for word, limits in JUDGED.items():
+        true = truth(production.shape, limits=limits)
+        yield _judged(f"certain verdict, {word}", page(production, y, true).responses[0].verdict, true)
+
+
+def verdicts_in_turn(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the first certain verdict on a marginal response of which ever more values are drawn, up to n."""
+    true = truth(production.shape, limits=JUDGED["marginal"])
+    y, size = production.draw(n, rng), FIRST
+    found = page(production, y[:size], true).responses[0].verdict
+    while not found.certain and 2 * size <= n:
+        size *= 2
+        found = page(production, y[:size], true).responses[0].verdict
+    yield _judged("certain verdict, in turn", found, true)
+
+
+def _judged(number: str, found: CapabilityVerdict, true: Truth) -> Statement:
+    """Return the class of a verdict as an interval, none if it is not certain, and the true class."""
+    given = float(CLASSES.index(found.word)) if found.certain else None
+    right = CLASSES.index(USUAL.class_of(index_of_share(max(true.below, true.above))))
+    return Statement(number, None if given is None else (given, given), float(right))
 
 
 def contents(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.coverage.estimates import contents, counts, indices, methods, products, verdicts
+from studies.coverage.estimates import contents, counts, indices, methods, products, verdicts, verdicts_in_turn
 from studies.coverage.limit_states import DESIGNED, designed_shares
 from studies.coverage.outcomes import Statement, Tally, tallied
-from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
+from studies.coverage.productions import JUDGED_SHAPES, JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.questions import advice, attributions, causes, changes, differences
 from studies.coverage.rarities import AIMED, rare_shares
 from studies.coverage.stops import stops
@@ -53,6 +53,7 @@ REPLICATIONS: dict[Estimate, int] = {
 }
 # Estimates for some productions only.
 OF_JUMPS, OF_REJECTS, OF_RARE, OF_DESIGNED, OF_STOPS, OF_VERDICTS = 60, 60, 200, 40, 100, 40
+LAST = 3200  # values at which a verdict in turn ends
 
 
 def cases(share: float = 1.0) -> list[Case]:
@@ -65,7 +66,9 @@ def cases(share: float = 1.0) -> list[Case]:
     ]
     found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
-    found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES]
+    found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *JUDGED_SHAPES, *LOTS) for n in SIZES]
+    judged_in_turn = (SHAPES[0], *JUDGED_SHAPES)
+    found += [Case(verdicts_in_turn, p, LAST, round(share * OF_VERDICTS)) for p in judged_in_turn]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(designed_shares, p, max(SIZES), round(share * OF_DESIGNED)) for p in DESIGNED]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]

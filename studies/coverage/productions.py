@@ -46,13 +46,23 @@ def _of(distribution: stats.rv_continuous) -> Curve:
     return value
 
 
-def _two_normals(apart: float) -> Curve:
-    """Return the function from scores to values of a mixture of two normal distributions, `apart` sigmas apart."""
+def _mirrored(share_below: Curve, farthest: float) -> Curve:
+    """Return the function from scores to values of a symmetric distribution, from its lower half up to `farthest`."""
     # The lower half only, which is mirrored: shares near 1 have no digits left for the upper tail.
-    x = np.linspace(-25.0, 0.0, 4001)
-    lower = stats.norm.ppf(stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1))
+    x = np.linspace(-farthest, 0.0, 4001)
+    lower = stats.norm.ppf(share_below(x))
     interpolated = PchipInterpolator([*lower, *-lower[-2::-1]], [*x, *-x[-2::-1]])
     return lambda w: np.asarray(interpolated(w))
+
+
+def _two_normals(apart: float) -> Curve:
+    """Return the curve of a mixture of two normal distributions, `apart` sigmas apart."""
+    return _mirrored(lambda x: stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1), 25.0)
+
+
+def _contaminated(share: float) -> Curve:
+    """Return the curve of a normal distribution in which this share of the values is five times as wide."""
+    return _mirrored(lambda x: (1 - share) * stats.norm.cdf(x) + share * stats.norm.cdf(x / 5), 70.0)
 
 
 CURVES: dict[str, Curve] = {
@@ -62,6 +72,11 @@ CURVES: dict[str, Curve] = {
     "t5": _of(stats.t(5)),
     "uniform": _of(stats.uniform()),
     "bimodal": _two_normals(4.0),
+    "0.3 % five times as wide": _contaminated(0.003),
+    "1 % five times as wide": _contaminated(0.01),
+    "normal cut at 2 sigmas": _of(stats.truncnorm(-2, 2)),
+    "Gumbel": _of(stats.gumbel_r()),
+    "t3": _of(stats.t(3)),
 }
 
 
@@ -108,7 +123,9 @@ class Production:
         return self.values(self.variables(n, rng))
 
 
-SHAPES = tuple(Production(shape, shape) for shape in CURVES)
+SHAPES = tuple(Production(shape, shape) for shape in list(CURVES)[:6])
+# Shapes that mislead verdicts: a small second population, an end, a skew, a heavy tail.
+JUDGED_SHAPES = tuple(Production(shape, shape) for shape in list(CURVES)[6:])
 JUMPS = (Production("small jump", "normal", jump=1.5), Production("large jump", "normal", jump=6.0))
 LOTS = (
     Production("20 lots", "normal", 20),

@@ -11,7 +11,8 @@ from studies.coverage.productions import Production
 GROUPS = {
     "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
     "joint Cpk": "Cpk, joint",
-    "certain verdicts": "certain verdict",
+    "certain verdicts": "certain verdict, [a-z]+( capable)?",
+    "certain verdicts, in turn": "certain verdict, in turn",
     "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
     "Cp within lots": "Cp within lots",
     "counted shares, yields": "counted, .*|yield.*|loss by a response",

@@ -69,8 +69,8 @@ def test_certain_only_if_the_interval_keeps_the_verdict(campaign) -> None:
             low, high = r.capability.cpk_interval
             if any(low < bar <= high for bar in (1.0, 1.33)):
                 assert r.verdict.certain is False
-            elif not r.verdict.certain:  # Cpk 1.58, from which few values do not conclude a share
-                assert "Cpk assumes a normal distribution" in r.verdict.reasons[-1]
+            elif not r.verdict.certain:  # few values do not exclude heavier tails, nor a second population
+                assert "Cpk assumes" in r.verdict.reasons[-1] or "second population" in r.verdict.reasons[-1]
     assert {r.verdict.certain for r in a.responses} == {True, False, None}
     unsure = ["FC-5"]
     assert check(a, "Enough samples").level == "attention"
@@ -287,13 +287,38 @@ def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign
 
 
 def test_what_chance_makes_look_not_normal_keeps_the_verdict_of_cpk() -> None:
-    """One response is not normal with p = 0.02, but one of six is not shown to be."""
+    """A response with p = 0.02 is not proven not to be normal, alone or as one of six."""
     x = np.random.default_rng(4).gumbel(size=100)
     table, spec = c60_table(100), c60_spec(100)
     table = column(table, "FC-1", 12.5 + (x - x.mean()) / x.std(ddof=1) * 3.5 / 4.5)
     alone = replace(spec, responses=spec.responses[:1])
     one, among_six = (analysis_of(table, s).responses[0] for s in (alone, spec))
     assert 0.01 < one.normality.p < 0.04
-    assert (one.verdict.by, one.expected.by) == ("fitted distribution", "fitted distributions")
+    assert (one.verdict.by, one.expected.by) == ("index", "normal")
     assert (among_six.verdict.by, among_six.expected.by) == ("index", "normal")
     assert not among_six.verdict.certain
+
+
+def test_a_boundary_has_no_index_and_no_share_beyond_it_unless_a_value_passes_it(campaign) -> None:
+    """An ovality: the lower limit 0 is what no part can pass, and not what production must keep."""
+    table, spec = campaign(200, 0)
+    x = np.abs(np.random.default_rng(3).normal(1.0, 0.8, size=200))
+    first = replace(spec.responses[0], lsl=0.0, usl=9.0, target=None)
+    cpks = {}
+    for boundary, moved in (("", 0.0), ("lower", 0.0), ("lower", -2.0)):
+        ovality = replace(spec, responses=(replace(first, boundary=boundary), *spec.responses[1:]))
+        c = analysis_of(column(table, "FC-1", x + moved), ovality).responses[0].capability
+        cpks[boundary, moved] = (c.cpl is None, c.cpk > 1.33)
+    assert cpks == {("", 0.0): (False, False), ("lower", 0.0): (True, True), ("lower", -2.0): (False, False)}
+
+
+def test_samples_without_a_value_count_as_failed_ones_do(campaign) -> None:
+    """Of 400 values the 5 % largest are missing: nobody knows where they lie."""
+    table, spec = campaign(400, 0)
+    x = np.sort(np.random.default_rng(5).normal(size=400))
+    wide = replace(spec, responses=(replace(spec.responses[0], lsl=-6.5, usl=6.5, target=None), *spec.responses[1:]))
+    missing = np.where(np.arange(400) < 380, x, np.nan)
+    found = analysis_of(column(table, "FC-1", missing), wide).responses[0].verdict
+    assert (found.word, "20 of 400 samples have no value" in found.reasons[0]) == ("no verdict", True)
+    few = np.where(np.arange(400) < 398, x, np.nan)
+    assert analysis_of(column(table, "FC-1", few), wide).responses[0].verdict.word == "capable"

@@ -124,8 +124,8 @@ def test_the_page_says_the_words_not_only_the_colours(page: Page) -> None:
 
 def test_the_headline_names_the_weakest(campaign) -> None:
     a = analysis_of(*campaign(500))
-    bad = "Not capable: FC-4. Marginal: FC-3. Capable, not certain: FC-2, FC-5."
-    assert a.headline == f"{bad} Certainly capable: 2 of 6 responses with limits."
+    bad = "Not capable: FC-4. Marginal, not certain: FC-3. Capable, not certain: FC-1, FC-2, FC-5, FC-6."
+    assert a.headline == f"{bad} Certainly capable: none of 6 responses with limits."
     assert weakest(a).spec.name == "FC-4"
 
 

@@ -21,7 +21,7 @@ LISTED_STATES = (*STATES, "incomplete", "planned", "broken")
 
 
 class Weakest(BaseModel):
-    """The response with the smallest Cpk."""
+    """The response with the smallest index, which is that of its verdict once there is a report, until then Cpk."""
 
     response: str = Field(examples=["FC-1"])
     cpk: float = Field(examples=[1.21])
@@ -29,7 +29,7 @@ class Weakest(BaseModel):
 
 
 class BelowTarget(BaseModel):
-    """A response whose Cpk is below the target with its whole interval."""
+    """A response whose index is below the target with its whole interval."""
 
     response: str = Field(examples=["FC-1"])
     cpk: float = Field(examples=[1.21])
@@ -39,6 +39,7 @@ class BelowTarget(BaseModel):
 
 class _Spec(BaseModel):
     name: str
+    requirement: float | None = None
 
 
 class _Capability(BaseModel):
@@ -55,6 +56,18 @@ class _Capability(BaseModel):
 class _Response(BaseModel):
     spec: _Spec
     capability: _Capability
+    index: float | None = None  # that decides; absent from reports of earlier versions, which have Cpk
+    index_low: float | None = None
+    index_high: float | None = None
+
+    @property
+    def decides(self) -> tuple[float | None, Interval | None]:
+        """The index that decides, and its interval; None if it lacks an end."""
+        if self.index is None:
+            return self.capability.cpk, self.capability.interval
+        if self.index_low is None or self.index_high is None:
+            return self.index, None
+        return self.index, (self.index_low, self.index_high)
 
 
 class _Yield(BaseModel):
@@ -80,18 +93,18 @@ class Conclusions(BaseModel):
 
     @property
     def weakest(self) -> Weakest | None:
-        """The response with the smallest Cpk; None if no response has a Cpk."""
-        return weakest_of({r.spec.name: (r.capability.cpk, r.capability.interval) for r in self.responses})
+        """The response with the smallest index; None if no response has one."""
+        return weakest_of({r.spec.name: r.decides for r in self.responses})
 
     @property
     def below_target(self) -> list[BelowTarget]:
-        """The responses whose Cpk is below the target with its whole interval."""
-        target = self.thresholds.capable
-        known = [(r.spec.name, r.capability.cpk, r.capability.interval) for r in self.responses]
+        """The responses whose index is below the target with its whole interval."""
+        usual = self.thresholds.capable
+        known = [(r.spec.name, *r.decides, r.spec.requirement or usual) for r in self.responses]
         return [
-            BelowTarget(response=name, cpk=cpk, interval=interval, target=target)
-            for name, cpk, interval in known
-            if cpk is not None and interval is not None and interval[1] < target
+            BelowTarget(response=name, cpk=index, interval=interval, target=target)
+            for name, index, interval, target in known
+            if index is not None and interval is not None and interval[1] < target
         ]
 
     @property

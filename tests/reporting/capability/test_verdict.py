@@ -10,7 +10,15 @@ from scipy.special import ndtri
 from reporting import capability
 from reporting.capability.lots import describe_lots
 from reporting.capability.shares import nonconforming
-from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, class_of, index_of_share, verdict
+from reporting.capability.verdict import (
+    FEWEST_FOR_A_VERDICT,
+    USUAL,
+    IndexEstimate,
+    SecondPopulation,
+    bars_of,
+    index_of_share,
+    verdict,
+)
 
 
 def spread(n: int, cpk: float, rejects: int = 0) -> np.ndarray:
@@ -35,7 +43,7 @@ def objector(by: str, low: float, value: float, high: float) -> IndexEstimate:
 )
 def test_the_word_follows_from_cpk(cpk, word) -> None:
     c = capability(spread(40, 1.0), -3.0, 2.0)
-    assert class_of(cpk) == word
+    assert USUAL.class_of(cpk) == word
     assert verdict(replace(c, cpk=cpk, cpk_interval=(cpk, cpk)), None).word == word
     assert verdict(replace(c, cpk=None), None).word == "no verdict"
     assert verdict(replace(c, lsl=None, usl=None, cpk=None), None).word == "no limits"
@@ -52,15 +60,15 @@ def test_a_count_that_excludes_the_index_overrules_it(rejects: int, word: str) -
     assert "Cpk 1.3" in found.reasons[0]
 
 
-def test_a_count_better_than_the_index_never_raises_the_verdict() -> None:
-    """Two rejects of 30,000 where Cpk 0.8 expects thousands: the worse word, with the reason, and not certain."""
+def test_a_count_that_excludes_the_index_raises_the_verdict_too() -> None:
+    """Two rejects of 30,000 where Cpk 0.8 expects thousands: 8 to 241 ppm are marginal or capable."""
     x = np.random.default_rng(0).uniform(-1, 1, 30_000)
     x[:2] = 1.5
     found = judged(x, usl=1.4)
     assert capability(x, usl=1.4).cpk < 1
-    assert (found.word, found.certain, found.by) == ("not capable", False, "index")
-    assert any("fewer than" in reason for reason in found.reasons)
-    assert any("the worse of the two counts" in reason for reason in found.reasons)
+    assert (found.word, found.certain, found.by) == ("marginal", False, "count")
+    assert found.index == pytest.approx(index_of_share(2e6 / 30_000))
+    assert (found.index_low < 1.33 < found.index_high, "although Cpk 0.8" in found.reasons[0]) == (True, True)
 
 
 @pytest.mark.parametrize("n", [2, 3, 10, FEWEST_FOR_A_VERDICT - 1])
@@ -96,8 +104,8 @@ def test_an_estimate_wholly_in_a_worse_class_overrules() -> None:
     x = spread(1_000, 1.0)
     found = judged(x, -5.0, 5.0, [objector("fitted distribution", 0.9, 0.95, 0.99), objector("tail", 0.9, 1.1, 1.2)])
     assert (found.word, found.by) == ("not capable", "fitted distribution")
-    assert found.certain is True
-    assert found.reasons[0].startswith("Ppk 0.95 by fitted distribution: not capable at best, although Cpk")
+    assert found.reasons[0].startswith("Ppk 0.95 by fitted distribution: not capable, although Cpk")
+    assert not found.certain  # without a reject the values may end before the limit
 
 
 def test_an_estimate_that_the_count_refutes_has_no_say() -> None:
@@ -209,10 +217,73 @@ def test_a_count_alone_proves_a_response_capable() -> None:
 def test_values_that_are_not_normal_follow_an_estimate_without_the_normal_distribution() -> None:
     """Cpk 1.6 says capable, the fitted distribution marginal: it decides where the values are not normal."""
     x, fitted = spread(5_000, 1.0), objector("fitted distribution", 1.1, 1.2, 1.5)
-    percentiles = objector("percentiles", 0.8, 0.9, 1.6)
-    assert judged(x, -5.0, 5.0, [percentiles, fitted]).word == "capable"
-    found = judged(x, -5.0, 5.0, [percentiles, fitted], normal=False)
-    assert (found.word, found.certain, found.by) == ("marginal", False, "fitted distribution")
-    assert found.reasons[0].startswith("Ppk 1.2 by fitted distribution: marginal, as the values are not normal")
+    assert judged(x, -5.0, 5.0, [fitted]).word == "capable"
+    found = judged(x, -5.0, 5.0, [fitted], normal=False)
+    assert (found.word, found.certain, found.by, found.index) == ("marginal", False, "fitted distribution", 1.2)
+    assert found.reasons[0].startswith("Ppk 1.2 by fitted distribution: marginal, although Cpk 1.6")
     better = judged(x, -1.2, 1.2, [objector("fitted distribution", 1.4, 1.5, 1.6)], normal=False)
     assert better.word == "not capable"
+
+
+def test_an_estimate_wholly_in_a_better_class_raises_the_verdict() -> None:
+    """A skewed response: Cpk by sigma says not capable, every distribution that the values allow says capable."""
+    x = spread(5_000, 1.0)
+    found = judged(x, -2.995, 2.995, [objector("fitted distribution", 1.4, 1.6, 1.8)])
+    assert (found.word, found.certain, found.index) == ("capable", True, 1.6)
+
+
+def test_a_point_estimate_that_its_own_interval_does_not_confirm_changes_no_word() -> None:
+    found = judged(spread(5_000, 1.0), -5.0, 5.0, [objector("fitted distribution", 1.05, 1.2, 1.5)])
+    assert (found.word, found.certain, found.index) == ("capable", False, pytest.approx(1.67, abs=0.01))
+
+
+def test_weighted_runs_decide_against_every_model_but_not_against_the_count() -> None:
+    x, models = spread(5_000, 1.0), [objector("fitted distribution", 0.9, 0.95, 0.99)]
+    weighted = objector("rare rejects", 1.36, 1.5, 1.62)
+    found = judged(x, -5.0, 5.0, [*models, weighted], unseen=SecondPopulation(900.0, "few values", ""))
+    assert (found.word, found.certain, found.by, found.index) == ("capable", True, "rare rejects", 1.5)
+    assert judged(spread(30_000, 1.4, 110), usl=3.0, others=[weighted]).by == "count"
+
+
+def test_a_second_population_that_the_values_permit_takes_the_certainty() -> None:
+    x, tail = spread(5_000, 1.0), objector("tail", 1.4, 1.6, math.inf)
+    few, large = (SecondPopulation(ppm, "few values", "Certain provided that.") for ppm in (5.0, 500.0))
+    sure = judged(x, -5.0, 5.0, [tail], unseen=few)
+    assert (sure.certain, sure.assumes) == (True, "Certain provided that.")
+    unsure = judged(x, -5.0, 5.0, [tail], unseen=large)
+    assert (unsure.word, unsure.certain, unsure.assumes) == ("capable", False, "")
+    assert unsure.reasons == ("few values: marginal.",)
+
+
+def test_normal_values_that_may_end_before_a_limit_are_not_certainly_poor() -> None:
+    """Cpk 0.87 of 99 values without a reject: a distribution that ends before the limit has none either."""
+    found = judged(spread(100, 1.0)[:-1], usl=2.6, others=[objector("fitted distribution", 0.7, 0.8, 0.9)])
+    assert (found.word, found.certain) == ("not capable", False)
+
+
+@pytest.mark.parametrize(("requirement", "marginal"), [(1.33, 1.0), (1.67, 1.33), (2.0, 1.67), (1.5, 1.17)])
+def test_the_class_follows_from_what_is_required(requirement: float, marginal: float) -> None:
+    bars = bars_of(requirement)
+    assert [bars.class_of(x) for x in (requirement, marginal, marginal - 1e-9)] == [
+        "capable",
+        "marginal",
+        "not capable",
+    ]
+    x, tail = spread(5_000, 1.0), [objector("tail", 1.4, 1.6, math.inf)]
+    assert judged(x, -4.0, 4.0, tail, bars=bars).word == bars.class_of(4 / 3)
+
+
+def test_a_prescribed_index_alone_decides() -> None:
+    x, others = spread(5_000, 1.0), [objector("fitted distribution", 0.9, 0.95, 0.99)]
+    others.append(objector("fitted percentiles", 1.1, 1.2, 1.3))
+    assert judged(x, -5.0, 5.0, others, bars=bars_of(1.33, "cpk")).word == "capable"
+    found = judged(x, -5.0, 5.0, others, bars=bars_of(1.33, "percentile"))
+    assert (found.word, found.certain, found.index) == ("marginal", True, 1.2)
+
+
+def test_a_tail_alone_is_not_certain_to_be_poor() -> None:
+    """Beyond a small second population a Pareto tail goes on; the values end there, and none is out of limits."""
+    x = spread(3_000, 1.0)
+    found = judged(x, -5.0, 5.0, [objector("tail", 1.05, 1.15, 1.25)])
+    assert (found.word, found.certain, found.by) == ("marginal", False, "tail")
+    assert "does not rule out capable" in found.reasons[-1]

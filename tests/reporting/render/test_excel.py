@@ -58,5 +58,6 @@ def test_long_findings_are_wrapped_and_words_have_their_colour(campaign, tmp_pat
     verdicts = [cell for cell in book["Summary"]["C"] if cell.value in ("capable", "marginal", "not capable")]
     assert verdicts
     assert all(cell.fill.fgColor.rgb != "00000000" for cell in verdicts)
-    means = [cell for cell in book["Summary"]["I"][1:] if cell.value is not None]
+    means = [cell for cell in book["Summary"]["M"][1:] if cell.value is not None]
+    assert all(cell.font.bold for cell in book["Summary"]["D"][1:] if cell.value is not None)
     assert all(cell.number_format != "General" for cell in means)

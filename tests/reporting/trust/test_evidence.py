@@ -100,3 +100,12 @@ def test_a_verdict_at_the_edge_does_not_hold_together_with_others() -> None:
     some = (replace(responses[0], capability=edge, verdict=sure), *(replace(r, verdict=sure) for r in responses[1:2]))
     text = many_statements((*some, *responses[2:]), 0.95).text
     assert "(Bonferroni): FC-2" in text
+
+
+def test_a_limit_on_the_far_side_of_zero_is_named() -> None:
+    """The values of FC-1 lie around 13.7: a lower limit of -9 is a wrong sign; +-20 are deviations from zero."""
+    table, spec = c60_table(60), c60_spec(60)
+    for lsl, usl, named in ((-9.0, 16.0, True), (9.0, 16.0, False), (0.0, 16.0, False), (-20.0, 20.0, False)):
+        moved = replace(spec, responses=(replace(spec.responses[0], lsl=lsl, usl=usl), *spec.responses[1:]))
+        texts = [check.text for check in analysis_of(table, moved).trust if check.name == "Limits"]
+        assert ["FC-1 lsl = -9" in text for text in texts] == [True] * named, (lsl, usl)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reporting.shape.normality import normality
-from reporting.trust.normal_shape import holm, normal_shape
+from reporting.shape.normality import departs, normality
+from reporting.trust.normal_shape import normal_shape
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -111,7 +111,8 @@ def test_values_in_lots_that_cannot_test_the_shape_are_never_close_to_normal(res
     assert "cumulative shares may be off by up to" in found.text
 
 
-def test_by_hand() -> None:
-    assert holm([0.04, 0.01, 0.03, 0.005]) == pytest.approx([0.06, 0.03, 0.06, 0.02])
-    assert holm([0.9, 0.8]) == [1.0, 1.0]
-    assert holm([]) == []
+def test_a_p_value_counts_for_as_many_responses_as_are_tested() -> None:
+    shape = normality(np.random.default_rng(0).normal(size=500))
+    assert departs(replace(shape, p=0.009), 4)
+    assert not departs(replace(shape, p=0.011), 4)
+    assert departs(replace(shape, p=0.9, verdict="not normal"), 4)

@@ -1,0 +1,96 @@
+"""Weighted runs decide what plain samples leave open: one campaign, one verdict, the same bits every time."""
+
+import pytest
+from scipy.integrate import quad
+from scipy.stats import truncnorm
+
+from campaign.spec.load import load_campaign
+from campaign.store.repeat_sets import repeated_shares
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
+from clearcap.questions.decision import open_responses, plan_decision
+from clearcap.questions.report import analysis, report
+from tests.campaign import fake_engine
+from tests.campaign.driving import computed, rows
+
+JOINT = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower": 0.01, "upper": 0.13}
+PLAY = truncnorm(-24 / 7, 24 / 7, 0.07, 0.0175)
+# The fake engine's FC-1 is 10 + J1 + 2 J2.
+LIMIT = 0.21 + 4.3 * 0.0175 * 5**0.5
+
+
+def campaign_with(**tables):
+    """Return a campaign of 200 samples whose FC-1 has a limit far out in its tail."""
+    return load_campaign(
+        {
+            **{"format": 1, "name": "tail", "mechanism": "c60", "samples": 200, "seed": 4},
+            "variables": {"J1": JOINT, "J2": JOINT},
+            "responses": {"FC-1": {"usl": 10.0 + LIMIT}},
+            **tables,
+        }
+    )
+
+
+def compute(store, plan):
+    """Compute all batches of a plan in this process."""
+    address = CampaignAddress.of(store, plan, fake_engine.simulate, repeated_shares(store, plan))
+    for batch in range(len(plan.batches)):
+        run_batch(address, BatchRequest(batch))
+
+
+def test_aimed_runs_decide_what_the_samples_leave_open(tmp_path) -> None:
+    """The share beyond the limit is an integral; 200 samples permit a second population."""
+    store, plan = computed(tmp_path / "s", campaign_with(), 50)
+    before = analysis(store, plan)
+    assert open_responses(before) == ("FC-1",)
+    decides, names = plan_decision(store, plan)
+    assert (names, decides.spec.samples, decides.spec.sampler) == (("FC-1",), 1250, "importance")
+    assert analysis(store, plan).responses[0].verdict == before.responses[0].verdict  # not while runs are missing
+    compute(store, decides)
+    share = quad(lambda x: PLAY.pdf(x) * PLAY.sf(LIMIT - 2 * x), 0.01, 0.13, limit=500, epsabs=1e-13)[0]
+    found = analysis(store, plan)
+    rare, verdict = found.rare.responses[0].total, found.responses[0].verdict
+    assert rare.interval[0] < 1e6 * share < rare.interval[1]
+    assert (verdict.word, verdict.certain, verdict.by) == ("capable", True, "rare rejects")
+    assert decides.campaign_id in verdict.assumes
+    assert decides.campaign_id in open_page(report(store, plan)["html"])
+    again, _ = plan_decision(store, plan)
+    assert again.campaign_id == decides.campaign_id
+
+
+def open_page(path: str) -> str:
+    with open(path) as file:
+        return file.read()
+
+
+def test_the_same_samples_get_the_same_aimed_runs(tmp_path) -> None:
+    """A campaign that is killed and continued, or computed in other batches, is decided by the same rows."""
+    tables = []
+    for name, batch in (("a", 200), ("b", 30)):
+        store, plan = computed(tmp_path / name, campaign_with(), batch)
+        decides, _ = plan_decision(store, plan)
+        compute(store, decides)
+        tables.append(rows(store, decides))
+    assert tables[0].equals(tables[1])
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"decide": {"runs": 0}},
+        {"sampler": "lhs"},
+        {"responses": {"FC-1": {"usl": 1000.0}}},
+        {"samples": 20},
+        {"variables": {"J1": JOINT, "J2": {**JOINT, "batch": {"size": 10, "std": 0.002}}}},
+    ],
+    ids=["no runs", "no random samples", "certain", "no verdict", "production batches"],
+)
+def test_what_is_decided_or_cannot_be_gets_no_runs(tmp_path, tables) -> None:
+    store, plan = computed(tmp_path / "s", campaign_with(**tables), 200)
+    assert plan_decision(store, plan) is None
+    assert store.campaigns() == [plan.campaign_id]
+
+
+def test_the_number_of_runs_is_bounded(tmp_path) -> None:
+    store, plan = computed(tmp_path / "s", campaign_with(decide={"runs": 300}), 200)
+    assert plan_decision(store, plan)[0].spec.samples == 300

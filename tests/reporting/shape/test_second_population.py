@@ -1,0 +1,33 @@
+"""What few values cannot exclude: the share of a second population follows from the binomial distribution."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from reporting.shape.second_population import LEAST, MOST, second_population
+
+
+def test_the_share_is_the_largest_that_the_values_leave_unseen_once_in_twenty() -> None:
+    """1,000 values between -3 and 3 sigmas: a population five times as wide has 55 % of its parts outside."""
+    x = norm.ppf((np.arange(1000) + 0.5) / 1000)
+    x = x / x.std()
+    found = second_population(x, -12.0, 12.0, x.size)
+    outside = 2 * norm.cdf(x.min() / 5)
+    share = -np.log(0.05) / (1000 * outside)
+    assert (1 - share * outside) ** 1000 == pytest.approx(0.05, rel=0.01)
+    assert found.ppm == pytest.approx(1e6 * share * norm.sf(12 / 5), rel=1e-6)
+    assert "5 times as wide" in found.words
+
+
+def test_many_values_exclude_every_population_that_is_considered() -> None:
+    x = np.random.default_rng(0).normal(size=20_000)
+    assert second_population(x, -6.0, 6.0, x.size).ppm == 0.0
+    few = second_population(x[:30], -6.0, 6.0, 30)
+    assert few.ppm <= 1e6 * MOST
+    assert second_population(x[:1000], -6.0, 6.0, 1000).ppm >= 1e6 * LEAST * norm.sf(6 / 5)
+    assert second_population(np.full(50, 3.0), 0.0, 6.0, 50) is None
+
+
+def test_values_in_lots_exclude_less() -> None:
+    x = np.random.default_rng(1).normal(size=2_000)
+    assert second_population(x, -6.0, 6.0, 200.0).ppm > second_population(x, -6.0, 6.0, 2_000.0).ppm
