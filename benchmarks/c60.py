@@ -12,7 +12,7 @@ from engine import Certificate, load_mechanism, simulate
 from engine.assembly import assemble
 from engine.equilibrium import PoseAtRest
 from engine.execution import contacts_with_ranges
-from engine.kernels.time_loop import PHASE, TIME
+from engine.kernels.time_loop import PHASE, STEP, TIME
 from engine.loop import Cancel, control_of, drive
 from engine.mechanism import Mechanism, set_values
 
@@ -67,7 +67,7 @@ def _parts(plan: Plan, sample: int) -> dict[str, float]:
     assembly = timed("assembly", assemble, mechanism)
     control = control_of(mechanism, False)
     course = timed("time loop", drive, assembly, control, mechanism.simulation.wall_limit)
-    end = int(course.counts[PHASE]), float(course.reals[TIME])
+    end = int(course.counts[PHASE]), float(course.reals[TIME]), float(course.reals[STEP])
     pose = timed("forces at rest", PoseAtRest, mechanism, assembly, *end)
     timed("ranges of forces", pose.ranges, list(contacts_with_ranges(mechanism, end[0]).values()))
     parts = sum(took.values())

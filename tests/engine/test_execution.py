@@ -74,7 +74,7 @@ def test_looking_at_a_pose_leaves_the_run_as_it_is():
     mechanism = made(block_above_a_stop())
     assembly = assemble(mechanism)
     before = [array.copy() for array in assembly.state]
-    pose = PoseAtRest(mechanism, assembly, 0, 0.0)
+    pose = PoseAtRest(mechanism, assembly, 0, 0.0, 1e-3)
     assert (pose.moves, pose.forces, pose.ranges(["stop"])) == (True, None, {})
     assert math.isnan(pose.reported[list(mechanism.responses).index("force")])
     for array, kept in zip(assembly.state, before, strict=True):
