@@ -105,15 +105,20 @@ class Child:
 
     def __init__(self, function: str, environment: Mapping[str, str] | None = None, *, quiet: bool = False) -> None:
         self._received = bytearray()
-        self._printed = tempfile.TemporaryFile() if quiet else None  # noqa: SIM115  # closed by `__exit__`
-        self._process = subprocess.Popen(
-            command(function),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._printed,
-            env=python_environment() if environment is None else environment,
-            start_new_session=True,
-        )
+        self._printed = tempfile.TemporaryFile() if quiet else None  # noqa: SIM115  # closed by `close`
+        try:
+            self._process = subprocess.Popen(
+                command(function),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._printed,
+                env=python_environment() if environment is None else environment,
+                start_new_session=True,
+            )
+        except BaseException:
+            if self._printed is not None:
+                self._printed.close()
+            raise
 
     def __enter__(self) -> "Child":
         return self
