@@ -70,7 +70,8 @@ def execute(
         choices.append(stay_at_rest(assembly, control, course, touching_gap(mechanism)))
 
     start = time.perf_counter()
-    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, released)
+    asks = released if mechanism.simulation.rest.locks else None
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, asks)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
         steps=int(counts[time_loop.STEPS]),

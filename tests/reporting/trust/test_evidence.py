@@ -95,11 +95,12 @@ def test_many_statements_are_counted() -> None:
 def test_a_verdict_at_the_edge_does_not_hold_together_with_others() -> None:
     """An interval that keeps its class at 95 %, but not at Bonferroni's 99.2 % for six verdicts."""
     responses = analysis_of(c60_table(300), c60_spec(300)).responses
-    edge = replace(responses[0].capability, cpk=1.45, cpk_interval=(1.34, 1.56))
-    sure = CapabilityVerdict("capable", True, "index")
-    some = (replace(responses[0], capability=edge, verdict=sure), *(replace(r, verdict=sure) for r in responses[1:2]))
-    text = many_statements((*some, *responses[2:]), 0.95).text
-    assert "(Bonferroni): FC-2" in text
+    edge = CapabilityVerdict("capable", True, "index", index=1.45, index_low=1.34, index_high=1.56)
+    sure = CapabilityVerdict("capable", True, "index", index=2.0, index_low=1.8, index_high=2.2)
+    some = (replace(responses[0], verdict=edge), replace(responses[1], verdict=sure))
+    open_ones = [replace(r, verdict=replace(r.verdict, certain=False)) for r in responses[2:]]
+    text = many_statements((*some, *open_ones), 0.95).text
+    assert "(Bonferroni): FC-2." in text
 
 
 def test_a_limit_on_the_far_side_of_zero_is_named() -> None:
