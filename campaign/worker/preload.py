@@ -34,6 +34,10 @@ def dask_setup(worker: Any) -> None:
     them was not found while another thread imported modules, and dask warned of different versions.
     """
     get_versions()  # caches them
+    # Not in the thread: one that imports the whole package and another that imports a part of it, as to unpickle a
+    # batch, can wait for one another, and Python then lets one of them fail.
+    with suppress(Exception):
+        import_module("engine")
     worker.executors["default"].submit(load_ahead)
 
 
