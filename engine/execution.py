@@ -70,7 +70,7 @@ def execute(
         choices.append(stay_at_rest(assembly, control, course, touching_gap(mechanism)))
 
     start = time.perf_counter()
-    asks = released if mechanism.simulation.rest.locks else None
+    asks = None if mechanism.simulation.rest.locks is False else released
     course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, asks)
     counts, reals = course.counts, course.reals
     certificate = Certificate(

@@ -240,8 +240,8 @@ class Rest(TableModel):
     drift: Annotated[PositiveNumber, Quantity("length")] = Field(
         description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
-    locks: bool = Field(
-        True,
+    locks: bool | None = Field(
+        None,  # and not true: what a mechanism file does not say is not in its digest either
         description="whether to ask, where a phase begins at rest and parts start to move, if friction can hold them"
         " as well, as in a bracket that locks itself; it costs milliseconds a phase",
     )

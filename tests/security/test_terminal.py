@@ -168,7 +168,7 @@ def test_odd_heartbeat(store, plan, capsys, monkeypatch, odd):
     store.write_json(plan.campaign_id, "lease.json", {"token": "a", **this_process()})
     store.files.write(f"{plan.campaign_id}/heartbeat.json", json.dumps(BEAT).encode())
     code, output, messages = clearcap_here(capsys, monkeypatch, "status", "--store", store.url)
-    assert (code, "1.0 runs/s on 1 workers, ETA 0:00:01" in output) == (0, True)
+    assert (code, "1.0 runs/s on 1 worker, ETA 0:00:01" in output) == (0, True)
     store.files.write(f"{plan.campaign_id}/heartbeat.json", json.dumps(BEAT | odd).encode())
     code, output, messages = clearcap_here(capsys, monkeypatch, "status", "--store", store.url)
     assert code == 0

@@ -2,6 +2,7 @@
 
 import logging
 
+import numpy as np
 import pytest
 
 from campaign.coordinator.submit import plan_campaign
@@ -39,7 +40,7 @@ def test_measured_values_that_drift():
     (text,) = warned(variables={"J1": measured})
     assert text.startswith("variables.J1: the measured values are not in random order: they rise from row to row (rank")
     assert text.endswith("; find the cause and measure again; if the rows were sorted, it means nothing")
-    shuffled = [drifting[(37 * i) % 80] for i in range(80)]
+    shuffled = np.random.default_rng(1).permutation(drifting).tolist()
     assert warned(variables={"J1": measured | {"values": shuffled}}) == []
 
 

@@ -187,4 +187,4 @@ def test_compact(store, plan, capsys, monkeypatch):
     assert (document["removed"], document["files"], document["bad_batches"]) == (2, 1, [2])
     assert "part-000002.parquet is truncated or damaged" in messages
     code, output, _ = clearcap_here(capsys, monkeypatch, "compact", plan.campaign_id, "--store", store.url)
-    assert (code, output) == (0, f"{plan.campaign_id}: 0 files merged into 0; the campaign has 1 files of rows now\n")
+    assert (code, output) == (0, f"{plan.campaign_id}: 0 files merged into 0; the campaign has 1 file of rows now\n")

@@ -357,11 +357,13 @@ def report(responses: dict[str, Any], history: list[list[float]], phases: list[i
     ``history`` has a list for each response: what it measures at the start, and after each step.
     """
     two = [{"name": "one", "duration": 1.0}, {"name": "two"}]
-    arrays = mechanism(responses, contacts={"stop": STOP}, phases=two).model.responses
-    reported, peak, seen = np.full(len(responses), np.nan), np.full(len(responses), np.nan), []
+    assembly, seen = mechanism(responses, contacts={"stop": STOP}, phases=two), []
+    work = assembly.work
+    work.reported[:], work.peak[:], work.impact[:] = np.nan, np.nan, 0.0
     for phase, (previous, now) in zip(phases, pairwise(np.array(history).T), strict=True):
-        update_reported(arrays, now.copy(), previous.copy(), phase, reported, peak)
-        seen.append(reported.tolist())
+        work.values[:], work.previous[:] = now, previous
+        update_reported(assembly.model.responses, work, phase, H)
+        seen.append(work.reported.tolist())
     return np.array(seen)
 
 
