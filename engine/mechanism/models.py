@@ -241,7 +241,8 @@ class Rest(TableModel):
         description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
     locks: bool | None = Field(
-        None,  # and not true: what a mechanism file does not say is not in its digest either
+        None,
+        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
         description="whether to ask, where a phase begins at rest and parts start to move, if friction can hold them"
         " as well, as in a bracket that locks itself; it costs milliseconds a phase",
     )

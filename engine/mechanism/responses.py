@@ -196,6 +196,7 @@ class Force(Measured):
 
     averaged_over: Annotated[PositiveNumber | None, Quantity("time")] = Field(
         default=None,
+        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
         description="time constant of a mean over the past, as a load cell shows it behind a filter of first order; "
         "default: the force of one step, which at an impact depends on the step",
     )
