@@ -8,7 +8,9 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 
+from campaign.processes import meanwhile
 from engine import missing_kernels, warm_up
 from engine.platform.child import python_environment
 
@@ -57,14 +59,10 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
     if not missing or not _announcing.acquire(blocking=False):
         yield
         return
-    over = threading.Event()
-    thread = threading.Thread(target=_announce, args=(missing, time.time(), over), name="compiling", daemon=True)
-    thread.start()
     try:
-        yield
+        with meanwhile(partial(_announce, missing, time.time()), "compiling"):
+            yield
     finally:
-        over.set()
-        thread.join()
         _announcing.release()
 
 

@@ -1,7 +1,10 @@
-"""The processes of this machine or container: their cores, and which is which, for leases and unfinished files."""
+"""The processes of this machine or container: their cores, which is which, and a thread beside a block of code."""
 
 import os
 import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,22 @@ def cores() -> int:
     """Return the number of cores that this process may use."""
     # macOS has no affinity
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def meanwhile(act: Callable[[threading.Event], None], name: str) -> Iterator[None]:
+    """Run a function in a thread during the block; it gets an event that is set when the block ends, and then returns.
+
+    If it fails to return, it does not keep the process from ending.
+    """
+    over = threading.Event()
+    thread = threading.Thread(target=act, args=(over,), name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 @cache

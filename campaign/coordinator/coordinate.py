@@ -31,6 +31,7 @@ from campaign.coordinator.state import resume_command, write_state
 from campaign.coordinator.stopping_rule import Checkpoints, Verdict
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
+from campaign.processes import meanwhile
 from campaign.store import Part, Store, Survey
 from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import CANCEL, HEARTBEAT
@@ -294,23 +295,16 @@ class Coordinator:
     @contextmanager
     def _beating(self, what: str) -> Iterator[None]:
         """Publish heartbeats from a thread during a block in which this one waits for workers, perhaps for minutes."""
-        over = threading.Event()
 
-        def beat() -> None:
+        def beat(over: threading.Event) -> None:
             while not over.wait(HEARTBEAT_INTERVAL):
                 try:
                     self._look_at_store()
                 except CampaignError:
                     return  # the next check in the thread that waits raises it again
 
-        thread = threading.Thread(target=beat, name="heartbeats", daemon=True)
-        with self.waits.during(what):
-            thread.start()
-            try:
-                yield
-            finally:
-                over.set()
-                thread.join()
+        with self.waits.during(what), meanwhile(beat, "heartbeats"):
+            yield
 
     def _check(self, window: Window) -> None:
         """Check workers and store; called every two seconds."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from campaign.errors import CampaignError, StoreError
-from campaign.processes import process_space, started
+from campaign.processes import meanwhile, process_space, started
 from campaign.store import Store
 from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
@@ -63,9 +63,9 @@ def beating(store: Store, folder: str) -> Iterator[None]:
 
     ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`.
     """
-    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.retry_policy)
+    hasty, outage = store.hasty, Outage(store.url, store.files.retry_policy)
 
-    def write_heartbeats() -> None:
+    def write_heartbeats(over: threading.Event) -> None:
         count = 0
         while not over.is_set():
             count += 1
@@ -76,13 +76,8 @@ def beating(store: Store, folder: str) -> Iterator[None]:
                 outage.begin(error)
             over.wait(HEARTBEAT_INTERVAL)
 
-    thread = threading.Thread(target=write_heartbeats, name=f"heartbeats of {folder}", daemon=True)
-    thread.start()
-    try:
+    with meanwhile(write_heartbeats, f"heartbeats of {folder}"):
         yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def take_lease(
@@ -164,16 +159,6 @@ def judge_life(
     if heartbeat != earlier.heartbeat:
         return SignOfLife(token, heartbeat, now, True)
     return replace(earlier, is_alive=False) if now - earlier.seen_at >= STALE_AFTER else earlier
-
-
-def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, now: float | None = None) -> SignOfLife:
-    """Check the lease and the heartbeat in a folder once; see `judge_life`. This reads two files and does not wait.
-
-    ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`; ``now`` None means the monotonic clock of
-    this process. Use `Store.hasty` to avoid waiting for an unreachable store.
-    """
-    lease, heartbeat = store.read_json(folder, LEASE), store.read_json(folder, HEARTBEAT)
-    return judge_life(lease, heartbeat, earlier, time.monotonic() if now is None else now)
 
 
 def is_alive(

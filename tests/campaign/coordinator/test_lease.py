@@ -17,7 +17,6 @@ from campaign.coordinator.lease import (
     is_coordinated,
     judge_life,
     lease_holder,
-    sign_of_life,
     take_lease,
     this_process,
 )
@@ -159,15 +158,18 @@ def test_lease_taken_over_is_not_removed(store):
     assert json.loads(store.files.read("demo/lease.json"))["token"] == "theirs"
 
 
-def test_life_is_judged_without_waiting(store, elsewhere, monkeypatch):
+def test_life_is_judged_without_waiting(store, elsewhere):
     """Whoever looks keeps what it saw; another lease, or none, begins anew."""
-    monkeypatch.setattr(leases.time, "sleep", lambda _: pytest.fail("it waits"))
-    first = sign_of_life(store, "demo", now=0.0)
+
+    def judged(earlier, now):
+        return judge_life(store.read_json("demo", LEASE), store.read_json("demo", "heartbeat.json"), earlier, now)
+
+    first = judged(None, 0.0)
     assert (first.token, first.is_alive) == ("x", None)
-    assert sign_of_life(store, "demo", first, now=STALE_AFTER - 0.1) == first
-    assert sign_of_life(store, "demo", first, now=STALE_AFTER).is_alive is False
+    assert judged(first, STALE_AFTER - 0.1) == first
+    assert judged(first, STALE_AFTER).is_alive is False
     store.write_json("demo", "heartbeat.json", {"beat": 1})
-    alive = sign_of_life(store, "demo", first, now=90.0)
+    alive = judged(first, 90.0)
     assert (alive.is_alive, alive.seen_at) == (True, 90.0)
     lease = store.read_json("demo", LEASE)
     assert judge_life({**lease, "token": "y"}, alive.heartbeat, alive, 91.0).is_alive is None
