@@ -190,6 +190,7 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
         "since": 0,
         "open": False,
         "fault": None,
+        "options": ["--workers", "2"],
     }
     kept = store.survey(plan).rows
     assert 0 < kept <= 3

@@ -34,7 +34,7 @@ def test_a_campaign_stops_when_its_first_runs_all_fail(tmp_path, campaign_file, 
     plan, first = stored(tmp_path / "s")
     assert FIRST_RUNS <= first["not_converged"] < 700
     assert "sample 0, not_converged: not at rest at the horizon" in str(stopped.value)
-    assert f"clearcap resume {plan.campaign_id} --store {tmp_path / 's'}" in str(stopped.value)
+    assert f"clearcap resume {plan.campaign_id} --workers 2 --store {tmp_path / 's'}" in str(stopped.value)
     assert state_of(open_store(str(tmp_path / "s")), plan.campaign_id)["state"] == "failed"
     with pytest.raises(TooManyFailed):
         start(tmp_path / "s", loaded, batch_size=20, simulate=SLIDES)

@@ -193,6 +193,7 @@ def test_status(faked, campaign_file):
         "message": "",
         "open": False,
         "heartbeat": None,
+        "waits_for": "",
         "comparisons": {},
         "samples": 25,
         "done": 25,

@@ -36,7 +36,7 @@ def test_measured_once(drawn, own_cache, monkeypatch):
     expected = pytest.approx([BORE - PIN - OFF, BORE], abs=1e-9)
     assert drawn_distances(*drawn) == expected
     [kept] = own_cache.iterdir()
-    monkeypatch.setattr("engine.cad.step_reader.subprocess.run", no_process)
+    monkeypatch.setattr("engine.cad.step_reader.Child", no_process)
     assert drawn_distances(*drawn) == expected
     path, sha256, pairs = drawn
     with pytest.raises(AssertionError, match="was started"):

@@ -154,7 +154,8 @@ def test_run_shows_numbers_and_motion(browser):
     of_unit = {name.partition(" [")[0]: name.partition(" [")[2].rstrip("]") for name in facts if "[" in name}
     assert of_unit == {
         **{"simulated time": "ms", "real time": "s", "max penetration": "mm", "max violation": "mm"},
-        **{"max created energy": "mJ", "created energy": "mJ"},
+        **dict.fromkeys(("max created energy", "created energy", "max lost energy", "lost energy"), "mJ"),
+        **{"max kinetic energy": "mJ", "max turn": "rad"},
     }
     run = simulate(load_mechanism("c60"), {"J1": 0.05})
     assert facts["simulated time [ms]"] == f"{run.certificate.time:.4g}"
