@@ -100,15 +100,15 @@ def _decide(store: "Store", plan: "Plan", cluster: "Cluster", *, quiet: bool) ->
     from clearcap.cli.progress import display
     from clearcap.questions.decision import plan_decision
 
-    planned = plan_decision(store, plan)
-    if planned is None or not store.survey(planned[0]).missing:
-        return
-    decides, names = planned
-    say(
-        f"not certain: {', '.join(names)}; {decides.spec.samples} runs that aim at their rejects decide (campaign"
-        f" {decides.campaign_id}; --no-decide leaves them out)"
-    )
     try:
+        planned = plan_decision(store, plan)
+        if planned is None or not store.survey(planned[0]).missing:
+            return
+        decides, names = planned
+        say(
+            f"not certain: {', '.join(names)}; {decides.spec.samples} runs that aim at their rejects decide (campaign"
+            f" {decides.campaign_id}; --no-decide leaves them out)"
+        )
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
             coordinate(store, decides, cluster, show)
     except CampaignError as error:

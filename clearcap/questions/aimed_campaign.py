@@ -17,6 +17,7 @@ from campaign.samples import limits_of
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.store import Store
 from campaign.store.layout import DECISION
+from clearcap.questions.report_source import deciding_campaign
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from reporting import ReportError
@@ -66,10 +67,11 @@ def aimed_campaign(
 
 def decided_by(store: Store, plan: Plan) -> tuple[Plan, tuple[str, ...]] | None:
     """Return the aimed campaign that decides what a campaign leaves open, and these responses; None without one."""
-    record = store.read_json(plan.campaign_id, DECISION)
-    if record is None or record["campaign"] not in store.campaigns():
+    found = deciding_campaign(store, plan.campaign_id)
+    names = (store.read_json(plan.campaign_id, DECISION) or {}).get("responses")
+    if found is None or not isinstance(names, list):
         return None
-    return store.plan(record["campaign"]), tuple(record["responses"])
+    return store.plan(found), tuple(name for name in plan.mechanism.responses if name in names)
 
 
 def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array, dict[str, Array]]:

@@ -6,6 +6,7 @@ weighted runs decide. It is an importance campaign like any other in the same st
 rows, so a later call continues it with the same bits.
 """
 
+from campaign.coordinator.requests import refuse_signed
 from campaign.coordinator.submit import submit
 from campaign.errors import CampaignError, SpecError
 from campaign.plan import Plan
@@ -26,6 +27,7 @@ def plan_decision(store: Store, plan: Plan) -> tuple[Plan, tuple[str, ...]] | No
     """Plan the campaign that decides what a complete campaign leaves open; return it and the open responses.
 
     None if every verdict is certain, the campaign file says `decide = {runs = 0}`, or its samples cannot be weighted.
+    Raises SignedCampaign if its verdicts are signed.
     """
     known = decided_by(store, plan)
     if known is not None:
@@ -33,6 +35,7 @@ def plan_decision(store: Store, plan: Plan) -> tuple[Plan, tuple[str, ...]] | No
     most = (plan.spec.decide or Decide()).runs
     if not most or plan.spec.sampler != "random" or store.survey(plan).missing:
         return None
+    refuse_signed(store, plan.campaign_id)
     names = open_responses(analysis(store, plan))
     if not names:
         return None

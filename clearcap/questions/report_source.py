@@ -1,5 +1,8 @@
 """What a report was made of: the digests of plan and rows, which it states among its provenance.
 
+The rows of an aimed campaign that decides what the samples leave open belong to them. Where files are listed for a
+campaign, hers are in a folder of their own, `DECIDING`.
+
 So a report that is not of the rows beside it is found without the server; one that was edited by hand is found by
 writing it again (`clearcap.questions.report.report_again`).
 """
@@ -7,19 +10,20 @@ writing it again (`clearcap.questions.report.report_again`).
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from campaign.errors import CampaignError
 from campaign.plan_header import PlanHeader
 from campaign.store import Store
-from campaign.store.layout import PLAN, REPEATS, STOPPED
+from campaign.store.layout import DECISION, PLAN, REPEATS, STOPPED
 from campaign.store.repeat_sets import repeat_plans
 from reporting.write import NAMES
 
 OF_PLAN, OF_ROWS = "plan digest", "rows digest"  # names in the provenance of a report
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2} \d{2}:\d{2} UTC")
-DOCUMENTS = (STOPPED, REPEATS)  # they say which rows belong to the table
+DOCUMENTS = (STOPPED, REPEATS, DECISION)  # they say which rows belong to the table, and which decide
+DECIDING = "deciding"
 
 
 def canonical(content: Any) -> bytes:
@@ -32,20 +36,45 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def deciding_campaign(store: Store, campaign: str) -> str | None:
+    """Return the id of the aimed campaign that decides what a campaign leaves open; None without one in the store."""
+    found = (store.read_json(campaign, DECISION) or {}).get("campaign")
+    return found if isinstance(found, str) and found in store.campaigns() else None
+
+
+def stored_at(campaign: str, name: str) -> str:
+    """Return where the store has a file that is listed for a campaign."""
+    return name.removeprefix(f"{DECIDING}/") if name.startswith(f"{DECIDING}/") else f"{campaign}/{name}"
+
+
+def tables_of(store: Store, header: PlanHeader) -> Iterator[tuple[str, PlanHeader]]:
+    """Yield the tables of which a report is made, each with the folder, as listed, in which its campaign is."""
+    yield from (("", table) for table in (header, *repeat_plans(store, header)))
+    if (deciding := deciding_campaign(store, header.campaign_id)) is not None:
+        yield f"{DECIDING}/{deciding}/", store.plan_header(deciding)
+
+
+def documents_of(store: Store, header: PlanHeader) -> list[str]:
+    """Return the names of the documents on the tables of a report."""
+    campaign = header.campaign_id
+    names = [name for name in DOCUMENTS if store.files.exists(f"{campaign}/{name}")]
+    return names + [f"{where}{PLAN}" for where, _ in tables_of(store, header) if where]
+
+
 def report_source(store: Store, header: PlanHeader) -> dict[str, str]:
     """Return the digests of a campaign's plan and rows, as its report states them; no file of rows is read."""
     campaign = header.campaign_id
-    documents = {name: store.files.read(f"{campaign}/{name}") for name in DOCUMENTS if _has(store, campaign, name)}
+    documents = {name: store.files.read(stored_at(campaign, name)) for name in documents_of(store, header)}
     seals = {
-        f"{table.folder}/{part.file}": part.sha256
-        for table in (header, *repeat_plans(store, header))
+        f"{where}{table.folder}/{part.file}": part.sha256
+        for where, table in tables_of(store, header)
         for part in store.survey(table).parts.values()
     }
     return source_digests(store.files.read(f"{campaign}/{PLAN}"), documents, seals)
 
 
 def source_digests(plan: bytes, documents: Mapping[str, bytes], seals: Mapping[str, str]) -> dict[str, str]:
-    """Return the digests that a report states, from the plan, the documents on its table, and the seals of all parts.
+    """Return the digests that a report states, from the plan, the documents on its tables, and the seals of all parts.
 
     ``seals`` are the digests in the seals of the files of rows, by name in the campaign's folder.
     """
@@ -79,7 +108,3 @@ def _document(content: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         document = None
     return document if isinstance(document, dict) else {}
-
-
-def _has(store: Store, campaign: str, name: str) -> bool:
-    return store.files.exists(f"{campaign}/{name}")

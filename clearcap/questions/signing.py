@@ -22,10 +22,9 @@ from campaign.errors import CampaignError, SpecError
 from campaign.plan_header import PlanHeader
 from campaign.store import Store
 from campaign.store.files.files import LARGEST, TEMPORARY
-from campaign.store.layout import CAMPAIGN_FILE, PLAN, REPEATS, REPORT, STOPPED
-from campaign.store.repeat_sets import repeat_plans
+from campaign.store.layout import CAMPAIGN_FILE, PLAN, REPORT
 from clearcap.questions.exported_rows import SentBytes
-from clearcap.questions.report_source import canonical, sha256
+from clearcap.questions.report_source import canonical, documents_of, sha256, stored_at, tables_of
 from engine.platform.regular_file import UnfitFile, read_regular_file
 
 LONGEST_COMMENT = 5000  # characters
@@ -169,14 +168,13 @@ def is_signed(document: bytes, signature: bytes, key: Ed25519PublicKey) -> bool:
 def signed_names(store: Store, header: PlanHeader) -> list[str]:
     """Return the names of all files that a sign-off would cover now, relative to the campaign's folder."""
     campaign = header.campaign_id
-    documents = [name for name in (STOPPED, REPEATS) if store.files.exists(f"{campaign}/{name}")]
     reports = [f"{REPORT}/{name}" for name in store.files.names(f"{campaign}/{REPORT}") if not name.endswith(TEMPORARY)]
-    return [PLAN, CAMPAIGN_FILE, *documents, *_files_of_rows(store, header), *reports]
+    return [PLAN, CAMPAIGN_FILE, *documents_of(store, header), *_files_of_rows(store, header), *reports]
 
 
 def digest_file(store: Store, campaign: str, name: str) -> str:
     """Return the SHA-256 of a file of a campaign; FileNotFoundError if it does not exist."""
-    return sha256(store.files.read(f"{campaign}/{name}"))
+    return sha256(store.files.read(stored_at(campaign, name)))
 
 
 def signed_files(
@@ -197,22 +195,22 @@ def signed_files(
 
 def check_whole(store: Store, header: PlanHeader) -> None:
     """Raise CampaignError, with the remedy, unless a campaign has all its rows, all of them sound, and a report."""
-    for table in (header, *repeat_plans(store, header)):
+    for _, table in tables_of(store, header):
         survey = store.survey(table, verify=True)
         if survey.bad:
-            raise CampaignError(f"{header.campaign_id}: {next(iter(survey.bad.values()))}; compute it again first")
+            raise CampaignError(f"{table.campaign_id}: {next(iter(survey.bad.values()))}; compute it again first")
         if survey.missing:
             batches = len(survey.missing)
-            raise CampaignError(f"{header.campaign_id}: {batches} batches have no rows; continue the campaign first")
+            raise CampaignError(f"{table.campaign_id}: {batches} batches have no rows; continue the campaign first")
     if not store.files.names(f"{header.campaign_id}/{REPORT}"):
         raise CampaignError(f"{header.campaign_id} has no report; write it first: an approver signs what it says")
 
 
 def _files_of_rows(store: Store, header: PlanHeader) -> Iterator[str]:
     """Yield the names of the files that hold the rows and the repeats."""
-    for table in (header, *repeat_plans(store, header)):
+    for where, table in tables_of(store, header):
         held = {part.file for part in store.survey(table).parts.values()}
-        yield from (f"{table.folder}/{name}" for name in sorted(held))
+        yield from (f"{where}{table.folder}/{name}" for name in sorted(held))
 
 
 SIGNOFFS = "signoffs"  # folder of the documents
@@ -259,7 +257,7 @@ def stream_export(
     sink = SentBytes()
     with ZipFile(sink, "w", ZIP_STORED) as archive:
         for name in names:
-            archive.writestr(_entry(campaign, name), store.files.read(f"{campaign}/{name}"))
+            archive.writestr(_entry(campaign, name), store.files.read(stored_at(campaign, name)))
             yield sink.taken()
         for number, each in enumerate(signed, start=1):
             archive.writestr(_entry(campaign, document_name(number)), each.document)

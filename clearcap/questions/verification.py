@@ -21,7 +21,7 @@ from campaign.store.files.files import LARGEST
 from campaign.store.layout import PLAN, REPORT
 from campaign.store.parts import BadPart, read_seal
 from clearcap.questions.report import analysis
-from clearcap.questions.report_source import DOCUMENTS, sha256, source_digests, stated_source
+from clearcap.questions.report_source import sha256, source_digests, stated_source, stored_at
 from clearcap.questions.signing import (
     HEAD,
     HEAD_SIGNATURE,
@@ -147,13 +147,10 @@ def _other_rows(archive: Archive) -> list[str]:
 
     A server that signs writes the report again and so cannot sign another; this tells it of a server that could.
     """
-    documents = {name: archive.read(name, LARGEST) for name in DOCUMENTS if name in archive.names}
+    rows = [name for name in archive.names if part_of(name) == "rows" and not name.startswith(f"{SIGNOFFS}/")]
+    documents = {name: archive.read(name, LARGEST) for name in rows if not name.endswith(".parquet")}
     try:
-        seals = {
-            name: read_seal(archive.read(name, LARGEST))[0]
-            for name in archive.names
-            if part_of(name) == "rows" and name.endswith(".parquet")
-        }
+        seals = {name: read_seal(archive.read(name, LARGEST))[0] for name in rows if name.endswith(".parquet")}
         found = source_digests(archive.read(PLAN, LARGEST), documents, seals)
         stated = stated_source(archive.read(f"{REPORT}/{NAMES['json']}", LARGEST))
     except (BadPart, CampaignError) as error:
@@ -170,7 +167,7 @@ def recomputed(archive: Archive) -> list[str]:
     with tempfile.TemporaryDirectory(prefix="clearcap-verify-") as folder:
         for name in archive.names:
             if part_of(name) != "report" and not name.startswith(f"{SIGNOFFS}/"):
-                path = Path(folder, archive.campaign, name)
+                path = Path(folder, stored_at(archive.campaign, name))
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(archive.read(name, LARGEST))
         store = open_store(folder)

@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
 from campaign.store.layout import REPORT, SUBMISSION
-from clearcap.questions.report_source import report_source, sha256
+from clearcap.questions.report_source import deciding_campaign, report_source, sha256, stored_at
 from clearcap.questions.signing import (
     Head,
     SignedDocument,
@@ -127,7 +127,9 @@ class SigningService:
         rows; LeaseHeld if it is being changed. For TimeoutError see `content`.
         """
         header = self._store.plan_header(campaign)
-        with being_signed(self._store, campaign) as protect:
+        deciding = deciding_campaign(self._store, campaign)
+        of_deciding = nullcontext() if deciding is None else being_signed(self._store, deciding)
+        with being_signed(self._store, campaign) as protect, of_deciding as protect_deciding:
             state = state_of(self._store, campaign)["state"]
             if state != "completed":
                 raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
@@ -157,7 +159,8 @@ class SigningService:
                 )
                 self._insert(connection, signoff)
                 # before the transaction ends: without the marker nothing is signed
-                protect(sha256(signoff.to_bytes()), who.name)
+                for protection in filter(None, (protect, protect_deciding)):
+                    protection(sha256(signoff.to_bytes()), who.name)
         return signoff
 
     def withdraw(self, campaign: str, who: Principal, comment: str) -> Withdrawal:
@@ -171,7 +174,8 @@ class SigningService:
                 raise CampaignError(f"{campaign} is not signed; there is nothing to withdraw")
             withdrawal = Withdrawal(**chain.next(who, comment), withdraws=chain.last_digest)
             self._insert(connection, withdrawal)
-            end_protection(self._store, campaign)
+            for each in filter(None, (campaign, deciding_campaign(self._store, campaign))):
+                end_protection(self._store, each)
         return withdrawal
 
     def is_signed(self, campaign: str) -> bool:
@@ -222,7 +226,7 @@ class SigningService:
 
     def _digest(self, store: Store, campaign: str, name: str) -> str:
         """Return the digest of a file; the file is read only if it may have changed since it was last read."""
-        mark = _mark(store, f"{campaign}/{name}")
+        mark = _mark(store, stored_at(campaign, name))
         known = self._digests.get((campaign, name))
         if known is not None and mark is not None and known[0] == mark:
             return known[1]

@@ -4,14 +4,19 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import truncnorm
 
+from campaign.coordinator.requests import SignedCampaign
+from campaign.errors import CampaignError
 from campaign.spec.load import load_campaign
 from campaign.store.repeat_sets import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.questions.decision import open_responses, plan_decision
 from clearcap.questions.report import analysis, report
+from clearcap.questions.signing import check_whole, open_archive, signed_files
+from clearcap.questions.verification import recomputed, verify_export
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
+from tests.clearcap.questions.test_verification import export, signoff
 
 JOINT = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower": 0.01, "upper": 0.13}
 PLAY = truncnorm(-24 / 7, 24 / 7, 0.07, 0.0175)
@@ -96,3 +101,28 @@ def test_what_is_decided_or_cannot_be_gets_no_runs(tmp_path, tables) -> None:
 def test_the_number_of_runs_is_bounded(tmp_path) -> None:
     store, plan = computed(tmp_path / "s", campaign_with(decide={"runs": 300}), 200)
     assert plan_decision(store, plan)[0].spec.samples == 300
+
+
+def test_a_sign_off_covers_the_runs_that_decide(tmp_path) -> None:
+    """They are exported beside the rows, and the numbers follow from both; without a part of them nothing is signed."""
+    store, plan = computed(tmp_path / "s", campaign_with(), 50)
+    decides, _ = plan_decision(store, plan)
+    compute(store, decides)
+    report(store, plan, kinds=["json"])
+    check_whole(store, plan)
+    path = tmp_path / "x.zip"
+    path.write_bytes(export((store, plan), [signoff(plan.campaign_id, signed_files(store, plan))]))
+    assert verify_export(open_archive(path)).faults == []
+    assert recomputed(open_archive(path)) == []
+    store.files.remove(f"{decides.campaign_id}/parts/part-000000.parquet")
+    with pytest.raises(CampaignError, match=f"{decides.campaign_id}: 1 batches have no rows"):
+        check_whole(store, plan)
+    report(store, plan, kinds=["json"])  # what is left decides nothing
+    path.write_bytes(export((store, plan), [signoff(plan.campaign_id, signed_files(store, plan))]))
+    assert verify_export(open_archive(path)).faults == []
+    store.write_json(plan.campaign_id, "signed.json", {"signer": "ada"})
+    (tmp_path / "other").mkdir()
+    other, same = computed(tmp_path / "other", campaign_with(), 50)
+    other.write_json(same.campaign_id, "signed.json", {"signer": "ada"})
+    with pytest.raises(SignedCampaign):
+        plan_decision(other, same)
