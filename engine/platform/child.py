@@ -109,6 +109,7 @@ class Child:
         try:
             self._process = subprocess.Popen(
                 command(function),
+                bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._printed,
@@ -129,8 +130,7 @@ class Child:
     def close(self) -> None:
         """Kill the child with all that it has started."""
         self._kill()
-        with suppress(BrokenPipeError):  # of a request that nobody read
-            self._process.__exit__(None, None, None)
+        self._process.__exit__(None, None, None)
         if self._printed is not None:
             self._printed.close()
 
@@ -145,13 +145,12 @@ class Child:
         """Yield kind and content of the messages that answer a request, the last one ``done``.
 
         Raises ChildRaised if the function raised an error, and ChildEnded if the child ended, or was killed because it
-        sent nothing for as long as it may be silent after a message of the last kind (empty: the request) [s].
+        sent nothing for as long as it may be silent after a message of the last kind (empty: the request) [s], or took
+        nothing of the request for so long.
         """
-        stdin, kind, was_silent = self._process.stdin, "", False
-        assert stdin is not None
+        kind, was_silent = "", False
         try:
-            stdin.write(request_of(content, limits))
-            stdin.flush()
+            self._ask(request_of(content, limits), silence_s(kind))
             while kind != DONE:
                 kind, received = self._message(silence_s(kind))
                 if kind == FAILED:
@@ -164,6 +163,20 @@ class Child:
             pass
         self._kill()
         raise ChildEnded(self._process.wait(), was_silent, self._last_line())
+
+    def _ask(self, request: bytes, allowed: float) -> None:
+        """Write a request; raise TimeoutError once the child has taken nothing of it for ``allowed`` seconds."""
+        stdin, rest, silent = self._process.stdin, memoryview(request), 0.0
+        assert stdin is not None
+        os.set_blocking(stdin.fileno(), False)  # else one write waits until the child has taken all
+        while rest:
+            if (passed := silence(stdin.fileno(), select.POLLOUT)) is not None:
+                silent += passed
+                if silent > allowed:
+                    raise TimeoutError
+            else:
+                silent = 0.0
+                rest = rest[os.write(stdin.fileno(), rest) :]
 
     def _message(self, allowed: float) -> tuple[str, bytes]:
         """Return kind and content of the next message; raise TimeoutError after ``allowed`` seconds of silence."""
@@ -208,13 +221,13 @@ def kill_session(pid: int) -> None:
         os.killpg(pid, signal.SIGKILL)
 
 
-def silence(pipe: int) -> float | None:
-    """Wait for something in a pipe; return the time if there is none for two seconds [s], else None.
+def silence(pipe: int, event: int = select.POLLIN) -> float | None:
+    """Wait for something in a pipe, or for room in it; return the time if there is none for two seconds [s], else None.
 
     Only time while this process is awake counts, so that no child is blamed for the sleep of a laptop.
     """
     poller = select.poll()
-    poller.register(pipe, select.POLLIN)
+    poller.register(pipe, event)
     return None if poller.poll(1e3 * LOOK_INTERVAL) else LOOK_INTERVAL
 
 

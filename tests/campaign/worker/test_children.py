@@ -2,6 +2,7 @@
 
 import os
 import select
+import signal
 import sys
 import threading
 import time
@@ -31,8 +32,10 @@ def silence_while(status):
     A child that is slow is thus not silent for any time.
     """
 
-    def silence(pipe):
-        if select.select([pipe], [], [], 0.05)[0]:
+    def silence(pipe, event=select.POLLIN):
+        poller = select.poll()
+        poller.register(pipe, event)
+        if poller.poll(50.0):
             return None
         with suppress(psutil.NoSuchProcess):
             if any(other.status() == status for other in psutil.Process().children()):
@@ -137,6 +140,19 @@ def test_messages_and_errors():
         assert raised.value.faults[0]["keys"] == ["a", "b"]
         large = bytes(10_000_000)
         assert started.answer(large, Limits(), 600.0) == large * 2
+
+
+@pytest.mark.processes
+@pytest.mark.usefixtures("_soon")
+def test_stopped_while_it_is_asked():
+    """A request that does not fit into the pipe is not waited for without end either."""
+    with Child(f"{__name__}:{answers.__name__}") as started:
+        started.answer(b"ab", Limits(), WITHIN)
+        (other,) = psutil.Process().children()
+        other.suspend()
+        with pytest.raises(ChildEnded) as ended:
+            started.answer(bytes(10_000_000), Limits(), 0.0)
+    assert (ended.value.was_silent, ended.value.status) == (True, -signal.SIGKILL)
 
 
 @each(
