@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,12 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from campaign.coordinator.lease import hold_lease
+from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.requests import being_signed, end_protection, rerun_request
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
-from campaign.store.layout import REPORT, SUBMISSION
+from campaign.store.layout import REPORT, SIGNED, SUBMISSION
 from clearcap.questions.report_source import deciding_campaign, report_source, sha256, stored_at
 from clearcap.questions.signing import (
     Head,
@@ -53,6 +53,7 @@ _SETTLED = 2.0  # s after the last change of a file; from then on, a further cha
 _READ_WITHIN = 20.0  # s that a request waits while another one reads files
 _MOST_DIGESTS = 200_000  # that are cached
 _NEWEST = "SELECT document, (SELECT count(*) FROM signoffs) AS count FROM signoffs ORDER BY id DESC LIMIT 1"
+_LAST_OF_EACH = "SELECT document FROM signoffs WHERE id IN (SELECT max(id) FROM signoffs GROUP BY campaign)"
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,21 @@ class SigningService:
             for each in filter(None, (campaign, deciding_campaign(self._store, campaign))):
                 end_protection(self._store, each)
         return withdrawal
+
+    def protect_signed(self) -> None:
+        """Mark what is signed and has no marker in the store: version 0.1 wrote none, and a backup may be older.
+
+        A campaign that is being computed or changed is left for the next start. Raises what the store raises.
+        """
+        stored = set(self._store.campaigns())
+        for row in self._database.rows(_LAST_OF_EACH):
+            signoff = read_document(row["document"].encode())
+            if not isinstance(signoff, Signoff) or signoff.campaign not in stored:
+                continue
+            for each in filter(None, (signoff.campaign, deciding_campaign(self._store, signoff.campaign))):
+                if self._store.read_json(each, SIGNED) is None:
+                    with suppress(LeaseHeld), being_signed(self._store, each) as protect:
+                        protect(sha256(row["document"].encode()), signoff.signer)
 
     def is_signed(self, campaign: str) -> bool:
         """Return whether a campaign has a sign-off that was not withdrawn."""

@@ -17,6 +17,7 @@ from hashlib import sha256
 from typing import Any
 
 from campaign.environment import STORE
+from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker
@@ -104,7 +105,8 @@ class Service:
     async def _beside(self) -> AsyncIterator[None]:
         """Run the watcher of the store, the webhook sender and the coordinator in the block."""
         sender = WebhookSender(self.webhooks, self.events, self.settings.webhook_hosts)
-        beside, child = [asyncio.create_task(each.run()) for each in (self.watcher, sender)], None
+        background = (self.watcher.run(), sender.run(), self._protect_signed())
+        beside, child = [asyncio.create_task(each) for each in background], None
         if self.settings.coordinate is not None:
             child = CoordinatorChild(self.store, self.settings.coordinate)
             child.start()
@@ -117,6 +119,13 @@ class Service:
                 task.cancel()
                 with suppress(asyncio.CancelledError):
                     await task
+
+    async def _protect_signed(self) -> None:
+        """Have the store say what is signed, so that no command on it changes that."""
+        try:
+            await asyncio.to_thread(self.signing_service.protect_signed)
+        except (CampaignError, OSError) as error:
+            logger.warning("what is signed may not be marked so in the store; the next start tries again: %s", error)
 
     def close(self) -> None:
         """Close the index and the database."""

@@ -12,6 +12,7 @@ from campaign.coordinator.lease import LeaseHeld
 from campaign.coordinator.requests import SignedCampaign, being_signed, delete_campaign, request_rerun, unsigned
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
+from campaign.store.layout import SIGNED
 from clearcap.questions.report import report
 from clearcap.questions.signing import open_archive
 from clearcap.questions.verification import verify_export
@@ -213,6 +214,21 @@ def test_nothing_changes_what_is_signed(client, service, campaign, as_user, url,
     report(service.store, plan)
     assert sign("as drawn").status_code == 201
     assert client.get(url, headers=as_user("viewer")).json()["status"] == "signed"
+
+
+def test_what_has_lost_its_marker_is_protected_again(client, service, campaign, as_user, url, sign):
+    """As of a store that was restored from an earlier backup, or of version 0.1, which wrote none."""
+    sign("as drawn")
+    service.store.remove(campaign, SIGNED)
+    with being_signed(service.store, campaign):  # somebody has the lease: the next start does it
+        service.signing_service.protect_signed()
+    assert service.store.read_json(campaign, SIGNED) is None
+    service.signing_service.protect_signed()
+    with pytest.raises(SignedCampaign):
+        delete_campaign(service.store, campaign)
+    client.post(f"{url}/withdrawal", json={"comment": "wrong drawing"}, headers=as_user("approver"))
+    service.signing_service.protect_signed()
+    assert service.store.read_json(campaign, SIGNED) is None
 
 
 def test_sign_offs_of_a_server_are_one_chain(client, service, campaign, as_user, url, sign):
