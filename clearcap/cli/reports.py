@@ -124,9 +124,7 @@ def verify(
         if not proof.faults:
             # a report of version 0.1 does not state of which rows it is
             is_tied = recompute or proof.signoffs[-1].signoff.format > 1
-            of_rows = (
-                "the report is that of these rows" if is_tied else "--recompute tells if the report is that of these"
-            )
+            of_rows = "the report is that of these rows" if is_tied else "--recompute tells of which rows the report is"
             print_text(f"intact: all files are those of the last sign-off; {of_rows}")
             if recompute:
                 print_text("recomputed: the rows give every number of the report")
