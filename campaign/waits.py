@@ -8,6 +8,7 @@ from typing import Any
 
 # in the order in which they are told; what stands in front keeps what follows from going on
 SENTENCES = {
+    "coordinator": "its coordinator no longer writes",  # said by who observes it, as it cannot say so itself
     "start": "starting workers for {t}",
     "compiling": "loading or compiling the engine for {t}",
     "scheduler": "no scheduler for {t}",

@@ -8,12 +8,13 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, ConfigDict, Field, StrictStr, TypeAdapter, ValidationError, with_config
 
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, judge_life
-from campaign.coordinator.state import state_of
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, STALE_AFTER, SignOfLife, holder, judge_life
+from campaign.coordinator.state import LATEST, state_of
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.resolution import resolution
@@ -69,7 +70,7 @@ class Heartbeat:
     token: StrictStr = ""  # of the coordinator's lease
     pid: Count = 0  # of the coordinator
     beat: Count = 0  # number of this heartbeat, from 1
-    time: Number = 0.0  # when it was written [s since 1970]
+    time: Annotated[Number, Field(ge=0.0, lt=LATEST)] = 0.0  # when it was written [s since 1970]
     message: StrictStr = ""  # details of the state; may be empty
     repeats: Count = 0  # samples to be repeated with half the step; not counted as rows
     repeated: Count = 0  # of these, those already repeated
@@ -237,15 +238,18 @@ def observe(
     """Observe a campaign once, from at most four small files and without waiting, so that one poller can observe many.
 
     Use `Store.hasty` to avoid waiting for an unreachable store. Judging a coordinator on another machine takes the
-    ``earlier`` observation too. ``now`` is the time of a monotonic clock [s], None for that of this process. Raises
-    StoreError if a file cannot be read.
+    ``earlier`` observation too; the heartbeat of one that no longer writes says so. ``now`` is the time of a monotonic
+    clock [s], None for that of this process. Raises StoreError if a file cannot be read.
     """
     state, document = state_of(store, campaign_id), store.read_json(campaign_id, HEARTBEAT)
     written, sign = Heartbeat.from_json(document or {}), None
     if state["state"] == "running":
         at = time.monotonic() if now is None else now
         before = None if earlier is None else earlier.sign
-        sign = judge_life(store.read_json(campaign_id, LEASE), document, before, at)
+        lease = store.read_json(campaign_id, LEASE)
+        sign = judge_life(lease, document, before, at)
+        if written and sign.is_alive is False:
+            written = _last_of(lease, written)
     is_gone = state["state"] == "planned" and not store.files.exists(f"{campaign_id}/{PLAN}")
     name, message = "gone" if is_gone else state["state"], state["message"]
     return Observation(
@@ -258,6 +262,31 @@ def observe(
         state["fault"] or (f"{HEARTBEAT} was not written by clearcap" if document and not written else None),
         sign,
     )
+
+
+def _last_of(lease: dict[str, Any] | None, written: Heartbeat) -> Heartbeat:
+    """Return the last heartbeat of a coordinator that no longer writes, with who that is: its promises do not hold."""
+    pid, machine = holder(lease)
+    last = datetime.fromtimestamp(written.time).astimezone().isoformat(sep=" ", timespec="seconds")
+    silence = Wait("coordinator", written.time, f"process {pid} on {machine}, last at {last} by its clock")
+    return replace(written, eta_s=None, waiting=[silence.to_json()])
+
+
+def observe_patiently(store: Store, campaign_id: str) -> Observation:
+    """Observe a campaign, again and again for up to ten seconds if its coordinator elsewhere seems to be silent.
+
+    The clocks of two machines decide only whether it is worth a second look.
+    """
+
+    def is_in_doubt(seen: Observation) -> bool:
+        beat = seen.heartbeat if seen.sign is not None and seen.sign.is_alive is None else None
+        return beat is not None and abs(time.time() - beat.time) >= STALE_AFTER
+
+    seen = observe(store, campaign_id)
+    while is_in_doubt(seen):
+        time.sleep(HEARTBEAT_INTERVAL / 2)
+        seen = observe(store, campaign_id, seen)
+    return seen
 
 
 def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:

@@ -130,6 +130,11 @@ def check_lease(store: Store, campaign_id: str, token: str) -> None:
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
+def holder(lease: dict[str, Any] | None) -> tuple[str, str]:
+    """Return the number and machine of the process that holds a lease, as unchecked texts; empty without a lease."""
+    return ("", "") if lease is None else (str(lease.get("pid", ""))[:20], str(lease.get("name", ""))[:200])
+
+
 @dataclass(frozen=True)
 class SignOfLife:
     """The observed signs of life of the process that holds a lease; pass it to the next check."""

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from campaign.coordinator.state import resume_command, state_of
 from campaign.store import Store
-from campaign.store.layout import HEARTBEAT
 from campaign.store.repeat_sets import repeat_plans, survey_repeats
 from campaign.store.store import comparisons, report_folder
 
 if TYPE_CHECKING:
-    from campaign.coordinator.heartbeat import Heartbeat
+    from campaign.coordinator.heartbeat import Heartbeat, Observation
     from campaign.plan_header import PlanHeader
 
 COUNTS = ("samples", "done", "ok", "failed", "left", "statuses", "repeats", "repeated")
@@ -26,21 +25,26 @@ def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, A
     """
     campaign_id = header.campaign_id
     state, counts = progress(store, header, say)
-    heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
+    heartbeat = None
+    if state["state"] == "running":
+        # loads the engine's names, which an idle campaign does not need
+        from campaign.coordinator.heartbeat import observe_patiently
+
+        seen = observe_patiently(store, campaign_id)
+        heartbeat, state["fault"] = seen.heartbeat, seen.odd
     return _report(store, campaign_id, {**state, **counts}, heartbeat, say)
 
 
-def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] | None:
-    """Return the document of `progress_report` from the last heartbeat, without reading any file of rows.
+def running_report(store: Store, seen: "Observation", say: Say) -> dict[str, Any] | None:
+    """Return the document of `progress_report` from an observation, without reading any file of rows.
 
     None if the campaign is not running or has no heartbeat yet.
     """
-    state = state_of(store, campaign_id)
-    heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
-    if heartbeat is None:
+    if seen.state != "running" or seen.heartbeat is None:
         return None
-    counts = {name: getattr(heartbeat, name) for name in COUNTS}
-    return _report(store, campaign_id, {**_dated(state), **counts}, heartbeat, say)
+    counts = {name: getattr(seen.heartbeat, name) for name in COUNTS}
+    state = {"state": seen.state, "message": seen.message, "since": seen.since, "open": seen.is_open, "fault": seen.odd}
+    return _report(store, seen.campaign, {**_dated(state), **counts}, seen.heartbeat, say)
 
 
 def _report(
@@ -75,19 +79,6 @@ def _dated(state: dict[str, Any]) -> dict[str, Any]:
     since = state["since"]
     date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
     return {**{key: value for key, value in state.items() if key != "options"}, "since": date}
-
-
-def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
-    """Return the last heartbeat of a campaign's coordinator; None if there is none or it cannot be read."""
-    from campaign.coordinator.heartbeat import (
-        Heartbeat,  # loads the engine's names, which an idle campaign does not need
-    )
-
-    written = store.read_json(campaign_id, HEARTBEAT)
-    heartbeat = Heartbeat.from_json(written or {})
-    if written and not heartbeat:
-        say(f"{campaign_id}: {HEARTBEAT} was not written by clearcap; its coordinator replaces it")
-    return heartbeat
 
 
 def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:

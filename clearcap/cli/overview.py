@@ -240,6 +240,7 @@ def _print_status(document: dict[str, Any], command: str) -> None:
     print_text(f"{document['campaign']}: {document['state']}, {done_so_far}{repeats}")
     if document["message"]:
         print_text(f"  {document['message']}")
+    has_stopped = document["state"] in ENDED
     if heartbeat := document["heartbeat"]:
         from campaign.waits import counted
         from clearcap.cli.progress import eta
@@ -248,12 +249,13 @@ def _print_status(document: dict[str, Any], command: str) -> None:
         print_text(f"  {heartbeat['rate']:.1f} runs/s on {workers}, ETA {eta(heartbeat['eta_s'])}")
         if waits := document.get("waits_for"):
             print_text(f"  {waits}")
+        has_stopped |= any(wait["what"] == "coordinator" for wait in heartbeat.get("waiting", []))
     for status, count in document["statuses"].items():
         if status != "ok":
             print_text(f"  {count} {status}")
     for other, place in document["comparisons"].items():
         print_text(f"  compared with {other}: {place}")
-    if document["state"] in ENDED:
+    if has_stopped:
         print_text(f"  continue it with: {command}")
 
 

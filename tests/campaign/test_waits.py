@@ -13,7 +13,7 @@ def test_words():
     words = in_words([fact.to_json() for fact in facts], 100.0)
     assert words == "no workers for 90 s; jobs have been waiting in the queue for 40 s (job 7: Resources)"
     assert in_words([], 100.0) == ""
-    for what in SENTENCES:
+    for what in SENTENCES.keys() - {"coordinator"}:  # its time is of another clock
         assert "40 s" in in_words([Wait(what, 60.0).to_json()], 100.0), what
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from campaign.coordinator.heartbeat import Observation, observe
 from campaign.coordinator.progress_report import progress_report, running_report
 from campaign.errors import CampaignError, unwritable
 from campaign.store import Store
@@ -186,6 +187,7 @@ class CountedStatuses:
     def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock, self._lock = store, clock, Lock()
         self._kept: OrderedDict[str, tuple[str, float, dict[str, Any]]] = OrderedDict()  # token, time, and document
+        self._running: dict[str, Observation] = {}  # the last look at each, by which the next one judges its life
 
     def status(self, campaign: str) -> dict[str, Any]:
         """Return the `progress_report` of a campaign, with the faults of its files as ``remarks``.
@@ -199,7 +201,12 @@ class CountedStatuses:
         if known is not None and known[0] == token and self._clock() - known[1] < RECOUNT_AFTER:
             return known[2]
         remarks: list[str] = []
-        document = running_report(self._store, campaign, remarks.append)
+        seen = observe(self._store, campaign, self._running.get(campaign))
+        if seen.state == "running":
+            self._running[campaign] = seen
+        else:
+            self._running.pop(campaign, None)
+        document = running_report(self._store, seen, remarks.append)
         if document is None:
             remarks.clear()
             document = progress_report(self._store, self._store.plan_header(campaign), remarks.append)

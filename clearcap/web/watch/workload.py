@@ -3,10 +3,9 @@
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from campaign.coordinator.heartbeat import Observation, observe
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, judge_life
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, holder, judge_life
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from clearcap.web.watch.entry import CampaignEntry
@@ -60,7 +59,7 @@ def look_at_work(store: Store, entries: Iterable[CampaignEntry], earlier: Worklo
             seen, lease = observe(store, entry.campaign, before.get(entry.campaign)), None
             if seen.state == "running":
                 lease = store.read_json(entry.campaign, LEASE)
-            found.append(UnsettledCampaign(entry, seen, *_holder(lease)))
+            found.append(UnsettledCampaign(entry, seen, *holder(lease)))
     return Workload(
         serving=_serving(store, earlier.serving if earlier else None),
         running=[each for each in found if each.seen.state == "running"],
@@ -76,9 +75,4 @@ def _serving(store: Store, earlier: ServingProcess | None) -> ServingProcess | N
     sign = judge_life(lease, heartbeat, earlier.sign if earlier else None, time.monotonic())
     beats = (heartbeat or {}).get("beat")
     seconds = beats * HEARTBEAT_INTERVAL if isinstance(beats, int) else None
-    return ServingProcess(*_holder(lease), seconds, sign)
-
-
-def _holder(lease: dict[str, Any] | None) -> tuple[str, str]:
-    """Return the number and machine of the process that holds a lease, as unchecked texts; empty without a lease."""
-    return ("", "") if lease is None else (str(lease.get("pid", ""))[:20], str(lease.get("name", ""))[:200])
+    return ServingProcess(*holder(lease), seconds, sign)

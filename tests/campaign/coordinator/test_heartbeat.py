@@ -1,5 +1,6 @@
 """Heartbeats: counts of stored rows and their rate; one look tells a follower all, and nothing in it waits."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 import campaign.coordinator.heartbeat as following
-from campaign.coordinator.heartbeat import Heartbeat, Progress, heartbeats, observe
+from campaign.coordinator.heartbeat import Heartbeat, Progress, heartbeats, observe, observe_patiently
 from campaign.coordinator.lease import STALE_AFTER, hold_lease, this_process
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
@@ -114,7 +115,8 @@ def test_a_coordinator_elsewhere_is_judged_by_two_looks(store, plan):
     """Unknown at first, alive with a new heartbeat, dead after enough of the same one; the state is the file's."""
     name = plan.campaign_id
     write_state(store, name, "running")
-    store.write_json(name, LEASE, {"token": "x", **this_process(), "host": "another machine"})
+    elsewhere = {"host": "another machine", "name": "node7", "pid": 4711}
+    store.write_json(name, LEASE, {"token": "x", **this_process(), **elsewhere})
     store.write_json(name, HEARTBEAT, beat(name, 1))
     seen = observe(store, name, now=100.0)
     assert (seen.state, seen.sign.is_alive) == ("running", None)
@@ -125,6 +127,32 @@ def test_a_coordinator_elsewhere_is_judged_by_two_looks(store, plan):
     assert seen.sign.is_alive
     seen = observe(store, name, seen, now=102.0 + STALE_AFTER)
     assert (seen.state, seen.sign.is_alive, seen.sign.seen_at) == ("running", False, 102.0)
+    assert seen.heartbeat.waits_for.startswith("its coordinator no longer writes (process 4711 on node7, last at 19")
+    assert (seen.heartbeat.eta_s, observe(store, name, seen, now=200.0)) == (None, seen)
+    store.write_json(name, HEARTBEAT, beat(name, 3))
+    assert observe(store, name, seen, now=201.0).heartbeat.waits_for == ""
+
+
+def test_a_single_look_is_patient_only_with_who_seems_silent(store, plan, monkeypatch):
+    """A coordinator elsewhere: one that has just written is not waited for, nor one whose clock is wrong but beats."""
+    name, looks = plan.campaign_id, []
+    write_state(store, name, "running")
+    store.write_json(name, LEASE, {"token": "x", **this_process(), "host": "another machine"})
+    store.write_json(name, HEARTBEAT, beat(name, 1) | {"time": time.time()})
+    assert observe_patiently(store, name).heartbeat.waits_for == ""
+    store.write_json(name, HEARTBEAT, beat(name, 2))
+
+    def sleep(_):
+        looks.append(1)
+        if writes:
+            store.write_json(name, HEARTBEAT, beat(name, 3))
+
+    monkeypatch.setattr("time.sleep", sleep)
+    monkeypatch.setattr("time.monotonic", lambda: float(len(looks)))
+    for writes in (True, False):
+        looks.clear()
+        waits_for = observe_patiently(store, name).heartbeat.waits_for
+        assert (waits_for == "", len(looks)) == (writes, 1 if writes else STALE_AFTER)
 
 
 @pytest.mark.parametrize("name", [HEARTBEAT, STATE])

@@ -2,10 +2,13 @@
 
 import pytest
 
-from campaign.coordinator.lease import hold_lease
+import campaign.coordinator.heartbeat as following
+from campaign.coordinator import lease
+from campaign.coordinator.heartbeat import Heartbeat
+from campaign.coordinator.lease import hold_lease, this_process
 from campaign.coordinator.requests import cancel_campaign
 from campaign.coordinator.state import resume_command, state_of, write_state
-from campaign.store.layout import HEARTBEAT, STATE
+from campaign.store.layout import HEARTBEAT, LEASE, STATE
 from tests.campaign.commands import clearcap_here
 
 
@@ -49,6 +52,23 @@ def test_lost_state_is_that_of_the_heartbeat(store, plan):
     assert (state["state"], state["open"]) == ("interrupted", True)
     write_state(store, plan.campaign_id, "cancelled")
     assert not state_of(store, plan.campaign_id)["open"]
+
+
+def test_status_of_a_coordinator_elsewhere_that_has_ended(store, plan, monkeypatch, capsys):
+    """It says who no longer writes, and the command that continues; the state remains, for it may be cut off."""
+    write_state(store, plan.campaign_id, "running", options=["--workers", "3"])
+    elsewhere = {"host": "another machine", "name": "node7", "pid": 4711}
+    store.write_json(plan.campaign_id, LEASE, {"token": "x", **this_process(), **elsewhere})
+    beat = Heartbeat(plan.campaign_id, "running", 25, 20, 20, 0, 5, {"ok": 20}, 3.5, 9.0, 2)
+    store.write_json(plan.campaign_id, HEARTBEAT, beat.to_json())
+    monkeypatch.setattr(following, "HEARTBEAT_INTERVAL", 0.0)
+    monkeypatch.setattr(lease, "STALE_AFTER", 0.0)
+    code, output, _ = clearcap_here(capsys, monkeypatch, "status", "--store", store.url)
+    first, *others = output.splitlines()
+    assert (code, first.partition(":")[2].split(",")[0]) == (0, " running")
+    assert others[0].endswith("ETA -")
+    assert others[1].startswith("  its coordinator no longer writes (process 4711 on node7, last at ")
+    assert others[2] == f"  continue it with: clearcap resume {plan.campaign_id} --workers 3 --store {store.url}"
 
 
 def test_a_campaign_that_is_being_cancelled_says_so(store, plan):

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from campaign.coordinator import lease
 from campaign.coordinator.heartbeat import Heartbeat
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.progress_report import progress_report
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
 from campaign.store.files import local
-from campaign.store.layout import HEARTBEAT
+from campaign.store.layout import HEARTBEAT, LEASE
 from clearcap.web.watch import index
 from clearcap.web.watch.index import CountedStatuses
 from tests.campaign.driving import computed
@@ -90,6 +91,20 @@ def test_campaign_that_runs_is_as_its_coordinator_counts(counted):
         assert (found["repeats"], found["heartbeat"]["rate"], len(counts)) == (4, 3.5, 1)
         assert found.keys() == progress_report(store, store.plan_header(plan.campaign_id), print).keys() | {"remarks"}
     assert (statuses.status(plan.campaign_id)["done"], len(counts)) == (25, 2)
+
+
+def test_coordinator_elsewhere_is_judged_by_several_calls(counted, monkeypatch):
+    """No call waits; one that comes after ten seconds of the same heartbeat says that nobody writes it."""
+    store, plan, statuses, _ = counted
+    write_state(store, plan.campaign_id, "running")
+    store.write_json(plan.campaign_id, LEASE, {"token": "x", "host": "another machine", "name": "node7", "pid": 4711})
+    beat = Heartbeat(plan.campaign_id, "running", 25, 20, 20, 0, 5, {"ok": 20}, 3.5, 9.0, 2)
+    store.write_json(plan.campaign_id, HEARTBEAT, beat.to_json())
+    assert statuses.status(plan.campaign_id)["waits_for"] == ""
+    monkeypatch.setattr(lease, "STALE_AFTER", 0.0)
+    found = statuses.status(plan.campaign_id)
+    assert "process 4711 on node7" in found["waits_for"]
+    assert found["heartbeat"]["eta_s"] is None
 
 
 def test_kept_are_few(counted, monkeypatch):
