@@ -101,6 +101,24 @@ def test_a_campaign_in_one_allocation(run, tmp_path):
     assert "10.77.0.2" in said
 
 
+def test_what_slurm_does_to_an_allocation(run, tmp_path):
+    """It is put back into the queue and starts again; its walltime ends; the same job again computes the rest."""
+    store, plan = planned(tmp_path, "shared")
+    log, parts = tmp_path / "log", lambda: len(store.survey(plan).parts)
+    job = allocation(run, tmp_path, store, plan, "--requeue", SECONDS_A_RUN="2")
+    until(lambda: parts() > 1, log.read_text, pause=0.5)
+    run("scontrol", "requeue", job)
+    before = parts()
+    until(lambda: parts() > before, log.read_text, pause=0.5)
+    assert re.search(r"Restarts=1\b", run("scontrol", "show", "job", job))
+    run("scontrol", "update", f"jobid={job}", "timelimit=1")  # minutes, since its start
+    assert wait_for_end(run, job) in ("TIMEOUT", "FAILED")
+    assert store.table(plan.campaign_id).num_rows != 60
+    job = allocation(run, tmp_path, store, plan)
+    assert wait_for_end(run, job) == "COMPLETED", log.read_text()
+    assert rows(store, plan).equals(computed_here(tmp_path)), log.read_text()
+
+
 def test_workers_as_jobs(run, tmp_path):
     """`--cluster slurm` submits jobs, computes over the temporary certificates it makes, and cancels the jobs."""
     store, plan = planned(tmp_path, "shared")
