@@ -70,8 +70,7 @@ def execute(
         choices.append(stay_at_rest(assembly, control, course, touching_gap(mechanism)))
 
     start = time.perf_counter()
-    asks = None if mechanism.simulation.rest.locks is False else released
-    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, asks)
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves, released)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
         steps=int(counts[time_loop.STEPS]),

@@ -12,7 +12,7 @@ from engine.assembly.bilateral import turning_arm
 from engine.jit import Kernel
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
-from engine.kernels.statics import hold_loads
+from engine.kernels.statics import hold_loads, may_hold
 from engine.kernels.time_loop import (
     BALANCED,
     COMPLETED,
@@ -92,6 +92,9 @@ def prepare(assembly: Assembly, control: Control) -> None:
     if isinstance(hold_loads, Kernel) and not hold_loads.compiled.signatures:
         state, work = copied(assembly.state), copied(assembly.work)
         hold_loads(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step, -np.inf)  # no contacts
+    if isinstance(may_hold, Kernel) and not may_hold.compiled.signatures and len(assembly.model.phases.duration) > 1:
+        state, work = copied(assembly.state), copied(assembly.work)
+        may_hold(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step)
 
 
 def drive(

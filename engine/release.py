@@ -12,10 +12,10 @@ import numpy as np
 
 from engine.arrays import Array, copied
 from engine.assembly import Assembly
-from engine.equilibrium import balancing_forces, forces_at_rest
+from engine.equilibrium import SHORT, balancing_forces, forces_at_rest
 from engine.kernels import time_loop
 from engine.kernels.model import Control
-from engine.kernels.statics import MOVING
+from engine.kernels.statics import MOVING, may_hold
 from engine.kernels.time_loop import Course, run_to_end
 from engine.not_at_rest.continuation import copy_of
 
@@ -25,16 +25,18 @@ def stay_at_rest(assembly: Assembly, control: Control, course: Course, touching_
 
     The impulses with which the next step begins are changed if it would not stay at rest by itself.
     """
-    h = float(course.reals[time_loop.STEP])
+    h, t = map(float, course.reals[[time_loop.STEP, time_loop.TIME]])
+    phase = int(course.counts[time_loop.PHASE])
     last = assembly.state.r / h
+    pose = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
+    if not last.any() or not may_hold(pose.arrays, phase, t, SHORT * control.step):
+        return False
     falls = _moves(assembly, control, course, assembly.state.r)
-    if falls is None or not last.any():
+    if falls is None:
         return False
     falls_without = falls or _moves(assembly, control, course, np.zeros_like(last))
     if not falls_without:
         return False
-    pose = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
-    t, phase = float(course.reals[time_loop.TIME]), int(course.counts[time_loop.PHASE])
     forces_at_rest(pose, phase, control.step, touching_gap, t)  # for the loads, and the rows of the contacts
     held = balancing_forces(pose, last, control.step, only_loaded=True)
     if held is None:

@@ -40,7 +40,7 @@ def project(mu, r0, r1, r2):
 
 
 @inner
-def residual(c, scale):
+def residual(c, scale, share):
     """Return the relative natural-map residual of a friction problem from the lanes of its contacts.
 
     sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(V, min(|s r|, GAIN V)), V = max(|q|, |u|), where
@@ -59,7 +59,7 @@ def residual(c, scale):
         r0, r1, r2 = many * read(c.r[0], i), many * read(c.r[1], i), many * read(c.r[2], i)
         q0, q1, q2 = one * read(c.q[0], i), one * read(c.q[1], i), one * read(c.q[2], i)
         slip2 = u1 * u1 + u2 * u2
-        p0, p1, p2 = project(mu, r0 - u0 - mu * root(slip2), r1 - u1, r2 - u2)
+        p0, p1, p2 = project(mu, r0 - u0 - share * mu * root(slip2), r1 - u1, r2 - u2)
         misses += (r0 - p0) * (r0 - p0) + (r1 - p1) * (r1 - p1) + (r2 - p2) * (r2 - p2)
         impulses += r0 * r0 + r1 * r1 + r2 * r2
         speeds += u0 * u0 + slip2

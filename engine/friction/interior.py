@@ -38,6 +38,7 @@ class Pace(NamedTuple):
 
 
 BOLD = Pace(1.0, 0.0, 0.0, 0.95)  # always Newton's direction: few steps if the start is near the solution
+CONVEX = Pace(0.0, 0.0, 0.0, 0.95)  # the convex problem, to the end
 
 
 @inner
@@ -45,7 +46,7 @@ def interior_point(nc, p, goal, inside, pace, effort):
     """Solve from the current impulses, moved inside the cones by ``inside`` times the load; return steps and residual.
 
     The best impulses are left in the lanes of p. The method is abandoned after ``effort.patience`` steps without
-    halving the residual, counted once the whole shift is applied.
+    halving the residual, counted once the whole shift is applied. If the share does not rise, the residual has it too.
     """
     c, size, share = p.contacts, 0.0, pace.share
     for i in range(nc):
@@ -56,7 +57,7 @@ def interior_point(nc, p, goal, inside, pace, effort):
     while True:
         _to_impulses(c)
         finish(nc, p)
-        reached = residual(c, goal.scale)
+        reached = residual(c, goal.scale, share if pace.rise == 0.0 else 1.0)
         stalled = 0 if reached < 0.5 * best or share < 1.0 else stalled + 1
         if reached < best:
             best = reached

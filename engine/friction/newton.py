@@ -45,7 +45,7 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
     """
     c = p.contacts
     finish(nc, p)
-    reached = residual(c, goal.scale)
+    reached = residual(c, goal.scale, 1.0)
     natural, iteration, poor, m1, m2, m3 = tau2 == 0.0, 0, 0, 0.0, 0.0, 0.0
     halvings = 6 if natural else 12
     tolerance, patience = goal.tolerance, effort.patience if natural else CREEP
@@ -63,10 +63,10 @@ def newton(nc, p, goal, tau2, end, proximal, effort):
             for i in range(0, nc, LANES):
                 write(read(c.r[k], i) + step * read(c.dr[k], i), c.r[k], i)
                 write(read(c.u[k], i) + step * read(c.du[k], i), c.u[k], i)
-        reached = residual(c, goal.scale)
+        reached = residual(c, goal.scale, 1.0)
         if reached <= tolerance:  # u was updated incrementally: recompute it from the impulses, to the last digit
             finish(nc, p)
-            reached = residual(c, goal.scale)
+            reached = residual(c, goal.scale, 1.0)
         m1, m2, m3 = merit, m1, m2
         if natural:
             poor = poor + 1 if after > POOR * merit else 0

@@ -4,9 +4,11 @@ Starting from zero impulses, the interior-point method finds which contacts open
 the last digits. The impulses therefore depend on the pose alone, not on its history.
 """
 
+import numpy as np
+
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, finish, give_contacts, square, take_contacts
-from engine.friction.blocks import BODY, ROW
-from engine.friction.interior import BOLD, interior_point
+from engine.friction.blocks import BODY, ROW, clear
+from engine.friction.interior import BOLD, CONVEX, interior_point
 from engine.friction.newton import newton
 from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
@@ -30,6 +32,7 @@ REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the com
 ROUGH = 3.0  # times the tolerance: reached by the interior-point method before rounding stops it
 INSIDE, NEAR = 0.1, 1e-4  # share of the load: initial distance inside the cones, from zero and from given impulses
 INTERIOR = Effort(0, 60, 12)
+CONVEX_TOLERANCE, UNBALANCED = 1e-7, 1e-6  # residual; share of the free motion's energy, far above its error
 # the error of forces is the residual divided by the compliance: 1e-9 would leave errors of 0.1 N
 LAST_DIGITS, POLISHING = 1e-13, Effort(1, 20, 5)
 
@@ -45,17 +48,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     """
     model, state, work, problem = arrays
     bodies = model.bodies
-    for body in range(state.v.shape[0]):
-        for k in range(6):
-            state.v[body, k] = 0.0
-    apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
-    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
-    falling, target = kinetic_energy(bodies, work.free), work.bilateral.target
-    row_targets(model.bilateral, model.time_laws, t, 0.0, target)
-    for i in range(target.shape[1]):
-        target[2, i] = 0.0  # a motion is held where it is
-    find_redundant_rows(model.metric, model.bilateral, state, work.bilateral, problem)
-    hold_joints(bodies, model.bilateral, state, work.bilateral, problem, work.free, 0.0, 0.5)
+    falling = _loads_alone(arrays, phase, t, h)
     nc, diagonal = _gather_touching(model, state, work, problem, touching_gap)
     status = UNSOLVED
     for attempt in range(len(COMPLIANCE)):
@@ -79,6 +72,48 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     for j in range(nc):
         problem.compliance[j] = 0.0  # the contacts of a step are rigid, and it does not set this
     return status, nc
+
+
+@kernel
+def may_hold(arrays, phase, t, h):
+    """Return whether forces of the contacts that carried load may hold the loads; if not, no forces in the cones do.
+
+    Without the shift mu |u_T| the friction problem is convex, and bodies move in its solution if and only if the loads
+    cannot be balanced. It takes an interior-point method about fifteen steps to tell.
+    """
+    model, state, work, problem = arrays
+    falling = _loads_alone(arrays, phase, t, h)
+    nc, _ = _gather_touching(model, state, work, problem, -np.inf)
+    for j in range(nc):
+        problem.compliance[j] = 0.0
+        for k in range(3):
+            problem.r[j, k], problem.q[j, k] = 0.0, work.q[work.chosen[j], k]
+    clear(problem.w)
+    if nc > 0:
+        goal = Goal(CONVEX_TOLERANCE, take_contacts(nc, problem))
+        _, left = interior_point(nc, problem, goal, INSIDE, CONVEX, INTERIOR)
+        if not left <= CONVEX_TOLERANCE:
+            return True
+    return _begun(model.bodies, state, work, problem) <= UNBALANCED * falling
+
+
+@inner
+def _loads_alone(arrays, phase, t, h):
+    """Write the twists that loads alone cause from rest in a short time; return the energy if joints held nothing."""
+    model, state, work, problem = arrays
+    bodies = model.bodies
+    for body in range(state.v.shape[0]):
+        for k in range(6):
+            state.v[body, k] = 0.0
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
+    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
+    falling, target = kinetic_energy(bodies, work.free), work.bilateral.target
+    row_targets(model.bilateral, model.time_laws, t, 0.0, target)
+    for i in range(target.shape[1]):
+        target[2, i] = 0.0  # a motion is held where it is
+    find_redundant_rows(model.metric, model.bilateral, state, work.bilateral, problem)
+    hold_joints(bodies, model.bilateral, state, work.bilateral, problem, work.free, 0.0, 0.5)
+    return falling
 
 
 @inner

@@ -240,12 +240,6 @@ class Rest(TableModel):
     drift: Annotated[PositiveNumber, Quantity("length")] = Field(
         description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
-    locks: bool | None = Field(
-        None,
-        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
-        description="whether to ask, where a phase begins at rest and parts start to move, if friction can hold them"
-        " as well, as in a bracket that locks itself; it costs milliseconds a phase",
-    )
 
 
 class Adaptive(TableModel):

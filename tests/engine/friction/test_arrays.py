@@ -16,7 +16,7 @@ def measure(nc, p):
     """Return the residual of the impulses given."""
     scale = take_contacts(nc, p)
     finish(nc, p)
-    return residual(p.contacts, scale)
+    return residual(p.contacts, scale, 1.0)
 
 
 def test_arrays_in_one_piece_of_memory():
