@@ -87,6 +87,8 @@ class JobPool:
         ``faults`` is None or the faults of an input as data. Raises JobFailed if it ended its process or has a bug, and
         a subclass if it exceeded its limits, could not start, waited too long, or the engine is being compiled.
         """
+        if not self._count:  # nobody would ever give it a turn
+            raise _shutting_down()
         async with self._turns.turn(user):
             task = self._take()
             try:

@@ -42,10 +42,10 @@ def ask(client, line, known):
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
-def test_calls(client, as_user, reported, heading):
+def test_calls(client, as_user, signable, heading):
     """One after the other, as an admin."""
     auth = f"Authorization: {as_user('admin')['Authorization']}"
-    known = {"AUTH": auth, "URL": "https://localhost", "ID": reported}
+    known = {"AUTH": auth, "URL": "https://localhost", "ID": signable}
     lines = commands(heading)
     assert len(lines) > 2
     for line in lines:
