@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# Compute one campaign in one allocation of a batch system (SLURM, OAR, PBS).
+# Compute one campaign in one allocation of a batch system (SLURM, OAR, PBS), or on machines that you reach by SSH.
 # Scheduler and coordinator run on the first node, workers on all nodes. The job scripts beside this file call it with
-# the name of the batch system. It reads these environment variables:
+# the name of the batch system. Without one call it with `ssh`, on the machine that shall coordinate: workers run on those
+# that you name, if they have the same home folders and let you in by a key. It reads these environment variables:
 #   CAMPAIGN            a shipped campaign or a campaign file
 #   STORE               folder on a file system that all nodes share, or a URL
 #   CLEARCAP_TLS        folder of `clearcap certificates`, shared by all nodes; default ~/.clearcap/tls
+#   CLEARCAP_HOSTS      machines, for ssh: "node1 node2"
 #   CLEARCAP_INTERFACE  network interface between the nodes, such as ib0; default the one of the host name
 # When the walltime ends, submit the same job again: it computes the missing rows.
 set -euo pipefail
@@ -83,10 +85,16 @@ case $system in
         srun --ntasks-per-node=1 --export=ALL "${worker[@]}" &
         pids+=($!)
         ;;
-    oar)
-        mapfile -t nodes < <(sort -u "$OAR_NODEFILE")
+    oar | ssh)
+        if [ "$system" = oar ]; then
+            launch=(oarsh)
+            mapfile -t nodes < <(sort -u "$OAR_NODEFILE")
+        else
+            launch=(ssh -o BatchMode=yes) # nobody answers a question
+            read -ra nodes <<<"${CLEARCAP_HOSTS:?say on which machines}"
+        fi
         for node in "${nodes[@]}"; do
-            oarsh "$node" "$(printf '%q ' "${worker[@]}")" &
+            "${launch[@]}" "$node" "$(printf '%q ' "${worker[@]}")" &
             pids+=($!)
         done
         ;;
@@ -98,7 +106,7 @@ case $system in
         done
         ;;
     *)
-        echo "allocation.sh: $system: not a batch system; allowed: slurm, oar, pbs" >&2
+        echo "allocation.sh: $system: not a batch system; allowed: slurm, oar, pbs, and ssh" >&2
         exit 2
         ;;
 esac

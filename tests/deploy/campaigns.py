@@ -5,6 +5,7 @@ from campaign.coordinator.coordinate import coordinate
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from engine import jit, warm_up
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 
@@ -27,3 +28,11 @@ def computed_here(folder):
 def rows(store, plan):
     """Return what must not depend on where a campaign is computed."""
     return store.table(plan.campaign_id).drop_columns(["wall_s", "attempts"])
+
+
+def compiled_on_nodes(folder):
+    """Have nodes whose local disk is a folder find there what the engine has compiled: it takes minutes."""
+    warm_up()
+    node = folder / "clearcap.test"
+    node.mkdir(mode=0o700)
+    (node / "compiled").symlink_to(jit.CACHE_FOLDER.parent)
