@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -70,15 +71,15 @@ def serve(
 ) -> None:
     """Serve pages and the API over a store, and compute what is queued in it.
 
-    It prints a link by which you log in once. It answers this machine only, unless it has a certificate or stands
-    behind a proxy.
+    At its first start it prints a link by which you log in once. It answers this machine only, unless it has a
+    certificate or stands behind a proxy.
     """
     from campaign.errors import SpecError, StoreError
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
 
     try:
-        from clearcap.web.server import check_settings, instance_lock, read_configuration, serve_http
+        from clearcap.web.server import check_settings, first_login, instance_lock, read_configuration, serve_http
         from clearcap.web.server import login_link as new_link
         from clearcap.web.settings import Settings
         from clearcap.web.web_service import open_service
@@ -95,7 +96,6 @@ def serve(
         with suppress(StoreError):  # an unreachable disk or server may come back: the coordinator waits
             files.check_writable()
     options = None if no_drive else tuple(where.options())
-    limits, oidc, webhook_hosts = read_configuration(config)
     settings = Settings(
         store,
         data or _data_folder(files.full_url),
@@ -106,9 +106,7 @@ def serve(
         behind_proxy,
         tuple(proxy) if proxy else Settings.proxies,
         options,
-        limits=limits,
-        oidc=oidc,
-        webhook_hosts=webhook_hosts,
+        **read_configuration(config),
     )
     check_settings(settings)
     service = open_service(settings)
@@ -118,16 +116,24 @@ def serve(
         print_json({"address": settings.address, "login": made}) if json else print_text(made)
         return
     with instance_lock(settings):
-        has_login = any(user.has_password for user in service.users.all()) or oidc is not None
-        link = new_link(service) if settings.is_local or not has_login else None
+        link, file = first_login(service, is_terminal=(sys.stdout if json else sys.stderr).isatty())
         if json:
-            print_json(
-                {"address": settings.address, "login": link, "store": service.store.url, "data": str(settings.data)}
-            )
+            where_data = {"store": service.store.url, "data": str(settings.data)}
+            login = {"login": link, "login_file": None if file is None else str(file)}
+            print_json({"address": settings.address, **login, **where_data})
         else:
             say(f"serving store {service.store.url} at {settings.address}; Ctrl-C ends it")
-            say(f"log in once, within 15 minutes: {link}" if link else "log in there by password or company account")
+            say(_how_to_log_in(settings.data, link, file))
         serve_http(service)
+
+
+def _how_to_log_in(data: Path, link: str | None, file: Path | None) -> str:
+    """Return what the operator of a server reads at its start."""
+    if link is not None:
+        return f"log in once, within 15 minutes: {link}"
+    if file is not None:
+        return f"the link by which admin logs in once, within 15 minutes, is in {file}"
+    return f"log in there; without a password use: clearcap serve --login-link USER --data {data}, with these options"
 
 
 def _data_folder(url: str) -> Path:

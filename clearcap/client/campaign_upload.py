@@ -1,6 +1,5 @@
 """The upload of a campaign: its text, and the files that it names."""
 
-from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -19,9 +18,10 @@ class CampaignUpload:
     text: str  # content of the campaign file
     files: dict[str, bytes]  # content of each file that the campaign names, by name
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the upload as JSON data for the API, with the files in base64."""
-        return {"text": self.text, "files": {name: b64encode(each).decode() for name, each in self.files.items()}}
+    def to_form(self) -> list[tuple[str, tuple[str, bytes]]]:
+        """Return the upload as files of a form for the API."""
+        campaign = "campaign", ("campaign.toml", self.text.encode())
+        return [campaign, *(("files", (name, content)) for name, content in self.files.items())]
 
 
 def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:

@@ -155,9 +155,12 @@ class RemoteServer:
             ``campaign`` (its id), ``is_new``, ``samples``, ``owner``, ``cost`` and ``note``.
         """
         upload = campaign_upload(source)
-        body = upload.to_json() | {"samples": samples, "seed": seed, "owner": owner, "tags": list(tags)}
+        given = {"samples": samples, "seed": seed, "owner": owner, "tags": list(tags)}
+        data = {name: value for name, value in given.items() if value is not None}
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
-        answer = self.connection.ask("POST", "/campaigns", repeats=True, json=body, headers=headers)
+        answer = self.connection.ask(
+            "POST", "/campaigns", repeats=True, files=upload.to_form(), data=data, headers=headers
+        )
         made: dict[str, Any] = answer.json()
         return made
 

@@ -81,8 +81,8 @@ class ServerConnection:
         """Return the answer to a request for a path below ``/api/v1``; raise the error of `error_of` if it is refused.
 
         With `repeats`, sending it twice does no harm, so it is sent again if the connection is lost or the server says
-        that it can answer later. `more` are ``params``, ``json`` and ``headers``, as in httpx. Raises UnreachableError
-        if there is no answer.
+        that it can answer later. `more` are ``params``, ``json``, ``files`` and so on, as in httpx. Raises
+        UnreachableError if there is no answer.
         """
         request = self._http.build_request(method, PREFIX + path, **more)
         for tried in range(1, TRIES + 1):

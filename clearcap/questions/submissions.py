@@ -6,6 +6,7 @@ used as a path: texts and the files that they name come with the call; a saved m
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -21,12 +22,14 @@ from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import fault
 from campaign.spec.load import Campaign, load_campaign_text
+from campaign.spec.named_files import LARGEST_TOTAL
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.labels import LabelChange, read_labels
 from campaign.store.mechanism_library import read_mechanism
 from engine import simulate
 from engine.mechanism import library_names
+from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 from reporting import format_numbers
 
@@ -75,7 +78,7 @@ class CampaignSource:
 
     store: str  # address of the store; the text may name its saved mechanisms
     text: str
-    files: Mapping[str, bytes] = field(default_factory=dict)  # content by name
+    files: Mapping[str, bytes | Path] = field(default_factory=dict)  # content by name, or where it is
     samples: int | None = None  # replaces that of the text, as does the seed
     seed: int | None = None
     most_samples: int = 100_000_000  # largest number of samples that is accepted
@@ -83,12 +86,19 @@ class CampaignSource:
 
     def load(self, store: Store) -> Campaign:
         """Return the checked campaign; raise SpecError with its faults if it is invalid."""
-        files = {**self.saved(store), **self.files}
-        campaign = load_campaign_text(self.text, files, samples=self.samples, seed=self.seed)
+        campaign = load_campaign_text(self.text, self.contents(store), samples=self.samples, seed=self.seed)
         check_size(campaign.spec, self.most_samples)
         return campaign
 
-    def saved(self, store: Store) -> Mapping[str, bytes]:
+    def contents(self, store: Store) -> dict[str, bytes]:
+        """Return the content of each file that the text may name, by name."""
+        given = {
+            name: each if isinstance(each, bytes) else read_regular_file(each, LARGEST_TOTAL)
+            for name, each in self.files.items()
+        }
+        return {**self._saved(store), **given}
+
+    def _saved(self, store: Store) -> Mapping[str, bytes]:
         """Return the text of the mechanism that the campaign names, by name, if it is saved in the store."""
         try:
             name = parse_toml(text_bytes(self.text)).get("mechanism")

@@ -2,6 +2,7 @@
 
 import asyncio
 import fcntl
+import itertools
 import json
 import logging
 import os
@@ -9,7 +10,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields
-from ipaddress import ip_network
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from campaign.errors import SpecError, unwritable
 from clearcap.web.access import Role
+from clearcap.web.access.throttle import place_of
 from clearcap.web.app import make_app
 from clearcap.web.http.monitoring import show_requests
 from clearcap.web.settings import LOOPBACK, Limits, Oidc, Settings
@@ -45,6 +47,13 @@ class _WebhookTable(BaseModel):
     allow: list[Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,253}$")]] = []
 
 
+class _SigningTable(BaseModel):
+    """The table ``[signing]``."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    four_eyes: bool = False
+
+
 class _Tables(BaseModel):
     """The tables of the file."""
 
@@ -52,17 +61,18 @@ class _Tables(BaseModel):
     limits: dict[str, Annotated[float, Field(gt=0)]] = {}
     oidc: _OidcTable | None = None
     webhooks: _WebhookTable = _WebhookTable()
+    signing: _SigningTable = _SigningTable()
 
 
-def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[str, ...]]:
-    """Return the limits, login service and hosts for webhooks in the server's own network; None selects the defaults.
+def read_configuration(path: Path | None) -> dict[str, Any]:
+    """Return the settings that a configuration file gives, by their names in `Settings`; None gives none.
 
-    The TOML file has the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``. The secret of the login service is not
-    part of it: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``. Raises SpecError if the file cannot
-    be read or is invalid, or the secret is missing.
+    The TOML file has the tables ``[limits]``, ``[oidc]``, ``[webhooks]`` and ``[signing]``. The secret of the login
+    service is not part of it: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``. Raises SpecError if
+    the file cannot be read or is invalid, or the secret is missing.
     """
     if path is None:
-        return Limits(), None, ()
+        return {}
     try:
         tables = TypeAdapter(_Tables).validate_python(read_toml(path))
     except (OSError, UnfitToml) as error:
@@ -70,7 +80,12 @@ def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[st
     except ValidationError as error:
         lines = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
         raise SpecError("\n  ".join([f"--config {path}:", *lines])) from error
-    return _limits(path, tables.limits), _oidc(path, tables.oidc), tuple(tables.webhooks.allow)
+    return {
+        "limits": _limits(path, tables.limits),
+        "oidc": _oidc(path, tables.oidc),
+        "webhook_hosts": tuple(tables.webhooks.allow),
+        "four_eyes": tables.signing.four_eyes,
+    }
 
 
 def _limits(path: Path, table: dict[str, float]) -> Limits:
@@ -98,6 +113,7 @@ def _oidc(path: Path, table: _OidcTable | None) -> Oidc | None:
 
 LOCK = "server.lock"
 FIRST_ADMIN = "admin"
+FIRST_LINK = "first_login_link"  # file in the data folder
 DRAIN = 20  # s that running requests may take to finish when the server ends
 KEEP_ALIVE = 20  # s without a request, after which a connection is closed
 CONNECTIONS = 1000
@@ -128,6 +144,23 @@ def check_settings(settings: Settings) -> None:
             f"--host {settings.host}: other machines could read passwords and results on the way; give --https-cert and"
             " --https-key, or --behind-proxy if a proxy in front of the server ends TLS"
         )
+
+
+def first_login(service: Service, *, is_terminal: bool) -> tuple[str | None, Path | None]:
+    """Return the link by which the first admin logs in once, or the file that it was written to; only at a first start.
+
+    What a service prints is kept in logs, which others can read, so only a terminal gets the link.
+    """
+    file = service.settings.data / FIRST_LINK
+    file.unlink(missing_ok=True)
+    if service.users.all():
+        return None, None
+    link = login_link(service)
+    if is_terminal:
+        return link, None
+    with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as opened:
+        opened.write(f"{link}\n")
+    return None, file
 
 
 def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
@@ -230,6 +263,7 @@ def _named(text: bytes) -> str:
 
 LARGEST_HEAD = 64 * 1024  # bytes, of a request's first line and headers
 SLOWEST_READER = 1024  # bytes/s of an answer that a client must read at least
+_numbers = itertools.count()  # of connections
 SEND_BUFFER = 256 * 1024  # bytes; with a larger buffer the system would report too late what a client has read
 
 
@@ -237,9 +271,11 @@ class BoundedConnection(HttpToolsProtocol):
     """A connection that limits the size and arrival time of each request head and requires that answers are read.
 
     Uvicorn has none of these limits: a thousand connections that never finish their heads, or never read an answer,
-    would keep everybody else out, and one endless header would fill the memory. `RequestLimits` limits the bodies.
+    would keep everybody else out, and one endless header would fill the memory. `RequestLimits` limits the bodies. One
+    connection too many from an address ends the oldest of that address without a request at work.
     """
 
+    _number, _place = 0, ""  # in the order of their beginning, and which address may open so many; empty for a proxy
     _deadline: asyncio.TimerHandle | None = None
     _reader_watch: asyncio.TimerHandle | None = None
     _head_bytes = 0
@@ -254,6 +290,10 @@ class BoundedConnection(HttpToolsProtocol):
     def connection_made(self, transport: Any) -> None:
         """Set up the new connection and wait for its first request."""
         super().connection_made(transport)
+        self._number, self._place = next(_numbers), self._place_of_client()
+        if not self._make_room():
+            self._cut("503 Service Unavailable")
+            return
         if (connected := transport.get_extra_info("socket")) is not None:
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         transport.set_write_buffer_limits(high=0)  # so that `resume_writing` is called when everything was read
@@ -262,8 +302,8 @@ class BoundedConnection(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Process received bytes."""
-        is_idle = self.cycle is None or self.cycle.response_complete
-        if is_idle and self._deadline is None:  # after an answer; also for blank lines, which do not begin a request
+        # after an answer; also for blank lines, which do not begin a request
+        if not self._is_at_work and self._deadline is None:
             self._expect_head()
         super().data_received(data)
         if self._is_in_head or self._deadline is not None:  # also the head of a second request behind the first
@@ -298,6 +338,30 @@ class BoundedConnection(HttpToolsProtocol):
         if self._reader_watch is not None:
             self._reader_watch.cancel()
         super().connection_lost(exc)
+
+    @property
+    def _is_at_work(self) -> bool:
+        """Whether a request is being answered."""
+        return self.cycle is not None and not self.cycle.response_complete
+
+    def _place_of_client(self) -> str:
+        """Return what counts as one address; empty for the proxy, behind which everybody is."""
+        settings: Settings = self.config.app.state.service.settings  # type: ignore[union-attr]  # FastAPI
+        if self.client is None:
+            return ""
+        address = self.client[0]
+        is_proxy = settings.behind_proxy and any(ip_address(address) in ip_network(each) for each in settings.proxies)
+        return "" if is_proxy else place_of(address)
+
+    def _make_room(self) -> bool:
+        """Close the oldest idle connection of an address that has too many; return whether there is room."""
+        own = [each for each in self.connections if each._place == self._place] if self._place else []
+        if len(own) <= self._limits.connections:
+            return True
+        idle = [each for each in own if each is not self and not each._is_at_work]
+        if idle:
+            min(idle, key=lambda each: each._number)._cut("408 Request Timeout")
+        return bool(idle)
 
     def _watch_reader(self, waiting: int) -> None:
         """Check periodically that the client reads a buffered answer fast enough; abort the connection if not."""

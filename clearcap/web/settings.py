@@ -14,7 +14,9 @@ PREFIX = "/api/v1"  # of the paths of the API
 class Limits:
     """Limits on the resources of one request and of one user."""
 
-    body: int = 64 * 1024**2  # largest body of a request [bytes]
+    body: int = 64 * 1024**2  # largest body of a request that brings files [bytes]
+    bodies: int = 256 * 1024**2  # of all bodies at work; one address may have a quarter, or one largest body [bytes]
+    connections: int = 200  # open ones of one address
     body_seconds: float = 60.0  # a body must have arrived within this time
     head_seconds: float = 20.0  # as must the first line and the headers of a request
     # Interval between checks of a client that reads an answer: it must have read 1 KiB for each second.
@@ -58,6 +60,7 @@ class Settings:
     processes: int = 2  # that compute simulations, questions and reports
     limits: Limits = Limits()
     oidc: Oidc | None = None
+    four_eyes: bool = False  # nobody signs a campaign that he has submitted himself
     webhook_hosts: tuple[str, ...] = ()  # hosts in the server's own network that webhooks may address
 
     @property

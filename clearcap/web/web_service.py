@@ -26,7 +26,7 @@ from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.company_login import CompanyLogin
 from clearcap.web.access.credentials import Sessions, Tokens
 from clearcap.web.access.database import Database
-from clearcap.web.access.throttle import Throttle
+from clearcap.web.access.throttle import LoginThrottle, Throttle
 from clearcap.web.access.users import Users
 from clearcap.web.answers.column_cache import columns_folder
 from clearcap.web.answers.fair_queue import Quota
@@ -63,7 +63,8 @@ class Service:
     audit: AuditTrail = field(init=False)
     webhooks: WebhookRepository = field(init=False)
     signing_service: SigningService = field(init=False)
-    throttle: Throttle = field(init=False)  # counts failed logins
+    logins: LoginThrottle = field(init=False)  # counts wrong passwords
+    throttle: Throttle = field(init=False)  # counts wrong tokens, and failed logins at the company's login service
     company: CompanyLogin | None = field(init=False)
     watcher: Watcher = field(init=False)  # reads the store once for all users
     statuses: CountedStatuses = field(init=False)
@@ -90,7 +91,8 @@ class Service:
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
         self.statuses = CountedStatuses(self.store)
-        self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
+        self.logins = LoginThrottle(limits.failures, limits.failures_within)
+        self.throttle = Throttle(limits.failures, limits.failures_within)
         oidc = self.settings.oidc
         self.company = CompanyLogin(oidc, self.settings.address) if oidc else None
 

@@ -184,8 +184,9 @@ def _delivery(row: Row) -> Delivery:
 
 
 LONGEST_URL = 2000  # characters
-# networks whose addresses embed IPv4 addresses, which may be private
-_TRANSLATED = [ipaddress.ip_network(each) for each in ("64:ff9b::/96", "64:ff9b:1::/48", "2002::/16", "2001::/32")]
+# networks whose addresses embed IPv4 addresses, which may be private, or that only documents use
+_SPECIAL = "64:ff9b::/96", "64:ff9b:1::/48", "2002::/16", "2001::/32", "192.88.99.0/24", "3fff::/20"
+_SPECIAL_NETWORKS = [ipaddress.ip_network(each) for each in _SPECIAL]
 LOOK_EVERY = 2.0  # s
 AT_ONCE = 8  # deliveries
 ANSWER_WITHIN = 10.0  # s
@@ -320,6 +321,11 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
         raise SpecError("url: holds a user, a password or a fragment; news is signed instead: check the signature")
     if parts.scheme != "https" and not (parts.scheme == "http" and is_allowed and _is_loopback(host)):
         raise SpecError(f"url = {url!r:.200}: news is sent by https only")
+    if port is not None and (port == 0 or (port != 443 and not is_allowed)):
+        raise SpecError(
+            f"url = {url!r:.200}: port {port}: news is sent to port 443; for another an admin names the host in the"
+            ' configuration: [webhooks] allow = ["HOST"]'
+        )
     rest = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     return WebhookTarget(parts.scheme, host, port or (443 if parts.scheme == "https" else 80), rest, is_allowed)
 
@@ -350,8 +356,8 @@ def is_public(address: str) -> bool:
     mapped = getattr(parsed, "ipv4_mapped", None)
     if mapped is not None:
         return is_public(str(mapped))
-    is_translated = any(parsed in network for network in _TRANSLATED if network.version == parsed.version)
-    return parsed.is_global and not (parsed.is_multicast or parsed.is_reserved or is_translated)
+    is_special = any(parsed in network for network in _SPECIAL_NETWORKS if network.version == parsed.version)
+    return parsed.is_global and not (parsed.is_multicast or parsed.is_reserved or is_special)
 
 
 def _is_loopback(host: str) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from sqlite3 import Row
 
 from clearcap.web.access.database import Database
-from clearcap.web.access.users import Principal, Role, digest, new_secret
+from clearcap.web.access.users import Principal, Role, digest, end_sessions, new_secret
 
 IDLE = 12 * 3600.0  # s without a request, after which a session ends
 LONGEST_SESSION = 7 * 24 * 3600.0  # s
@@ -189,8 +189,7 @@ class Sessions:
     def end_all(self, user: str) -> None:
         """End all sessions of a user, and the user's unused one-time links."""
         with self._database.write() as connection:
-            connection.execute("DELETE FROM sessions WHERE user = ?", (user,))
-            connection.execute("DELETE FROM login_links WHERE user = ?", (user,))
+            end_sessions(connection, user)
 
     def count(self, user: str) -> int:
         """Return the number of a user's open sessions."""
@@ -206,6 +205,12 @@ class Sessions:
             connection.execute("DELETE FROM login_links WHERE expires < ?", (now,))
             connection.execute("INSERT INTO login_links VALUES (?, ?, ?)", (digest(secret), user, now + LINK_LIVES))
         return secret
+
+    def user_of_link(self, secret: str) -> str | None:
+        """Return the user whom a one-time link would log in; the link is not used up."""
+        statement = "SELECT user FROM login_links WHERE digest = ? AND expires > ?"
+        row = self._database.row(statement, digest(secret), time.time())
+        return row["user"] if row else None
 
     def use_link(self, secret: str) -> str | None:
         """Use up a one-time link and return its user; None if it was used, has expired, or the user is disabled."""

@@ -7,6 +7,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable
 
 MOST_KEYS = 10_000  # names and addresses that are kept; the oldest are dropped
+WIDER = 10  # times as many failures of one name from all addresses, or of one address with all names, are allowed
 
 
 def place_of(address: str) -> str:
@@ -74,3 +75,48 @@ class Throttle:
             self._failures.move_to_end(key)
         while len(self._failures) > MOST_KEYS:
             self._failures.popitem(last=False)
+
+
+class LoginThrottle:
+    """Failed logins by name and address together, so that one who guesses locks out neither a user nor an office.
+
+    Guesses at one name from many addresses, and at many names from one address, have limits too; they do not hold for
+    users where they have logged in before.
+    """
+
+    def __init__(self, failures: int, seconds: float) -> None:
+        self._narrow, self._wide = Throttle(failures, seconds), Throttle(WIDER * failures, seconds)
+        self._known: OrderedDict[str, None] = OrderedDict()  # names and addresses of successful logins
+
+    def attempt(self, name: str, address: str) -> float:
+        """Note an attempt as a failure until it `succeeded` or is taken back; return the time to wait [s]."""
+        both = f"{name} {place_of(address)}"
+        wait = self._narrow.wait(both)
+        if not wait and both not in self._known:
+            wait = self._wide.attempt(*_each(name, address))
+        return wait or self._narrow.attempt(both)
+
+    def succeeded(self, name: str, address: str) -> None:
+        """Forget the failures of a name at an address, and remember that it belongs there."""
+        both = f"{name} {place_of(address)}"
+        self._narrow.succeeded(both)
+        self._take_back_wide(name, address)
+        self._known[both] = None
+        self._known.move_to_end(both)
+        while len(self._known) > MOST_KEYS:
+            self._known.popitem(last=False)
+
+    def take_back(self, name: str, address: str) -> None:
+        """Take back the last attempt, because the password was not checked."""
+        self._narrow.take_back(f"{name} {place_of(address)}")
+        self._take_back_wide(name, address)
+
+    def _take_back_wide(self, name: str, address: str) -> None:
+        """Take back the last attempt where `attempt` has noted it."""
+        if f"{name} {place_of(address)}" not in self._known:
+            self._wide.take_back(*_each(name, address))
+
+
+def _each(name: str, address: str) -> tuple[str, str]:
+    """Return the keys of a name at all addresses and of an address with all names."""
+    return f"name {name}", f"address {place_of(address)}"

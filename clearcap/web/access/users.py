@@ -8,7 +8,7 @@ import threading
 import time
 from dataclasses import dataclass
 from enum import IntEnum
-from sqlite3 import IntegrityError, Row
+from sqlite3 import Connection, IntegrityError, Row
 
 from campaign.errors import CampaignError, SpecError
 from clearcap.web.access.database import Database
@@ -145,9 +145,19 @@ class Users:
         return user
 
     def change(
-        self, name: str, *, role: Role | None = None, password: str | None = None, disabled: bool | None = None
+        self,
+        name: str,
+        *,
+        role: Role | None = None,
+        password: str | None = None,
+        disabled: bool | None = None,
+        is_own: bool = False,
     ) -> User:
-        """Change a user; an argument that is None leaves its property unchanged."""
+        """Change a user; an argument that is None leaves its property unchanged.
+
+        Disabling, and a password that the user has not set himself (`is_own`), ends what `end_access` ends. With an own
+        new password only the sessions and one-time links end.
+        """
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: no user has this name")
         kept = None if password is None else hash_password(_checked(password))
@@ -159,14 +169,21 @@ class Users:
             if disabled is not None:
                 connection.execute("UPDATE users SET disabled = ? WHERE name = ?", (disabled, name))
             if kept is not None or disabled:
-                connection.execute("DELETE FROM sessions WHERE user = ?", (name,))
-                connection.execute("DELETE FROM login_links WHERE user = ?", (name,))
+                end_sessions(connection, name)
+            if (kept is not None or disabled) and not is_own:
+                _end_grants(connection, name)
             admins = "SELECT count(*) FROM users WHERE role = 'admin' AND NOT disabled"
             if connection.execute(admins).fetchone()[0] == 0:
                 raise CampaignError(f"name = {name}: is the last admin; make another user an admin first")
         user = self.get(name)
         assert user is not None
         return user
+
+    def end_access(self, name: str) -> None:
+        """End all sessions, one-time links, tokens, shared links and webhooks of a user."""
+        with self._database.write() as connection:
+            end_sessions(connection, name)
+            _end_grants(connection, name)
 
     def by_password(self, name: str, password: str) -> User | None:
         """Return the user with a name and a password; None if the password is wrong or there is no such user.
@@ -187,6 +204,21 @@ class Users:
         """Return the user whom the login service knows as `subject`, even a disabled one; None if there is none."""
         row = self._database.row("SELECT * FROM users WHERE subject = ?", subject)
         return _user(row) if row else None
+
+
+def end_sessions(connection: Connection, name: str) -> None:
+    """End all sessions of a user, and the unused one-time links."""
+    connection.execute("DELETE FROM sessions WHERE user = ?", (name,))
+    connection.execute("DELETE FROM login_links WHERE user = ?", (name,))
+
+
+def _end_grants(connection: Connection, name: str) -> None:
+    """End what a user has granted to programs and others: tokens, shared links with their sessions, webhooks."""
+    now = time.time()
+    connection.execute("UPDATE tokens SET revoked = ? WHERE user = ? AND revoked IS NULL", (now, name))
+    connection.execute("DELETE FROM sessions WHERE share IN (SELECT id FROM shares WHERE by = ?)", (name,))
+    connection.execute("UPDATE shares SET revoked = ? WHERE by = ? AND revoked IS NULL", (now, name))
+    connection.execute("DELETE FROM webhooks WHERE user = ?", (name,))
 
 
 def _checked(password: str) -> str:

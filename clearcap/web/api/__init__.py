@@ -46,6 +46,7 @@ each = ROUTERS["users"]
 each.get("/users")(people.list_users)
 each.post("/users", status_code=201, responses=_409)(people.add_user)
 each.patch("/users/{name}", responses=_404_409)(people.change_user)
+each.delete("/users/{name}/access", status_code=204, responses=_404)(people.end_access)
 each.post("/users/{name}/login-link", status_code=201, responses=_404_409)(people.make_login_link)
 
 each = ROUTERS["account"]

@@ -8,8 +8,9 @@ from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.responses import Response
 
-from clearcap.web.http.authentication import SAFE_METHODS, WHO_MAY, principal_of, who_may
+from clearcap.web.http.authentication import FORMS, SAFE_METHODS, WHO_MAY, principal_of, who_may
 from clearcap.web.http.problems import described
+from clearcap.web.http.request_limits import check_values
 from clearcap.web.settings import PREFIX
 
 
@@ -23,12 +24,14 @@ class _Call(APIRoute):
         self.openapi_extra = {**(self.openapi_extra or {}), WHO_MAY: who_may(_all_of(self.dependant))}
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Return the handler of a request, which refuses strangers before it reads the body."""
+        """Return the handler of a request, which refuses strangers before the body is read, and JSON of many values."""
         handle = super().get_route_handler()
 
         async def handle_known(request: Request) -> Response:
             if request.method not in SAFE_METHODS:
                 principal_of(request)
+                if not request.headers.get("content-type", "").startswith(FORMS):
+                    check_values(await request.body())
             return await handle(request)
 
         return handle_known

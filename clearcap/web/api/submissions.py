@@ -1,5 +1,9 @@
 """Calls that check the text of a campaign, submit it as JSON or as a form with files, or extend it by more samples."""
 
+import shutil
+from collections.abc import AsyncIterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 from fastapi import Depends, Header, Request
@@ -31,6 +35,7 @@ from clearcap.web.operations.submissions import (
 from clearcap.web.settings import PREFIX
 
 MOST_FIELDS = 60
+LARGEST_IN_MEMORY = 2**20  # bytes of a file that is sent along; a job reads larger ones from the disk
 _FORM_SCHEMA = {
     "type": "object",
     "required": ["campaign"],
@@ -54,34 +59,40 @@ POSTED = {
 }
 
 
-async def posted_campaign(request: Request) -> CampaignRequest:
-    """Return the campaign that a request posts, as a dependency of a call.
+async def posted_campaign(request: Request) -> AsyncIterator[CampaignRequest]:
+    """Yield the campaign that a request posts, as a dependency of a call; its large files exist until the answer.
 
     The refusal is 415 for a body of another type, 422 for a form with a duplicate file or one that is not text. Raises
     RequestValidationError if a value is not allowed.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    try:
-        if kind == FORMS[0]:
-            return CampaignRequest.model_validate(await _of_form(request))
-        if kind == "application/json":
-            return await run_in_threadpool(CampaignRequest.model_validate_json, await request.body())
-    except ValidationError as error:
-        raise RequestValidationError(error.errors(include_url=False)) from error
-    raise Refusal(415, f"content-type {kind or 'none':.100}: send application/json, or multipart/form-data with files")
+    with TemporaryDirectory(prefix="clearcap-upload-") as folder:
+        try:
+            if kind == FORMS[0]:
+                posted = CampaignRequest.model_validate(await _of_form(request, Path(folder)))
+            elif kind == "application/json":
+                posted = await run_in_threadpool(CampaignRequest.model_validate_json, await request.body())
+            else:
+                sent = kind or "none"
+                raise Refusal(
+                    415, f"content-type {sent:.100}: send application/json, or multipart/form-data with files"
+                )
+        except ValidationError as error:
+            raise RequestValidationError(error.errors(include_url=False)) from error
+        yield posted
 
 
-async def _of_form(request: Request) -> dict[str, Any]:
+async def _of_form(request: Request, folder: Path) -> dict[str, Any]:
     """Return the values of a form: the file ``campaign``, any number of ``files``, and the other fields."""
     form = await request.form(max_files=MOST_FILES + 1, max_fields=MOST_FIELDS, max_part_size=4 * LONGEST_TEXT)
     try:
-        return await _values(form)
+        return await _values(form, folder)
     finally:
         await form.close()
 
 
-async def _values(form: FormData) -> dict[str, Any]:
-    """Return the values of a form's fields by the field names of `CampaignRequest`."""
+async def _values(form: FormData, folder: Path) -> dict[str, Any]:
+    """Return the values of a form's fields by the field names of `CampaignRequest`; large files go to a folder."""
     values: dict[str, Any] = {"files": {}, "tags": []}
     for key, value in form.multi_items():
         if key == "files":
@@ -92,7 +103,8 @@ async def _values(form: FormData) -> dict[str, Any]:
             name = value.filename or ""
             if name in values["files"]:
                 raise Refusal(422, f"files: {name!r:.100} is given twice; give it once")
-            values["files"][name] = await value.read()
+            path = folder / str(len(values["files"]))
+            values["files"][name] = await run_in_threadpool(_kept, value, path)
         elif key == "campaign":
             values["text"] = await _text(value)
         elif key == "tags":
@@ -102,12 +114,21 @@ async def _values(form: FormData) -> dict[str, Any]:
     return values
 
 
+def _kept(sent: UploadFile, path: Path) -> bytes | Path:
+    """Return the content of a small file, or the path to which that of a large one was written."""
+    if (sent.size or 0) <= LARGEST_IN_MEMORY:
+        return sent.file.read()
+    with path.open("xb") as file:
+        shutil.copyfileobj(sent.file, file)
+    return path
+
+
 async def _text(value: UploadFile | str) -> str:
     """Return the text of a field or a file."""
     if isinstance(value, str):
         return value
     try:
-        return (await value.read()).decode("utf-8-sig")
+        return (await value.read(4 * LONGEST_TEXT + 1)).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise Refusal(422, f"campaign: is not UTF-8 text ({error.reason} at byte {error.start})") from error
 

@@ -10,6 +10,7 @@ from fastapi import Depends, Path, Request, Security
 from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.concurrency import run_in_threadpool
 
+from campaign.store.labels import read_labels
 from campaign.store.layout import PLAN
 from clearcap.web.access import Principal, Role
 from clearcap.web.access.throttle import place_of
@@ -165,19 +166,17 @@ TheService = Annotated[Service, Depends(the_service)]
 def checked_user(request: Request, name: str, password: str) -> User | None:
     """Return the user with a name and a password; None if the password is wrong or there is no such user."""
     service = service_of(request)
-    by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"
-    if wait := service.throttle.attempt(by_name, by_address):
+    address = address_of(request)
+    if wait := service.logins.attempt(name, address):
         headers = {"Retry-After": f"{wait + 1:.0f}"}
         raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
     try:
         user = service.users.by_password(name, password)
     except TimeoutError as error:
-        service.throttle.take_back(by_name, by_address)
+        service.logins.take_back(name, address)
         raise Refusal(503, "many log in now; try again in some seconds", headers={"Retry-After": "5"}) from error
     if user is not None:
-        # only this attempt: somebody with one valid password must not clear the failures of their guesses at others
-        service.throttle.take_back(by_address)
-        service.throttle.succeeded(by_name)
+        service.logins.succeeded(name, address)
     return user
 
 
@@ -198,6 +197,27 @@ async def the_campaign(
 
 
 TheCampaign = Annotated[str, Depends(the_campaign)]
+
+
+def owner_of(service: Service, campaign: str) -> str:
+    """Return the user whose campaign it is: who submitted it, until it was given to another; empty if not known."""
+    return read_labels(service.store, campaign).owner or service.signing_service.submitter(campaign)
+
+
+def check_owner(service: Service, campaign: str, who: Principal) -> None:
+    """Refuse (403) a change of a campaign by anybody but its owner and admins."""
+    owner = owner_of(service, campaign)
+    if not who.may(Role.ADMIN) and owner != who.name:
+        raise Refusal(403, f"campaign {campaign} is {owner or 'nobody'}'s; only its owner and admins may change it")
+
+
+async def the_own_campaign(service: TheService, campaign: TheCampaign, who: Engineer) -> str:
+    """Return the id of a campaign after checking that the principal owns it, or is an admin."""
+    await run_in_threadpool(check_owner, service, campaign, who)
+    return campaign
+
+
+OwnCampaign = Annotated[str, Depends(the_own_campaign)]
 OtherCampaign = Annotated[
     str, Path(pattern=CAMPAIGN_ID, description="Id of the other campaign", examples=["c60-5e6f7a8b9c"])
 ]
@@ -206,6 +226,8 @@ OtherCampaign = Annotated[
 def who_may(calls: Iterable[object]) -> str:
     """Describe who may use a call with some of the dependencies above, for the API documentation."""
     known = list(calls)
+    if the_own_campaign in known:
+        return "owner, or admin"
     roles = [call.role for call in known if isinstance(call, RoleNeeded)]
     if roles:
         return max(roles).word

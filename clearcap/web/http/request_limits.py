@@ -3,11 +3,13 @@
 import asyncio
 import re
 import secrets
+from collections import Counter
 from collections.abc import Iterable
 
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from clearcap.web.access.throttle import place_of
 from clearcap.web.http.problems import MEDIA_TYPE, Refusal, problem
 from clearcap.web.settings import LOOPBACK, Limits
 
@@ -27,8 +29,9 @@ HEADERS = {
 }
 TRANSPORT_SECURITY = "max-age=31536000"
 UPLOADS = "/api/v1/campaigns", "/api/v1/checks/campaign", "/campaigns/new"  # paths that receive files
-LARGEST_DOCUMENT = 8 * 1024**2  # bytes of a body on other paths: no other request is answered while it is parsed
-OPEN_FORM, LARGEST_OPEN_FORM = "/login", 64 * 1024  # form open to everybody, and its largest body [bytes]
+LARGEST_DOCUMENT = 2 * 1024**2  # bytes of all other bodies: no other request is answered while one is parsed
+MOST_VALUES = 10_000  # in a JSON document: each would become an object in memory
+OPEN_FORMS, LARGEST_OPEN_FORM = ("/login", "/login/link"), 64 * 1024  # open to everybody, and largest body [bytes]
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
 
 
@@ -40,7 +43,7 @@ class RequestLimits:
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str], limits: Limits, secure: bool) -> None:
-        self._app, self._limits = app, limits
+        self._app, self._limits, self._bodies = app, limits, _Bodies(limits)
         self._names = {name.lower() for name in (*LOOPBACK, *names)}
         self._headers = HEADERS | ({"Strict-Transport-Security": TRANSPORT_SECURITY} if secure else {})
 
@@ -66,23 +69,26 @@ class RequestLimits:
             await send(message)
 
         headers = dict(scope["headers"])
+        body = self._bodies.of(place_of(scope["client"][0] if scope.get("client") else "unknown"))
         try:
             # several Host headers are joined, so that they match no name
             hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
             self._check_host(hosts[0] if len(hosts) == 1 else ", ".join(hosts))
-            most = self._largest_body(scope["path"])
+            most = self._largest_body(scope["path"], headers.get(b"content-type", b""))
             _check_length(headers.get(b"content-length", b"0"), most)
-            await self._app(scope, self._bounded(receive, most), send_with_headers)
+            await self._app(scope, self._bounded(receive, most, body), send_with_headers)
         except Refusal as refused:
             if begun:
                 raise
             answer = Response(
                 problem(refused.status, refused.detail).model_dump_json(),
                 refused.status,
-                {"Connection": "close"},
+                {"Connection": "close", **refused.headers},
                 MEDIA_TYPE,
             )
             await answer(scope, receive, send_with_headers)
+        finally:
+            body.forget()
 
     def _check_host(self, host: str) -> None:
         match = _HOST.fullmatch(host)
@@ -90,19 +96,19 @@ class RequestLimits:
         if name not in self._names:
             raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
 
-    def _largest_body(self, path: str) -> int:
+    def _largest_body(self, path: str, kind: bytes) -> int:
         """Return the largest size that the body of a request may have [bytes]."""
-        if path in UPLOADS:
+        if path in UPLOADS and kind.lower().startswith(b"multipart/form-data"):  # its files go to the disk
             return self._limits.body
-        return min(self._limits.body, LARGEST_OPEN_FORM if path == OPEN_FORM else LARGEST_DOCUMENT)
+        return min(self._limits.body, LARGEST_OPEN_FORM if path in OPEN_FORMS else LARGEST_DOCUMENT)
 
-    def _bounded(self, receive: Receive, most: int) -> Receive:
+    def _bounded(self, receive: Receive, most: int, body: "_Body") -> Receive:
         """Return a reader of the body that raises a refusal when the body becomes too large or takes too long."""
-        size, limits = 0, self._limits
+        limits = self._limits
         over, ended = asyncio.get_running_loop().time() + limits.body_seconds, False
 
         async def read() -> Message:
-            nonlocal size, ended
+            nonlocal ended
             if ended:  # the application waits for the end of the connection
                 return await receive()
             try:
@@ -113,12 +119,58 @@ class RequestLimits:
                     408, f"the body did not arrive within {limits.body_seconds:g} s; send it again"
                 ) from None
             ended = message["type"] != "http.request" or not message.get("more_body", False)
-            size += len(message.get("body", b""))
-            if size > most:
+            body.add(len(message.get("body", b"")))
+            if body.size > most:
                 raise _body_too_large(most)
             return message
 
         return read
+
+
+class _Bodies:
+    """The sizes of the bodies of all requests at work, which together bound the memory and disk that they take."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.most, self.most_of_one = limits.bodies, max(limits.body, limits.bodies // 4)
+        self.by_place: Counter[str] = Counter()
+
+    def of(self, place: str) -> "_Body":
+        """Return the body of a new request."""
+        return _Body(self, place)
+
+
+class _Body:
+    """The body of a request, as far as it has arrived."""
+
+    def __init__(self, all_bodies: _Bodies, place: str) -> None:
+        self._all, self._place, self.size = all_bodies, place, 0
+
+    def add(self, size: int) -> None:
+        """Count what has arrived; refuse it (503) if all bodies, or those from its address, are too large together."""
+        by_place = self._all.by_place
+        self.size += size
+        by_place[self._place] += size
+        if by_place[self._place] > self._all.most_of_one or by_place.total() > self._all.most:
+            raise _body_refused(503, "other large requests are at work; send this one again in some seconds", "5")
+
+    def forget(self) -> None:
+        """Forget the body, because its request is answered."""
+        self._all.by_place[self._place] -= self.size
+        if not self._all.by_place[self._place]:
+            del self._all.by_place[self._place]
+
+
+def check_values(document: bytes) -> None:
+    """Refuse (413) a JSON document of more than `MOST_VALUES` values, which is not parsed for that."""
+    if _most_values(document) > MOST_VALUES:
+        outside = document.replace(rb"\\", b"").replace(rb"\"", b"").split(b'"')[::2]
+        if _most_values(b"".join(outside)) > MOST_VALUES:
+            raise _body_refused(413, f"the document has more than {MOST_VALUES} values; send less, or data as a file")
+
+
+def _most_values(text: bytes) -> int:
+    """Return a number that the values of a JSON text without strings do not exceed."""
+    return 1 + sum(map(text.count, (b",", b"[", b"{")))
 
 
 def _check_length(length: bytes, most: int) -> None:
@@ -131,6 +183,8 @@ def _body_too_large(most: int) -> Refusal:
     return _body_refused(413, f"the body may have at most {most} bytes here")
 
 
-def _body_refused(status: int, detail: str) -> Refusal:
+def _body_refused(status: int, detail: str, retry_after_s: str = "") -> Refusal:
     """Return the refusal of a body; it closes the connection, because the rest of the body is not read."""
-    return Refusal(status, detail, headers={"Connection": "close"})
+    return Refusal(
+        status, detail, headers={"Connection": "close"} | ({"Retry-After": retry_after_s} if retry_after_s else {})
+    )

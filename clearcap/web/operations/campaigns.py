@@ -13,21 +13,25 @@ from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
 from campaign.run_status import FailedStatus
 from campaign.store.files.files import TEMPORARY
-from campaign.store.labels import LabelChange, change_labels
+from campaign.store.labels import LabelChange, change_labels, read_labels
 from campaign.store.layout import CANCEL
 from campaign.store.store import comparisons, report_folder
 from clearcap.questions.report import written_report
-from clearcap.web.access import Role
+from clearcap.web.access import Principal
 from clearcap.web.http.authentication import (
     Authenticated,
     Engineer,
     OtherCampaign,
+    OwnCampaign,
     TheCampaign,
     TheService,
+    check_owner,
     the_campaign,
 )
 from clearcap.web.http.problems import Refusal
+from clearcap.web.operations.submissions import check_user, place_in_queue
 from clearcap.web.watch.entry import CampaignEntry
+from clearcap.web.web_service import Service
 
 
 async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignEntry:
@@ -82,7 +86,7 @@ class Done(BaseModel):
     note: str = Field("", description="What happens next")
 
 
-def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
+def cancel(service: TheService, campaign: OwnCampaign) -> Done:
     """End a campaign; finished rows are kept, and `resume` continues it."""
     before = cancel_campaign(service.store, campaign)
     service.watcher.hurry(campaign)
@@ -90,8 +94,14 @@ def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     return Done(campaign=campaign, before=before, note=note)
 
 
-def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
+async def resume(service: TheService, campaign: OwnCampaign, who: Engineer) -> Done:
     """Queue a campaign again that was cancelled or interrupted, has failed, or has lost rows."""
+    async with place_in_queue(service, who, campaign):
+        return await run_in_threadpool(_resume, service, campaign)
+
+
+def _resume(service: Service, campaign: str) -> Done:
+    """Queue a campaign again."""
     entry = service.watcher.index.entry(campaign)
     plan = service.store.plan(campaign)
     assignment = assign_coordinator(service.store, plan, [], queue_only=True)
@@ -112,8 +122,14 @@ class FailedRows(BaseModel):
     )
 
 
-def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: FailedRows) -> Done:
+async def rerun(service: TheService, campaign: OwnCampaign, who: Engineer, wanted: FailedRows) -> Done:
     """Compute failed rows again after their cause was removed; the coordinator that serves the store does it next."""
+    async with place_in_queue(service, who, campaign):
+        return await run_in_threadpool(_rerun, service, campaign, who, wanted)
+
+
+def _rerun(service: Service, campaign: str, who: Principal, wanted: FailedRows) -> Done:
+    """Queue a campaign for its failed rows."""
     store = service.store
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
@@ -145,7 +161,13 @@ class LabelRequest(BaseModel):
 
 
 async def label(service: TheService, campaign: TheCampaign, who: Engineer, wanted: LabelRequest) -> CampaignEntry:
-    """Change the owner, tags and note of a campaign, or archive it."""
+    """Change the tags and note of a campaign; its owner, and admins, also give it to another user, or archive it."""
+    labels = await run_in_threadpool(read_labels, service.store, campaign)
+    is_given = wanted.owner not in (None, labels.owner)
+    if is_given or wanted.archived not in (None, labels.archived):
+        await run_in_threadpool(check_owner, service, campaign, who)
+    if is_given and wanted.owner:  # without one it is the submitter's again
+        check_user(service, wanted.owner)
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
     await asyncio.to_thread(change_labels, service.store, campaign, change, by=who.name, version=wanted.version)
     await service.watcher.list_campaigns(campaign)
@@ -157,15 +179,10 @@ async def label(service: TheService, campaign: TheCampaign, who: Engineer, wante
 
 def delete(
     service: TheService,
-    campaign: TheCampaign,
-    who: Engineer,
+    campaign: OwnCampaign,
     confirm: Annotated[str, Header(alias="X-Confirm", description="The id again: rows are lost for ever")] = "",
 ) -> None:
     """Delete a campaign with all its rows; only its owner and admins may, and not if it is signed."""
-    entry = service.watcher.index.entry(campaign)
-    owner = entry.owner or entry.submitted_by if entry else ""
-    if not who.may(Role.ADMIN) and owner != who.name:
-        raise Refusal(403, f"campaign {campaign} is {owner or 'nobody'}'s; its owner or an admin may delete it")
     if confirm != campaign:
         raise Refusal(
             422, f"X-Confirm = {confirm!r:.120}: deleting removes all rows for good; to confirm, send the id {campaign}"

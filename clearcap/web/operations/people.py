@@ -64,8 +64,10 @@ class UserChange(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     role: RoleWord | None = Field(None, examples=["approver"])
-    password: Password | None = Field(None, description="Ends the sessions of the user")
-    disabled: bool | None = Field(None, description="Ends the user's sessions; tokens are refused", examples=[False])
+    password: Password | None = Field(None, description="Ends all that `disabled` ends, but the user can log in")
+    disabled: bool | None = Field(
+        None, description="Ends the user's sessions, tokens, shared links and webhooks for good", examples=[False]
+    )
 
 
 class LoginLink(BaseModel):
@@ -95,14 +97,20 @@ def list_users(
     return UserList(users=[ListedUser.model_validate(user) for user in users[:limit]], next=following)
 
 
-def add_user(request: Request, service: TheService, _: Admin, new: NewUser) -> ListedUser:
-    """Add a user."""
+def add_user(request: Request, service: TheService, who: Admin, new: NewUser) -> ListedUser:
+    """Add a user; like all that gives access, this needs a browser session."""
+    _needs_session(who)
     request.state.detail = f"{new.name[:64]}, {new.role}"
     return ListedUser.model_validate(service.users.add(new.name, Role.of(new.role), new.password))
 
 
-def change_user(request: Request, service: TheService, _: Admin, name: UserName, change: UserChange) -> ListedUser:
-    """Change the role of a user, set their password, or disable them; fields that are left out stay unchanged."""
+def change_user(request: Request, service: TheService, who: Admin, name: UserName, change: UserChange) -> ListedUser:
+    """Change the role of a user, set their password, or disable them; fields that are left out stay unchanged.
+
+    A token can only disable.
+    """
+    if not (change.disabled and change.role is None and change.password is None):
+        _needs_session(who)
     known_user(service, name)
     given = change.model_dump(exclude_none=True)
     request.state.detail = ", ".join("password" if key == "password" else f"{key} {given[key]}" for key in given)
@@ -112,8 +120,17 @@ def change_user(request: Request, service: TheService, _: Admin, name: UserName,
     )
 
 
-def make_login_link(service: TheService, _: Admin, name: UserName) -> LoginLink:
-    """Create a one-time login link for a user, valid for fifteen minutes; it is shown only this once."""
+def end_access(service: TheService, _: Admin, name: UserName) -> None:
+    """End all sessions, one-time links, tokens, shared links and webhooks of a user, who can log in again."""
+    service.users.end_access(known_user(service, name).name)
+
+
+def make_login_link(service: TheService, who: Admin, name: UserName) -> LoginLink:
+    """Create a one-time login link for a user, valid for fifteen minutes; it is shown only this once.
+
+    This needs a browser session.
+    """
+    _needs_session(who)
     if known_user(service, name).is_disabled:
         raise Refusal(409, f"{name} is disabled, so a link would lead nowhere; enable the account first")
     expires = datetime.fromtimestamp(datetime.now(UTC).timestamp() + LINK_LIVES, UTC)
@@ -219,11 +236,11 @@ def show_account(service: TheService, who: Viewer) -> ListedUser:
 
 
 def set_password(request: Request, service: TheService, who: Viewer, change: PasswordChange) -> None:
-    """Change your password; all your sessions end, including this one."""
+    """Change your password; all your sessions end, including this one, but no tokens."""
     _needs_session(who)
     if known_user(service, who.name).has_password and checked_user(request, who.name, change.present or "") is None:
         raise Refusal(403, "present: is not your password")
-    service.users.change(who.name, password=change.password)
+    service.users.change(who.name, password=change.password, is_own=True)
 
 
 def end_sessions(service: TheService, who: Viewer) -> None:

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from clearcap.questions.report import report_written_again
+from clearcap.questions.report_source import deciding_campaign
 from clearcap.questions.signing import (
     LONGEST_COMMENT,
     Signoff,
@@ -17,9 +18,11 @@ from clearcap.questions.signing import (
     digests_of,
     fingerprint,
 )
+from clearcap.web.access import Principal
 from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
 from clearcap.web.http.problems import Refusal
 from clearcap.web.signing_service import KeptSignoff, ReportAgain
+from clearcap.web.web_service import Service
 
 MOST_DIFFERENCES = 100  # differences that are listed
 
@@ -148,6 +151,8 @@ async def sign_campaign(
     request: Request, service: TheService, campaign: TheCampaign, who: Approver, signing: Signing
 ) -> Signoff:
     """Sign the plan, rows and report of a completed campaign; the report is first made again from the rows."""
+    if service.settings.four_eyes:
+        await run_in_threadpool(_check_four_eyes, service, campaign, who)
     again = await service.pool.data(who.name, report_written_again, service.store.files.full_url, campaign)
 
     def sign() -> Signoff:
@@ -157,6 +162,17 @@ async def sign_campaign(
     signoff = await run_in_threadpool(sign)
     request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
     return signoff
+
+
+def _check_four_eyes(service: Service, campaign: str, who: Principal) -> None:
+    """Refuse (403) to sign what the principal has submitted, or a campaign of which the store does not say who did."""
+    if not service.signing_service.submitter(campaign):
+        raise Refusal(
+            403, f"{campaign}: the store does not say who submitted it, and nobody signs his own here; submit it"
+        )
+    for each in filter(None, (campaign, deciding_campaign(service.store, campaign))):
+        if service.signing_service.submitter(each) == who.name:
+            raise Refusal(403, f"{each} was submitted by {who.name}; on this server another approver has to sign it")
 
 
 class Withdrawing(BaseModel):

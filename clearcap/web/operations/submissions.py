@@ -4,10 +4,13 @@ import base64
 import json
 import time
 from collections import Counter
-from hashlib import sha256
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from hashlib import file_digest, sha256
+from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, WithJsonSchema
 
 from campaign.coordinator.state import STATES
 from campaign.errors import SpecError
@@ -41,9 +44,9 @@ UNFINISHED = ("queued", "running", "interrupted")
 assert set(UNFINISHED) <= set(STATES)
 
 
-def _decoded(value: Any) -> bytes:
-    """Return the content of a file that was sent in base64; raise ValueError if it is not base64."""
-    if isinstance(value, bytes):
+def _decoded(value: Any) -> bytes | Path:
+    """Return the content of a file that was sent in base64, or where it is; raise ValueError if it is not base64."""
+    if isinstance(value, bytes | Path):
         return value
     if not isinstance(value, str):
         raise ValueError("must be a text in base64")
@@ -61,7 +64,11 @@ def _no_truth(value: Any) -> Any:
 
 
 Number = Annotated[int, BeforeValidator(_no_truth)]
-FileContent = Annotated[bytes, BeforeValidator(_decoded), WithJsonSchema({"type": "string", "format": "byte"})]
+FileContent = Annotated[
+    InstanceOf[bytes] | InstanceOf[Path],
+    BeforeValidator(_decoded),
+    WithJsonSchema({"type": "string", "format": "byte"}),
+]
 
 
 class CampaignRequest(BaseModel):
@@ -79,15 +86,31 @@ class CampaignRequest(BaseModel):
 
     def digest(self) -> str:
         """Return a digest that is equal for requests with equal content."""
-        files = {name: sha256(content).hexdigest() for name, content in self.files.items()}
+        files = {name: _sha256(content) for name, content in self.files.items()}
         content = {**self.model_dump(exclude={"files"}), "files": files}
         return sha256(json.dumps(content, sort_keys=True).encode(errors="surrogatepass")).hexdigest()
 
 
+def _sha256(content: bytes | Path) -> str:
+    if isinstance(content, bytes):
+        return sha256(content).hexdigest()
+    with content.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
 async def submit(service: Service, who: Principal, wanted: CampaignRequest) -> SubmittedCampaign:
     """Submit a campaign; refuse (429) if the user has as many unfinished campaigns as is allowed."""
+    if wanted.owner:
+        check_user(service, wanted.owner)
     labels = LabelChange(who.name if wanted.owner is None else wanted.owner, tuple(wanted.tags))
     return await _made(service, who, submit_text, source_of_request(service, wanted), labels, who.name)
+
+
+def check_user(service: Service, owner: str) -> None:
+    """Raise SpecError if the owner that a campaign is to have is no user."""
+    user = service.users.get(owner)
+    if user is None or user.is_disabled:
+        raise SpecError(f"owner = {owner!r:.80}: no user has this name; give the campaign to one who has an account")
 
 
 class MoreSamples(BaseModel):
@@ -106,22 +129,35 @@ async def extend(service: Service, campaign: str, who: Principal, samples: int) 
 
 async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> SubmittedCampaign:
     """Let a job plan a campaign, unless the user has too many unfinished ones."""
-    # counted before the check, so that simultaneous submissions cannot exceed the limit together
-    service.submitting[who.name] += 1
-    try:
-        await _check_unfinished(service, who)
+    async with place_in_queue(service, who):
         made = await service.pool.data(who.name, job, *arguments)
-    finally:
-        service.submitting[who.name] -= 1
     await service.watcher.list_campaigns(made["campaign"])
     return SubmittedCampaign.model_validate(made)
 
 
-async def _check_unfinished(service: Service, who: Principal) -> None:
-    """Raise Refusal (429) if the user has too many unfinished campaigns, including those being submitted now."""
+@asynccontextmanager
+async def place_in_queue(service: Service, who: Principal, campaign: str = "") -> AsyncIterator[None]:
+    """Hold a place for one more unfinished campaign in the block; each way into the queue needs it.
+
+    Refuses (429) if the user has too many. A `campaign` that is to be queued again does not count beside its place.
+    """
+    # counted before the check, so that simultaneous submissions cannot exceed the limit together
+    service.submitting[who.name] += 1
+    try:
+        await _check_unfinished(service, who, campaign)
+        yield
+        if campaign:  # before the place is given up, so that the next check counts it
+            await service.watcher.list_campaigns(campaign)
+    finally:
+        service.submitting[who.name] -= 1
+
+
+async def _check_unfinished(service: Service, who: Principal, campaign: str) -> None:
+    """Raise Refusal (429) if too many unfinished campaigns, besides this one, were submitted by the user or are his."""
     most = service.settings.limits.running
     await service.watcher.list_all()
-    entries = [entry for entry, _ in service.watcher.index.entries() if entry.submitted_by == who.name]
+    others = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
+    entries = [entry for entry in others if who.name in (entry.submitted_by, entry.owner)]
     unfinished = Counter(entry.state for entry in entries if entry.state in UNFINISHED)
     if unfinished.total() + service.submitting[who.name] > most:
         counts = ", ".join(f"{count} {state}" for state, count in unfinished.items()) or "others on their way"

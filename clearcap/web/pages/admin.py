@@ -24,6 +24,7 @@ from clearcap.web.operations.people import (
     add_user,
     change_user,
     check_audit,
+    end_access,
     list_audit,
     list_tokens,
     list_users,
@@ -77,6 +78,13 @@ def disabled_form(
 ) -> Response:
     """Disable a user, or enable them again."""
     change_user(request, service, who, name, UserChange(disabled=disabled))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/access")
+def end_access_form(service: TheService, who: Admin, name: UserName) -> Response:
+    """End all sessions, tokens, shared links and webhooks of a user."""
+    end_access(service, who, name)
     return RedirectResponse(ADMIN, 303)
 
 

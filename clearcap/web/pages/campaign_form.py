@@ -184,7 +184,7 @@ def _mechanism(store: Store, source: CampaignSource, tables: Tables) -> Tables |
     if not isinstance(name, str) or not name:
         return None
     try:
-        mechanism = GivenFiles({**source.saved(store), **source.files}).mechanism(name)
+        mechanism = GivenFiles(source.contents(store)).mechanism(name)
         benches, presets = dict(mechanism.benches), dict(mechanism.presets)
         bench = tables.get("bench")
         mechanism = mechanism.on_bench(bench) if isinstance(bench, str) and bench else mechanism

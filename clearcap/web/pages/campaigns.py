@@ -4,13 +4,23 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Form, Query, Request
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.heartbeat import observe
 from clearcap.questions.signing import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
-from clearcap.web.http.authentication import Approver, Authenticated, Engineer, TheCampaign, TheService, Viewer
+from clearcap.web.http.authentication import (
+    Approver,
+    Authenticated,
+    Engineer,
+    OwnCampaign,
+    TheCampaign,
+    TheService,
+    Viewer,
+    owner_of,
+)
 from clearcap.web.operations.campaign_list import ORDERS, ListQuestion, listed
 from clearcap.web.operations.campaigns import (
     FailedRows,
@@ -74,10 +84,10 @@ def _chosen(question: ListQuestion) -> ListQuestion:
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Authenticated) -> dict[str, Any]:
-    """Return the values for the frame of a campaign's pages: its entry, and whether the user may delete it."""
+    """Return the values for the frame of a campaign's pages: its entry, and whether the user may change it."""
     entry = await show_campaign(service, campaign)
-    owner = entry.owner or entry.submitted_by
-    return {"entry": entry, "may_delete": who.may(Role.ADMIN) or (who.may(Role.ENGINEER) and owner == who.name)}
+    is_own = who.may(Role.ENGINEER) and who.name == await run_in_threadpool(owner_of, service, campaign)
+    return {"entry": entry, "may_change": is_own or who.may(Role.ADMIN)}
 
 
 @router.get("/campaigns/{campaign}")
@@ -103,23 +113,23 @@ async def report_form(service: TheService, campaign: TheCampaign, who: Engineer)
 
 
 @router.post("/campaigns/{campaign}/cancel")
-async def cancel_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+async def cancel_form(service: TheService, campaign: OwnCampaign) -> Response:
     """End a campaign."""
-    await run_in_threadpool(cancel, service, campaign, who)
+    await run_in_threadpool(cancel, service, campaign)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/resume")
-async def resume_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+async def resume_form(service: TheService, campaign: OwnCampaign, who: Engineer) -> Response:
     """Continue a campaign."""
-    await run_in_threadpool(resume, service, campaign, who)
+    await resume(service, campaign, who)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/rerun")
-async def rerun_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+async def rerun_form(service: TheService, campaign: OwnCampaign, who: Engineer) -> Response:
     """Compute failed rows again."""
-    await run_in_threadpool(rerun, service, campaign, who, FailedRows())
+    await rerun(service, campaign, who, FailedRows())
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
@@ -132,32 +142,38 @@ async def extend_form(
     return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
 
 
+class LabelForm(BaseModel):
+    """The labels in the form of a campaign's page."""
+
+    version: int = Field(ge=0)
+    owner: str = Field("", max_length=200)
+    tags: str = Field("", max_length=2000)
+    note: str = Field("", max_length=5000)
+    archived: bool = False
+    is_own: bool = False  # the form had owner and archived, which only some may change
+
+
 @router.post("/campaigns/{campaign}/labels")
 async def labels_form(
-    service: TheService,
-    campaign: TheCampaign,
-    who: Engineer,
-    version: Annotated[int, Form(ge=0)],
-    owner: Annotated[str, Form(max_length=200)] = "",
-    tags: Annotated[str, Form(max_length=2000)] = "",
-    note: Annotated[str, Form(max_length=5000)] = "",
-    archived: Annotated[bool, Form()] = False,
+    service: TheService, campaign: TheCampaign, who: Engineer, sent: Annotated[LabelForm, Form()]
 ) -> Response:
     """Change the owner, tags and note of a campaign, or archive it."""
     entry = await show_campaign(service, campaign)
-    wanted = set(tags.replace(",", " ").split())
+    wanted = set(sent.tags.replace(",", " ").split())
     add, remove = sorted(wanted - set(entry.tags)), sorted(set(entry.tags) - wanted)
-    change = LabelRequest(owner=owner, add_tags=add, remove_tags=remove, note=note, archived=archived, version=version)
+    change = LabelRequest(add_tags=add, remove_tags=remove, note=sent.note, version=sent.version)
+    if sent.is_own:
+        change = change.model_copy(update={"owner": sent.owner, "archived": sent.archived})
     await label(service, campaign, who, change)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/delete")
 async def delete_form(
-    service: TheService, campaign: TheCampaign, who: Engineer, confirm: Annotated[str, Form(max_length=200)] = ""
+    service: TheService, campaign: OwnCampaign, confirm: Annotated[str, Form(max_length=200)] = ""
 ) -> Response:
     """Delete a campaign with all its rows."""
-    await run_in_threadpool(delete, service, campaign, who, confirm)
+    await run_in_threadpool(delete, service, campaign, confirm)
     return RedirectResponse("/campaigns", 303)
 
 

@@ -85,13 +85,46 @@ def log_in(
 
 
 @router.get("/login/link")
-def use_link(request: Request, service: TheService, key: str, next: str = HOME) -> Response:
+def open_link(request: Request, service: TheService, key: str, next: str = HOME) -> Response:
+    """Begin a session with a one-time link that was typed or pasted; otherwise, or instead of another session, ask."""
+    user = service.sessions.user_of_link(key)
+    if user is None:
+        raise _used_up()
+    present = service.sessions.principal(request.cookies.get(COOKIE, ""))
+    # after a link on another site the browser does not send the cookie of a session that it may have
+    is_typed = request.headers.get("sec-fetch-site") in ("none", "same-origin")
+    if is_typed and (present is None or present.name == user):
+        return _by_link(request, service, key, next)
+    return page(request, "login_link", user=user, present=present, key=key, next=own_path(next))
+
+
+@router.post("/login/link")
+def use_link(
+    request: Request,
+    service: TheService,
+    key: Annotated[str, Form(max_length=200)],
+    next: Annotated[str, Form(max_length=2000)] = HOME,
+) -> Response:
     """Begin a session with a one-time link."""
+    check_origin(request)
+    return _by_link(request, service, key, next)
+
+
+def _by_link(request: Request, service: Service, key: str, wanted: str) -> Response:
+    """Use up a one-time link and begin a session of its user."""
     user = service.sessions.use_link(key)
     if user is None:
-        raise Refusal(403, "this link was used, or is older than 15 minutes; the server prints another at its start")
-    service.audit.add(user, "link", address_of(request), "GET /login/link", "", 200)
-    return entered(request, service.sessions.begin(user), next)
+        raise _used_up()
+    request.state.who, request.state.how = user, "link"
+    if request.method == "GET":  # of others the middleware makes the entry
+        service.audit.add(user, "link", address_of(request), "GET /login/link", "", 200)
+    return entered(request, service.sessions.begin(user), wanted)
+
+
+def _used_up() -> Refusal:
+    return Refusal(
+        403, "this link was used, or is older than 15 minutes; an admin, or clearcap serve --login-link, makes another"
+    )
 
 
 @router.get("/shared/{secret}")

@@ -242,6 +242,7 @@ HOW = {
     "POST /api/v1/users": lambda w: Call({}, {"json": {"name": "eva", "role": "engineer"}}),
     "PATCH /api/v1/users/{name}": lambda w: Call({"name": w.user()}, {"json": {"role": "engineer"}}),
     "POST /api/v1/users/{name}/login-link": lambda w: Call({"name": w.user()}),
+    "DELETE /api/v1/users/{name}/access": lambda w: Call({"name": w.user()}),
     "PUT /api/v1/account/password": lambda w: with_password(w, {"json": CHANGED}),
     "DELETE /api/v1/account/sessions": lambda w: Call({}, {}, w.user()),
     "POST /api/v1/tokens": lambda w: Call({}, {"json": {"name": "night", "role": "viewer"}}, "viewer"),
@@ -253,6 +254,7 @@ HOW = {
     "POST /api/v1/webhooks": lambda w: Call({}, {"json": {"url": "http://127.0.0.1:9/clearcap"}}),
     "DELETE /api/v1/webhooks/{webhook}": lambda w: Call({"webhook": w.webhook()}),
     "POST /login": lambda w: Call({}, {"data": {"name": "viewer", "password": PASSWORD}}, "viewer"),
+    "POST /login/link": lambda w: Call({}, {"data": {"key": w.service.sessions.new_link("viewer")}}, "viewer"),
     "POST /logout": lambda w: Call({}, {}, w.user()),
     "POST /account/tokens": lambda w: Call({}, {"data": {"name": "night", "role": "viewer"}}, "viewer"),
     "POST /account/tokens/{token}/revoke": lambda w: Call({"token": w.token()}),
@@ -262,6 +264,7 @@ HOW = {
     "POST /admin/users/{name}/role": lambda w: Call({"name": w.user()}, {"data": {"role": "engineer"}}),
     "POST /admin/users/{name}/disabled": lambda w: Call({"name": w.user()}, {"data": {"disabled": "true"}}),
     "POST /admin/users/{name}/password": lambda w: Call({"name": w.user()}, {"data": {"password": OTHER}}),
+    "POST /admin/users/{name}/access": lambda w: Call({"name": w.user()}),
     "POST /admin/users/{name}/link": lambda w: Call({"name": w.user()}),
     "POST /admin/tokens/{token}/revoke": lambda w: Call({"token": w.token()}),
     "POST /mechanisms": lambda w: Call({}, {"data": {"name": "sent"}, "files": {"file": ("x.toml", TEXT.encode())}}),
@@ -302,7 +305,7 @@ def test_success_is_audited(name, world):
     answer = world.ask(WRITES[name], call)
     assert answer.status_code < 400, answer.text
     (entry,) = [entry for entry in world.service.audit.newest() if entry.number > before]
-    how = "password" if name == "POST /login" else "session"
+    how = {"POST /login": "password", "POST /login/link": "link"}.get(name, "session")
     assert (entry.who, entry.how, entry.address) == (call.who, how, "testclient")
     assert (entry.action, entry.object, entry.status) == (name, call.subject, answer.status_code)
     assert PASSWORD not in entry.detail

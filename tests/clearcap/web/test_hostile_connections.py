@@ -1,6 +1,7 @@
 """What others send to the port: too much, too slowly, without an end, two requests that look like one."""
 
 import socket
+from contextlib import ExitStack
 
 import psutil
 import pytest
@@ -14,7 +15,7 @@ from tests.until import until
 
 pytestmark = pytest.mark.processes
 
-LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0)
+LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0, connections=100)
 CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 STEP = 0.1  # s, by which time passes
 SOME = 2 * SEND_BUFFER  # bytes: of fewer the server may not hear
@@ -230,9 +231,34 @@ def test_deep_json(port, call, text):
 
 def test_silent_connections_do_not_keep_others_out(port, clock):
     """A crowd of connections that say nothing is gone after the time that a head may take."""
-    crowd = [socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) for _ in range(300)]
+    crowd = [socket.create_connection(("127.0.0.1", port), timeout=PATIENCE) for _ in range(50)]
     close = HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
     assert _status(exchange(port, close)) == 200
     for connection in crowd:
         assert _status(taken(connection, clock, STEP)) == 408
         connection.close()
+
+
+def test_connections_of_one_address(port, call):
+    """One too many ends the oldest that asks nothing; where all are at work, the new one is refused."""
+    close = HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+    with ExitStack() as stack:
+
+        def connected(begun):
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=PATIENCE))
+            connection.sendall(begun)
+            return connection
+
+        crowd = [connected(b"GET /healthz HT") for _ in range(LIMITS.connections)]
+        for number in range(20):
+            assert _status(exchange(port, close)) == 200, number
+            assert _status(taken(crowd[number])) == 408, number
+        for connection in crowd[20:]:
+            connection.sendall(b"TP/1.1\r\nHost: localhost\r\n\r\n")
+            assert connection.recv(1000).startswith(b"HTTP/1.1 200")
+    until(lambda: not _connected(port), "all are gone")
+    with ExitStack() as stack:
+        for _ in range(LIMITS.connections):
+            connected(call + b"Content-Length: 1000\r\n\r\n")
+        until(lambda: _status(exchange(port, b"")) == 503, "all others are at work")
+    until(lambda: not _connected(port), "all are gone")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from campaign.errors import SpecError
-from clearcap.web.server import SECRET, check_settings, http_server, login_link, read_configuration
+from clearcap.web.server import SECRET, check_settings, first_login, http_server, login_link, read_configuration
 from clearcap.web.settings import Limits, Settings
 from clearcap.web.web_service import open_service
 
@@ -56,6 +56,21 @@ def test_first_link_makes_the_admin(tmp_path):
     service.close()
 
 
+def test_first_login(tmp_path):
+    """What is printed may be kept in a log: only a terminal gets the link, and only at the first start."""
+    for is_terminal in (True, False):
+        service = open_service(Settings(str(tmp_path / "runs"), tmp_path / f"{is_terminal}"))
+        link, file = first_login(service, is_terminal=is_terminal)
+        assert (link is None, file is None) == (not is_terminal, is_terminal)
+        if file is not None:
+            assert file.stat().st_mode & 0o777 == 0o600
+            link = file.read_text().strip()
+        assert service.sessions.user_of_link(link.partition("key=")[2]) == "admin"
+        assert first_login(service, is_terminal=True) == (None, None)
+        assert file is None or not file.exists()
+        service.close()
+
+
 def test_data_folder_is_private(tmp_path):
     open_service(Settings(str(tmp_path / "runs"), tmp_path / "data")).close()
     assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
@@ -64,18 +79,20 @@ def test_data_folder_is_private(tmp_path):
 def test_configuration(tmp_path, monkeypatch):
     path = tmp_path / "serve.toml"
     path.write_text(
-        "[limits]\njobs = 4\njob_seconds = 10\n[webhooks]\nallow = ['mes.plant']\n"
+        "[limits]\njobs = 4\njob_seconds = 10\n[webhooks]\nallow = ['mes.plant']\n[signing]\nfour_eyes = true\n"
         "[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\n"
     )
     with pytest.raises(SpecError, match=SECRET):
         read_configuration(path)
     monkeypatch.setenv(SECRET, "s3cret")
-    limits, oidc, hosts = read_configuration(path)
-    assert hosts == ("mes.plant",)
-    assert limits == Limits(jobs=4, job_seconds=10.0)
+    found = read_configuration(path)
+    oidc = found["oidc"]
+    assert (found["webhook_hosts"], found["four_eyes"]) == (("mes.plant",), True)
+    assert found["limits"] == Limits(jobs=4, job_seconds=10.0)
+    assert replace(Settings("runs", tmp_path), **found).oidc is oidc
     assert (oidc.issuer, oidc.client_secret) == ("https://id.example", "s3cret")
     assert "s3cret" not in repr(oidc)
-    assert read_configuration(None) == (Limits(), None, ())
+    assert read_configuration(None) == {}
 
 
 @pytest.mark.parametrize(
@@ -87,6 +104,7 @@ def test_configuration(tmp_path, monkeypatch):
         ("[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\nroles = {a = 'king'}\n", "oidc.roles.a"),
         ("[webhooks]\nallow = ['http://x/']\n", "webhooks.allow"),
         ("jobs = 4\n", "jobs"),
+        ("[signing]\nfour_eyes = 1\n", "signing.four_eyes"),
         ("x = ", "cannot be read"),
     ],
 )

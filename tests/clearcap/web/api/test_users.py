@@ -1,10 +1,11 @@
 """Users, tokens, the own account and the audit trail over the API: who may do what, and what stays of it."""
 
 import pytest
+from starlette.testclient import TestClient
 
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
-from tests.clearcap.web.conftest import PASSWORD
+from tests.clearcap.web.conftest import PASSWORD, URL
 from tests.each import each
 
 EVA = {"name": "eva", "role": "engineer"}
@@ -33,24 +34,24 @@ def test_only_admins(client, service, as_user, method, path, body):
     assert service.users.get("viewer").role is Role.VIEWER
 
 
-def test_user_from_first_to_last_day(client, service, as_user):
+def test_user_from_first_to_last_day(client, service, browse):
     """An admin adds, promotes, gives a password and a link, and disables."""
-    admin = as_user("admin")
+    admin = browse("admin")
     made = client.post("/api/v1/users", json=EVA | {"password": PASSWORD}, headers=admin)
     assert (made.status_code, made.json()["role"], made.json()["has_password"]) == (201, "engineer", True)
     assert client.post("/api/v1/users", json=EVA, headers=admin).status_code == 409
     changed = client.patch("/api/v1/users/eva", json={"role": "approver"}, headers=admin)
     assert changed.json()["role"] == "approver"
     link = client.post("/api/v1/users/eva/login-link", headers=admin).json()["link"]
-    assert client.get(link.partition(":8700")[2]).status_code == 200
-    assert service.sessions.principal(client.cookies[COOKIE]).name == "eva"
+    hers = TestClient(client.app, base_url=URL)
+    assert hers.get(link.partition(":8700")[2], headers={"Sec-Fetch-Site": "none"}).status_code == 200
+    assert service.sessions.principal(hers.cookies[COOKIE]).name == "eva"
     unused = service.sessions.new_link("eva")
     client.patch("/api/v1/users/eva", json={"disabled": True}, headers=admin)
-    assert service.sessions.principal(client.cookies[COOKIE]) is None
-    client.cookies.clear()
+    assert service.sessions.principal(hers.cookies[COOKIE]) is None
     assert client.post("/api/v1/users/eva/login-link", headers=admin).status_code == 409
     client.patch("/api/v1/users/eva", json={"disabled": False}, headers=admin)
-    assert client.get(f"/login/link?key={unused}").status_code == 403
+    assert hers.get(f"/login/link?key={unused}").status_code == 403
     assert client.patch("/api/v1/users/nobody", json={}, headers=admin).status_code == 404
     entries = client.get("/api/v1/audit", params={"object": "eva"}, headers=admin).json()["entries"]
     assert [entry["detail"] for entry in entries] == ["disabled False", "", "disabled True", "", "role approver"]
@@ -81,14 +82,14 @@ def test_users_come_in_pages(client, as_user):
         [],
     ],
 )
-def test_hostile_users(client, service, as_user, body):
+def test_hostile_users(client, service, browse, body):
     """They are refused with what is allowed."""
-    assert client.post("/api/v1/users", json=body, headers=as_user("admin")).status_code == 422
+    assert client.post("/api/v1/users", json=body, headers=browse("admin")).status_code == 422
     assert len(service.users.all()) == len(Role)
 
 
-def test_last_admin_stays(client, as_user):
-    answer = client.patch("/api/v1/users/admin", json={"role": "viewer"}, headers=as_user("admin"))
+def test_last_admin_stays(client, browse):
+    answer = client.patch("/api/v1/users/admin", json={"role": "viewer"}, headers=browse("admin"))
     assert (answer.status_code, "last admin" in answer.json()["detail"]) == (409, True)
 
 
@@ -151,7 +152,7 @@ def test_own_password(client, service, browse, as_user):
     change = {"present": "wrong password", "password": "another long password"}
     wrong = [client.put("/api/v1/account/password", json=change, headers=page).status_code for _ in range(6)]
     assert wrong == [403] * 5 + [429]
-    service.throttle.succeeded("name viewer", "address testclient")
+    service.logins.succeeded("viewer", "testclient")
     answer = client.put("/api/v1/account/password", json=change | {"present": PASSWORD}, headers=page)
     assert answer.status_code == 204
     assert service.users.by_password("viewer", change["password"]) is not None

@@ -2,7 +2,7 @@
 
 import dataclasses
 import logging
-from inspect import iscoroutinefunction
+from inspect import isasyncgenfunction, iscoroutinefunction
 
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import authenticated, the_service
@@ -68,14 +68,14 @@ def test_two_hosts(client):
     assert answer.status_code == 421
 
 
-def test_bug_is_answered_recorded_and_audited(client, service, as_user, monkeypatch, caplog):
+def test_bug_is_answered_recorded_and_audited(client, service, browse, monkeypatch, caplog):
     """By 500 with all headers; the answer says nothing of it, the log all."""
 
     def broken(*_, **__):
         raise RuntimeError("a very odd number")
 
     monkeypatch.setattr(service.users, "add", broken)
-    answer = client.post("/api/v1/users", json={"name": "x", "role": "viewer"}, headers=as_user("admin"))
+    answer = client.post("/api/v1/users", json={"name": "x", "role": "viewer"}, headers=browse("admin"))
     assert (answer.status_code, answer.headers["content-type"]) == (500, MEDIA_TYPE)
     assert "content-security-policy" in answer.headers
     assert "odd number" not in answer.text
@@ -135,4 +135,5 @@ def test_no_dependency_takes_a_thread():
     """FastAPI calls what is no coroutine in a thread: when all threads wait for a store, nobody could even be known."""
     calls = {call for way in all_ways() for call in way.calls}
     assert {authenticated, the_service} < calls
-    assert [each for each in calls if not any(map(iscoroutinefunction, (each, type(each).__call__)))] == []
+    kinds = iscoroutinefunction, isasyncgenfunction
+    assert [each for each in calls if not any(kind(f) for kind in kinds for f in (each, type(each).__call__))] == []

@@ -1,12 +1,20 @@
 """What every request passes: host names, sizes, headers, problem details."""
 
+from asyncio import sleep, to_thread
 from inspect import getsource
 
 import pytest
 from starlette.testclient import TestClient
 
-from clearcap.web.http.problems import MEDIA_TYPE
-from clearcap.web.http.request_limits import LARGEST_DOCUMENT, LARGEST_OPEN_FORM, UPLOADS, RequestLimits
+from clearcap.web.http.problems import MEDIA_TYPE, Refusal
+from clearcap.web.http.request_limits import (
+    LARGEST_DOCUMENT,
+    LARGEST_OPEN_FORM,
+    MOST_VALUES,
+    UPLOADS,
+    RequestLimits,
+    check_values,
+)
 from clearcap.web.settings import Limits
 from tests.clearcap.web.routes import all_ways
 
@@ -74,7 +82,62 @@ def test_only_files_may_be_large():
             answer = client.post(path, content=content)
             assert (answer.status_code, answer.headers["connection"]) == (413, "close")
             assert str(most) in answer.json()["detail"]
-    assert client.post(UPLOADS[0], content=b"x" * (LARGEST_DOCUMENT + 1)).status_code == 200
+    for kind, status in (("multipart/form-data; boundary=x", 200), ("application/json", 413)):
+        large = client.post(UPLOADS[0], content=b"x" * (LARGEST_DOCUMENT + 1), headers={"Content-Type": kind})
+        assert large.status_code == status
+
+
+def test_bodies_at_work_are_bounded_together():
+    """Those of one address to a quarter, or to the largest that one may send; room is there again after the answer."""
+
+    async def nested(scope, receive, send):
+        """Ask another request with the same limits while this one is at work."""
+        if scope["path"] != "/inner":
+            content = b"x" * int(dict(scope["headers"])[b"inner"])
+            client = TestClient(limits, base_url="https://localhost", client=(f"10.0.0.{scope['path'][1:]}", 1))
+            await _echo(scope, receive, lambda message: sleep(0))
+            inner = await to_thread(client.post, "/inner", content=content)
+            assert inner.status_code != 503 or int(inner.headers["retry-after"]) > 0
+            await send({"type": "http.response.start", "status": inner.status_code, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+        else:
+            await _echo(scope, receive, send)
+
+    limits = RequestLimits(nested, [], Limits(body=100, bodies=190), secure=False)
+    client = TestClient(limits, base_url="https://localhost", client=("10.0.0.1", 1))
+
+    def asked(inner, place):
+        return client.post(f"/{place}", content=b"x" * 90, headers={"inner": str(inner)}).status_code
+
+    for _ in range(3):
+        assert [asked(10, 1), asked(11, 1), asked(100, 2), asked(101, 2)] == [200, 503, 200, 413]
+    limits._bodies.most = 189
+    assert asked(100, 2) == 503
+
+
+def test_values_of_a_document_are_counted_before_they_are_made():
+    """What is in a text, as escaped quotes are, is none."""
+    many, quote, backslashes = b"{}," * MOST_VALUES, rb"\"", rb"\\\\"
+    for document in (
+        b"[%s{}]" % many,
+        b'["%s",%s{}]' % (backslashes, many),
+        b"[" * (MOST_VALUES + 1),
+        b'{"a":%s' % (b"[1," * MOST_VALUES),
+    ):
+        with pytest.raises(Refusal) as refused:
+            check_values(document)
+        assert refused.value.status == 413
+    for text in (many, quote + many, backslashes + quote + many):
+        check_values(b'["%s"]' % text)
+    check_values(b"[1" + b",1" * (MOST_VALUES - 2) + b"]")
+
+
+def test_every_call_counts_the_values(client, as_user):
+    """Also one that reads the document itself."""
+    engineer = {**as_user("engineer"), "Content-Type": "application/json"}
+    content = b'{"text": [%s{}]}' % (b"{}," * MOST_VALUES)
+    for path in ("/checks/campaign", "/campaigns", "/checks/mechanism", "/simulations", "/campaigns/c60-1/rerun"):
+        assert client.post(f"/api/v1{path}", content=content, headers=engineer).status_code == 413, path
 
 
 def test_each_call_with_files_may_be_large():

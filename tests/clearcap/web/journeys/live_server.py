@@ -78,7 +78,8 @@ def live_server(folder: Path, *options: str, store: str = "") -> Iterator[LiveSe
         told = json.loads("".join(lines))
         with httpx.Client(transport=httpx.HTTPTransport(retries=20), timeout=PATIENCE) as client:
             client.get(f"{told['address']}/healthz").raise_for_status()
-        yield LiveServer(told["address"], told["login"] or "", open_store(store))
+        file = told["login_file"]
+        yield LiveServer(told["address"], Path(file).read_text().strip() if file else "", open_store(store))
     finally:
         process.send_signal(signal.SIGTERM)
         try:

@@ -30,8 +30,15 @@ BLOCKS = re.findall(r"^```sh\n(.*?)^```", PAGE, re.M | re.S)
 LINES = [
     line for block in BLOCKS for line in block.replace("\\\n", " ").splitlines() if re.match("curl |python3 ", line)
 ]
-# only a browser may do the first two, and the third needs a host that answers
-WITHOUT_LINE = {"PUT /api/v1/account/password", "POST /api/v1/tokens", "POST /api/v1/webhooks"}
+WITHOUT_LINE = {  # only a browser may give access, and the last needs a host that answers
+    *(
+        "PUT /api/v1/account/password",
+        "POST /api/v1/tokens",
+        "POST /api/v1/users",
+        "POST /api/v1/users/{name}/login-link",
+    ),
+    "POST /api/v1/webhooks",
+}
 CURL = "curl --silent --show-error --max-time 600 --write-out '\\n%{http_code}' "
 
 
@@ -51,6 +58,7 @@ def words(tmp_path_factory):
     known = {"ID": _finished(folder, 7), "OTHER": _finished(folder, 8)}
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
     service.users.add("admin", Role.ADMIN)
+    service.users.add("bob", Role.VIEWER)
     secrets = [service.tokens.add("admin", name, Role.ADMIN, 3600.0)[1] for name in ("to be revoked", "examples")]
     service.webhooks.add("admin", None, "https://quality.example/clearcap", service.events())
     service.close()

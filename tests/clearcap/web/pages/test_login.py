@@ -64,7 +64,7 @@ def test_login_from_another_site_is_refused(client, eva):
 
 def test_link(client, service, eva):
     key = service.sessions.new_link("eva")
-    answer = client.get(f"/login/link?key={key}&next=/mechanisms")
+    answer = client.get(f"/login/link?key={key}&next=/mechanisms", headers={"Sec-Fetch-Site": "none"})
     assert 'content="0; url=/mechanisms"' in answer.text
     assert service.sessions.principal(client.cookies[COOKIE]).name == "eva"
     assert client.get(f"/login/link?key={key}").status_code == 403

@@ -245,6 +245,7 @@ def test_it_is_given_up_after_a_day(book, now):
             "ff02::1",
         ),
         *("::ffff:10.0.0.1", "64:ff9b::a00:1", "2002:a00:1::", "2001:0:a00:1::", "nonsense"),
+        *("192.88.99.1", "3fff::1"),
     ],
 )
 def test_networks_that_are_not_public(address):
@@ -267,11 +268,22 @@ def test_public_addresses(address):
             "http://10.0.0.1/",
         ),
         "http://mes.plant/",  # allowed, but no loopback
+        *("https://quality.example:22/", "https://quality.example:0/", "https://mes.plant:0/"),
     ],
 )
 def test_refused_urls(url):
     with pytest.raises(SpecError, match="url"):
         webhook_target(url, ["mes.plant"])
+
+
+def test_ports():
+    """443, and what an admin has named the host for."""
+    for url, port in (
+        ("https://quality.example:443/", 443),
+        ("https://mes.plant:8443/", 8443),
+        ("https://mes.plant", 443),
+    ):
+        assert webhook_target(url, ["mes.plant"]).port == port
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "[::1]", "2130706433", "0x7f.1", "localhost", "metadata.plant"])
