@@ -99,7 +99,7 @@ def test_nothing_is_cut_off_on_a_telephone(browser) -> None:
         )
         assert min(sizes) >= 9
         named = "return getComputedStyle(document.querySelector('table.summary td.n'), '::before').content"
-        assert browser.execute_script(named) == '"Mean"'
+        assert browser.execute_script(named) == '"Index"'
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
