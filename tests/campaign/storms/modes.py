@@ -11,7 +11,7 @@ from engine.platform.private_folder import private_folder
 from tests.campaign import fake_engine
 from tests.campaign.cluster_processes import free_port
 from tests.campaign.storms.cluster import start_cluster
-from tests.campaign.storms.server import new_token, signable_campaign
+from tests.campaign.storms.server import new_session, signable_campaign
 from tests.campaign.storms.visitors import Visitors
 
 STAND_IN, ENGINE = "tests.campaign.storms.command", "clearcap"
@@ -92,11 +92,11 @@ def start_server(storm, file, command, data=None):
     """
     data, port = private_folder(storm.supervisor.folder if data is None else data, "data"), free_port()
     storm.accounts = data
-    token, earlier = new_token(data), signable_campaign(storm.store, storm.supervisor.folder)
+    session, earlier = new_session(data), signable_campaign(storm.store, storm.supervisor.folder)
     words = ("serve", "--store", storm.store.url, "--data", data, "--port", port, "--workers", 2, "--json")
     storm.supervisor.add("server", command, *words)
     text = Path(file).read_text()
-    storm.visitors = Visitors(f"http://127.0.0.1:{port}", token, text, storm.campaign, earlier)
+    storm.visitors = Visitors(f"http://127.0.0.1:{port}", session, text, storm.campaign, earlier)
     storm.visitors.arrive()
 
 

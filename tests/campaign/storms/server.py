@@ -1,26 +1,31 @@
-"""What a server in a storm finds when it starts: an admin with a token, and a campaign that can be signed."""
+"""What a server in a storm finds when it starts: an admin who is logged in, and a campaign that can be signed."""
 
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
+from clearcap.questions.report import report
 from clearcap.web.access import Role
-from clearcap.web.access.credentials import LONGEST_TOKEN, Tokens
+from clearcap.web.access.credentials import Sessions
 from clearcap.web.access.database import Database
 from clearcap.web.access.users import Users
+from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 
 DATABASE = "service.sqlite"
 
 
-def new_token(data):
-    """Add an admin to the accounts of a server that is still to start; return headers with a token of his."""
+def new_session(data):
+    """Add an admin to the accounts of a server that is still to start; return headers of a browser he is logged in by.
+
+    A token would not do: none makes users.
+    """
     database = Database(data / DATABASE)
     try:
         Users(database).add("admin", Role.ADMIN)
-        _, secret = Tokens(database).add("admin", "storm", Role.ADMIN, LONGEST_TOKEN)
+        secret = Sessions(database).begin("admin")
+        return {"Cookie": f"{COOKIE}={secret}", CSRF_HEADER: Sessions(database).principal(secret).csrf}
     finally:
         database.close()
-    return {"Authorization": f"Bearer {secret}"}
 
 
 def signable_campaign(store, folder):
@@ -28,6 +33,6 @@ def signable_campaign(store, folder):
     file = folder / "earlier.toml"
     file.write_text(SPEC.replace('"demo"', '"earlier"').replace("seed = 7", "seed = 8"))
     _, plan = computed(store.url, load_campaign(str(file)), 10)
-    store.files.write(f"{plan.campaign_id}/report/report.html", b"<p>Cpk 1.33</p>")
     write_state(store, plan.campaign_id, "completed")
+    report(store, plan)  # only what is made from these rows again is signed
     return plan.campaign_id
