@@ -355,7 +355,8 @@ class BoundedConnection(HttpToolsProtocol):
 
     def _make_room(self) -> bool:
         """Close the oldest idle connection of an address that has too many; return whether there is room."""
-        own = [each for each in self.connections if each._place == self._place] if self._place else []
+        others = (each for each in self.connections if isinstance(each, BoundedConnection))
+        own = [each for each in others if each._place == self._place] if self._place else []
         if len(own) <= self._limits.connections:
             return True
         idle = [each for each in own if each is not self and not each._is_at_work]
