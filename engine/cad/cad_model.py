@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_type_hints
 import numpy as np
 
 from engine.arrays import Array, Integers
+from engine.faults.fault import some
 
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "surface"]
 
@@ -248,7 +249,11 @@ class CadAssembly:
     cautions: tuple[str, ...] = ()
     """What was left out of the file and where it contradicts itself, each with a remedy."""
     unreadable: int = 0
-    """Number of entities that cannot be read or that refer to missing ones; if it is not 0, the file is damaged."""
+    """Number of entities of faces, placements and limits that cannot be read or that refer to missing ones; if it is
+    not 0, the file is damaged.
+    """
+    damaged: tuple[str, ...] = ()
+    """Names of the parts that these entities describe."""
 
     @property
     def damage(self) -> str:
@@ -257,7 +262,7 @@ class CadAssembly:
             return ""
         return (
             f"is damaged: {self.unreadable} of its entities cannot be read, or refer to others that are missing, so"
-            " that parts, faces or limits may be missing too; export or copy it again"
+            f" that faces, placements or limits of {some(self.damaged)} may be missing too; export or copy it again"
         )
 
     def part(self, name: str) -> CadPart:

@@ -1,6 +1,7 @@
 """A fault of a file or a value as data; the line shown to the user is made from it."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,6 +94,12 @@ class Fault:
             "within": [fault.to_json() for fault in self.within],
             "said": str(self),
         }
+
+
+def some(names: Sequence[str], most: int = 5) -> str:
+    """Return names as text; of many only the first."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 def one_line(text: str) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from engine.errors import EngineError
+from engine.faults.fault import some
 from engine.mechanism import Mechanism
 from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.geometry.face_search import length
@@ -83,7 +84,8 @@ def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
             "cad.file",
             None,
             "1",
-            f"{certificate.file} is damaged, and what {certificate.unreadable} of its entities describe is left out",
+            f"{certificate.file} is damaged, and what {certificate.unreadable} of its entities describe of "
+            f"{some(certificate.damaged)} is left out",
             "",
             "export it again",
         )

@@ -50,6 +50,11 @@ def given_name(label: Any) -> str:
     return "" if _MADE_UP.match(name) else name
 
 
+def is_shape_of_product(component: Any) -> bool:
+    """Return whether OCCT has made up a component for one of several shapes of a product."""
+    return name_of(component).startswith("=>[")
+
+
 def material_of(label: Any, grams: float) -> CadMaterial | None:
     """Return the material of a part or a solid; None if the file names none.
 

@@ -6,11 +6,15 @@ Faces, edges and solids are listed without repetitions, in the same order for ea
 from typing import Any
 
 import numpy as np
+from OCP import Standard
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 
 from engine.arrays import Array
+
+OCCT_ERRORS = tuple(each for each in vars(Standard).values() if isinstance(each, type) and issubclass(each, Exception))
+"""What OCCT raises; in Python its classes have no common base."""
 
 FACE, EDGE, SOLID = TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_SOLID
 

@@ -2,45 +2,65 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBndLib import BRepBndLib
 from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.gp import gp_Circ
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
 from OCP.TopoDS import TopoDS
 
-from engine.arrays import Integers
+from engine.arrays import Array, Integers
 from engine.cad.cad_model import CadMaterial, ProductGeometry, TriangleMesh
 from engine.cad.merged_pieces import ArcPiece, FacePiece, merge_arcs, merge_pieces
-from engine.cad.occt.face_pieces import face_piece, triangulate
-from engine.cad.occt.mass_properties import solid_properties
+from engine.cad.occt.bounded_work import Budget, Work, done_in_time
+from engine.cad.occt.face_meshes import COARSEST, usual_sag
+from engine.cad.occt.face_pieces import face_piece
+from engine.cad.occt.mass_properties import solid_of_triangles, solid_properties
 from engine.cad.occt.occt_values import EDGE, FACE, SOLID, ShapeMap, array3, one_way
 
 _POINTS = 17  # along an arc: less than half a turn between neighbours, even for a full circle
+_FACE_SECONDS, _SOLID_SECONDS = 1.5, 8.0  # for an attempt to read a face, or to integrate over a solid
 _SPLINES = GeomAbs_CurveType.GeomAbs_BSplineCurve, GeomAbs_CurveType.GeomAbs_BezierCurve
 
 
+@dataclass(frozen=True)
+class FaceLosses:
+    """Points in the middle of faces of which something is lost [mm], in the frame of the product."""
+
+    splines: list[Array]  # OCCT cannot convert their surfaces
+    coarse: list[Array]  # their triangles are coarser than those of other faces
+    missing: list[Array]  # have no triangles, and are left out
+    solids: list[float]  # relative errors of volumes that OCCT could not integrate in time; NaN if not known
+
+
 def product_geometry(
-    shape: Any, solids: list[tuple[str, CadMaterial | None]], recognition: float
-) -> tuple[ProductGeometry, Integers]:
-    """Return the components of a product, and the number of each face of its shape, -1 for one without area.
+    shape: Any, solids: list[tuple[str, CadMaterial | None]], recognition: float, budget: Budget
+) -> tuple[ProductGeometry, Integers, FaceLosses]:
+    """Return the components of a product, the number of each face of its shape, -1 for one left out, and what is lost.
 
     `solids` has the name and material of each solid. A spline is replaced by a simple surface or circle that is no more
     than `recognition` [mm] away.
     """
-    # before the faces are visited: `face_piece` takes one without triangles for one without area
-    deflection = triangulate(shape)
     bodies = ShapeMap(shape, SOLID).shapes()
     faces = ShapeMap(shape, FACE)
     owners = np.full(len(faces), -1)
     for place, body in enumerate(bodies):
         for face in ShapeMap(body, FACE).shapes():
             owners[faces.place(face)] = place
-    tried = [face_piece(face, int(owners[i]), recognition) for i, face in enumerate(faces.shapes())]
+    shapes, sag = faces.shapes(), usual_sag(shape)
+    work = [
+        *(_face_work(face, int(owners[place]), recognition, sag) for place, face in enumerate(shapes)),
+        *(_solid_work(body, *each) for body, each in zip(bodies, solids, strict=True)),
+    ]
+    done = done_in_time(work, budget)
+    tried = [None if each is None else each[1][0] for each in done[: len(shapes)]]
     pieces = [piece for piece in tried if piece is not None]
     merged, number_of_piece = merge_pieces(pieces, "")
     numbers = np.full(len(tried), -1)
@@ -48,13 +68,46 @@ def product_geometry(
     places: dict[int, list[int]] = defaultdict(list)
     for place, number in enumerate(numbers.tolist()):
         places[number].append(place)
-    geometry = ProductGeometry(
-        solids=tuple(solid_properties(body, *each) for body, each in zip(bodies, solids, strict=True)),
-        faces=tuple(replace(face, places=tuple(places[face.number])) for face in merged),
-        edges=tuple(merge_arcs(arc_pieces(shape, faces.shapes(), numbers.tolist(), recognition), "")),
-        mesh=_mesh(pieces, number_of_piece, deflection),
+    integrated = done[len(shapes) :]
+    found_solids = tuple(
+        solid_of_triangles([piece for piece in pieces if piece.solid == place], *solids[place])
+        if each is None
+        else each[1]
+        for place, each in enumerate(integrated)
     )
-    return geometry, numbers
+    geometry = ProductGeometry(
+        solids=found_solids,
+        faces=tuple(replace(face, places=tuple(places[face.number])) for face in merged),
+        edges=tuple(merge_arcs(arc_pieces(shape, shapes, numbers.tolist(), recognition), "")),
+        mesh=_mesh(pieces, number_of_piece, sag),
+    )
+    ends = list(zip(shapes, done, strict=False))
+    losses = FaceLosses(
+        splines=[_middle(face) for face, each in ends if each is not None and each[1][1]],
+        coarse=[_middle(face) for face, each in ends if each is not None and each[0]],
+        missing=[_middle(face) for face, each in ends if each is None],
+        solids=[s.relative_error for s, each in zip(found_solids, integrated, strict=True) if not each or each[0]],
+    )
+    return geometry, numbers, losses
+
+
+def _face_work(face: Any, solid: int, recognition: float, sag: float) -> Work:
+    """Return the work of reading a face, with coarser triangles if it takes too long."""
+    levels = range(COARSEST + 1)
+    return Work([partial(face_piece, face, solid, recognition, sag, level) for level in levels], _FACE_SECONDS)
+
+
+def _solid_work(solid: Any, name: str, material: CadMaterial | None) -> Work:
+    """Return the work of integrating over a solid, with less accuracy if it takes too long."""
+    ways = (True, False)
+    return Work([partial(solid_properties, solid, name, material, exact=exact) for exact in ways], _SOLID_SECONDS)
+
+
+def _middle(face: Any) -> Array:
+    """Return the middle of the box around a face."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(face, box, False)
+    return np.zeros(3) if box.IsVoid() else (array3(box.CornerMin()) + array3(box.CornerMax())) / 2
 
 
 def _mesh(pieces: list[FacePiece], numbers: Integers, deflection: float) -> TriangleMesh:

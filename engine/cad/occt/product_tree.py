@@ -1,18 +1,19 @@
 """The instances of products in an assembly, each with its path and its placement."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from OCP.gp import gp_Trsf
 from OCP.TCollection import TCollection_AsciiString
 from OCP.TDF import TDF_Label, TDF_Tool
+from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.cad_model import Placement
-from engine.cad.occt.names_and_materials import given_name, listed
-from engine.cad.occt.occt_values import array3, matrix3
+from engine.cad.occt.names_and_materials import given_name, is_shape_of_product, listed
+from engine.cad.occt.occt_values import FACE, SOLID, ShapeMap, array3, matrix3
 from engine.cad.occt.step_document import UnreadableStep
 
 MOST_INSTANCES = 20_000
@@ -25,45 +26,76 @@ class Instance:
 
     label: Any
     """The label of the product in the document."""
+    name: str
+    """Of the product; empty if it has none."""
     path: tuple[str, ...]
     placement: Placement
+    solid: int = -1
+    """Index of the solid of the product that it is; -1 if it is all of the product."""
 
     @property
-    def entry(self) -> str:
-        """OCCT's entry string of the product's label."""
+    def entry(self) -> tuple[str, int]:
+        """OCCT's entry string of the product's label, and the index of the solid."""
         text = TCollection_AsciiString()
         TDF_Tool.Entry_s(self.label, text)
-        return str(text.ToCString())
+        return str(text.ToCString()), self.solid
+
+    @property
+    def shape(self) -> Any:
+        """The shape in the frame of the product."""
+        # without its location: the placement already has that of all assemblies around it
+        whole = ShapeTool.GetShape_s(self.label).Located(TopLoc_Location())
+        return whole if self.solid < 0 else ShapeMap(whole, SOLID).shapes()[self.solid]
 
 
 def instances(shapes: Any) -> list[Instance]:
     """Return all instances of products that are not assemblies, in the order of the file.
 
+    Those without faces, such as datum curves, do not count. If there is one only, each of its solids is an instance.
     Raises UnreadableStep if there are too many or none, or if one is scaled.
     """
     found: list[Instance] = []
     for root in listed(shapes.GetFreeShapes):
-        for instance in _below(root, (given_name(root),), gp_Trsf()):
+        for instance in _below(root, given_name(root), (given_name(root),), gp_Trsf()):
+            if not ShapeMap(ShapeTool.GetShape_s(instance.label), FACE):
+                continue
             found.append(instance)
             if len(found) > MOST_INSTANCES:
                 raise UnreadableStep(f"has more than {MOST_INSTANCES} parts")
     if not found:
         raise UnreadableStep("has no shapes; export the solids of the parts")
-    return found
+    return _solids_of(found[0]) if len(found) == 1 else found
 
 
-def _below(label: Any, path: tuple[str, ...], move: gp_Trsf) -> Iterator[Instance]:
+def _solids_of(instance: Instance) -> list[Instance]:
+    """Return each solid of an instance as one of its own; the instance itself if it has no more than one."""
+    solids = ShapeMap(instance.shape, SOLID)
+    names = [instance.name] * len(solids)
+    for label in listed(ShapeTool.GetSubShapes_s, instance.label):
+        place = solids.place(ShapeTool.GetShape_s(label))
+        if place >= 0:
+            names[place] = given_name(label) or instance.name
+    each = [replace(instance, name=name, solid=place) for place, name in enumerate(names)]
+    return each if len(each) > 1 else [instance]
+
+
+def _below(label: Any, name: str, path: tuple[str, ...], move: gp_Trsf) -> Iterator[Instance]:
     """Yield the instances in an assembly, or the product itself."""
     if len(path) > _DEEPEST:
         raise UnreadableStep(f"has assemblies inside each other, more than {_DEEPEST} deep")
     if not ShapeTool.IsAssembly_s(label):
-        yield Instance(label, path, _placement(move, path))
+        yield Instance(label, name, path, _placement(move, path))
         return
     for component in listed(ShapeTool.GetComponents_s, label):
         product = TDF_Label()
         if ShapeTool.GetReferredShape_s(component, product):
             here = move.Multiplied(ShapeTool.GetLocation_s(component).Transformation())
-            yield from _below(product, (*path, given_name(component) or given_name(product)), here)
+            # several shapes of one product, such as a solid and datum curves, are components that OCCT has named
+            own = given_name(product)
+            if is_shape_of_product(component) and not own:
+                yield from _below(product, name, path, here)
+                continue
+            yield from _below(product, own, (*path, given_name(component) or own), here)
 
 
 def _placement(move: gp_Trsf, path: tuple[str, ...]) -> Placement:

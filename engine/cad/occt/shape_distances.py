@@ -9,9 +9,7 @@ from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex, BRepBuilderAPI_Transform
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt, gp_Trsf
-from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Compound
-from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.occt.occt_values import EDGE, FACE, ShapeMap
 from engine.cad.occt.product_tree import Instance, instances
@@ -33,8 +31,7 @@ class _PlacedPart:
     """A part as placed in the assembly; its faces and edges by their indices in the product."""
 
     def __init__(self, instance: Instance) -> None:
-        # without its location: the placement below already has that of all assemblies around it
-        self._product = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
+        self._product = instance.shape
         placement, self._move = instance.placement, gp_Trsf()
         rows = [[*row, shift] for row, shift in zip(placement.matrix, placement.translation, strict=True)]
         self._move.SetValues(*(float(number) for row in rows for number in row))

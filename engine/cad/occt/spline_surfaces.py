@@ -66,7 +66,9 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     lines = _lines([edge @ there.T for edge in border.edges], border.speeds, tolerance)
     if lines is None or (len(lines[0]) - 1) * (len(lines[1]) - 1) > _MOST_CELLS:
         return surface, []
-    along_u, along_v = (_within(cuts, bounds) for cuts, bounds in zip(lines, _bounds(surface), strict=True))
+    along_u, along_v = (
+        _within(cuts, *limits) for cuts, *limits in zip(lines, _bounds(surface), _periods(surface), strict=True)
+    )
     cells = [(u, v) for u in pairwise(along_u) for v in pairwise(along_v)]
     return surface, [cell for cell in cells if _is_inside(face, np.mean(cell, axis=1) @ there)]
 
@@ -137,10 +139,19 @@ def _bounds(surface: Any) -> list[tuple[float, float]]:
     return [u, v]
 
 
-def _within(cuts: Array, bounds: tuple[float, float]) -> list[float]:
-    """Return parameters, with those beyond the edge of a surface moved to that edge."""
-    clipped: list[float] = np.unique(np.clip(cuts, *bounds)).tolist()
-    return clipped
+def _periods(surface: Any) -> list[float]:
+    """Return the period of each direction, infinite for one that is not periodic."""
+    return [
+        surface.UPeriod() if surface.IsUPeriodic() else np.inf,
+        surface.VPeriod() if surface.IsVPeriodic() else np.inf,
+    ]
+
+
+def _within(cuts: Array, bounds: tuple[float, float], period: float) -> list[float]:
+    """Return parameters, with those beyond the edge of a surface, or beyond one period, moved there."""
+    clipped = np.unique(np.clip(cuts, *bounds))
+    inside: list[float] = np.unique(np.minimum(clipped, clipped[0] + period)).tolist()
+    return inside
 
 
 def _is_inside(face: Any, parameters: Array) -> bool:

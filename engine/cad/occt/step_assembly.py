@@ -1,25 +1,29 @@
 """Convert a STEP file to an assembly of plain numbers."""
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.cad_model import CadAssembly, CadFace, CadPart, ProductGeometry, SizeLimits, placed_product
-from engine.cad.occt.names_and_materials import given_name, listed, material_of, name_of
+from engine.cad.occt.bounded_work import Budget
+from engine.cad.occt.damage import Damage
+from engine.cad.occt.names_and_materials import listed, material_of, name_of
 from engine.cad.occt.occt_values import FACE, SOLID, ShapeMap
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances
 from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
+from engine.faults.fault import some
 
 _UNNAMED = "part"
 
+_SLOW_SECONDS = 20.0  # of the processor, that faces and solids may take in vain
 _RADII = {"diameter": 2, "spherical diameter": 2, "radius": 1, "spherical radius": 1}
 _FAR_OFF = 0.1  # share of the drawn size
 
@@ -27,11 +31,12 @@ _FAR_OFF = 0.1  # share of the drawn size
 class _Product:
     """A product of the file: its shape in its own frame, and its components."""
 
-    def __init__(self, instance: Instance, document: StepDocument, recognition: float) -> None:
-        self.name = given_name(instance.label)
-        self.shape = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
+    def __init__(self, instance: Instance, document: StepDocument, recognition: float, budget: Budget) -> None:
+        self.name = instance.name
+        self.shape = instance.shape
         self.material = material_of(instance.label, document.grams or np.nan)
-        self.geometry, self._numbers = product_geometry(self.shape, self._solids(instance, document), recognition)
+        solids = self._solids(instance, document)
+        self.geometry, self._numbers, self.losses = product_geometry(self.shape, solids, recognition, budget)
         self.first_faces: list[int] = []  # one per instance
         self._faces = ShapeMap(self.shape, FACE)
 
@@ -58,10 +63,11 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
     """
     document = open_step(path)
     found = instances(document.shapes)
-    products: dict[str, _Product] = {}
+    products: dict[tuple[str, int], _Product] = {}
+    budget = Budget(_SLOW_SECONDS)
     for instance in found:
         if instance.entry not in products:
-            products[instance.entry] = _Product(instance, document, recognition)
+            products[instance.entry] = _Product(instance, document, recognition, budget)
     names = unique_names([products[instance.entry].name for instance in found])
     parts, placed = [], []
     first_face = 0
@@ -86,8 +92,13 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         edges=tuple(edge for here in placed for edge in here.edges),
         limits=tuple(limit for limit, said in contradictions.items() if not said),
         meshes=tuple(here.mesh for here in placed),
-        cautions=(*_left_out(document, parts, unclear), *chain.from_iterable(contradictions.values())),
-        unreadable=document.unreadable,
+        cautions=(
+            *_left_out(document, parts, unclear),
+            *chain.from_iterable(_lost(product) for product in products.values()),
+            *chain.from_iterable(contradictions.values()),
+        ),
+        unreadable=document.damage.entities,
+        damaged=_damaged(document.damage, parts),
     )
 
 
@@ -108,7 +119,7 @@ def _part(instance: Instance, name: str, product: _Product, here: ProductGeometr
 class _FacesOfLabels:
     """Finds the faces on the label of a sub-shape, in all instances of its product."""
 
-    def __init__(self, products: dict[str, _Product]) -> None:
+    def __init__(self, products: dict[tuple[str, int], _Product]) -> None:
         self._products = products
 
     def __call__(self, label: Any) -> list[tuple[int, ...]]:
@@ -141,13 +152,26 @@ def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
     return said
 
 
+def _damaged(damage: Damage, parts: list[CadPart]) -> tuple[str, ...]:
+    """Return the names of the parts of which something is lost; all, if it is not known of which."""
+    lost = damage.products or frozenset()
+    found = [part.name for part in parts if lost & {part.product, *part.path}]
+    return tuple(found if found or not damage.entities else [part.name for part in parts])
+
+
 def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
     """Return cautions about what was left out."""
     said = []
-    if document.unreadable:
+    if document.damage.entities:
         said.append(
-            f"what {document.unreadable} of the file's {document.entities} entities describe, in full or in part: they"
-            " cannot be read, or refer to others that are missing; export or copy it again"
+            f"what {document.damage.entities} of the file's entities describe, in full or in part, of"
+            f" {some(_damaged(document.damage, parts))}: they cannot be read, or refer to others that are missing;"
+            " export or copy it again"
+        )
+    if document.damage.odd:
+        said.append(
+            f"what {document.damage.odd} of the file's entities say beside faces, places and limits: names, styles,"
+            " texts or units that are not written as the standard says"
         )
     if document.grams is None:
         said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
@@ -165,6 +189,25 @@ def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> lis
             f"with a solid whose faces point inwards: {', '.join(negative)}; repair these parts in the CAD system"
         )
     return said
+
+
+def _lost(product: _Product) -> Iterator[str]:
+    """Yield cautions about faces of a product that OCCT cannot convert or mesh, and solids that it cannot integrate."""
+    for error in product.losses.solids:
+        size = f" to {100 * error:.2g} %" if np.isfinite(error) else ""
+        yield (
+            f"the exact volume of a solid of {product.name or _UNNAMED}: OCCT needs too long to integrate over it, and"
+            f" the time depends on the computer; mass and inertia are near{size}, write them into its body"
+        )
+    for points, what, why in (
+        (product.losses.splines, "the splines of", "OCCT cannot convert them, so that nothing can touch them there"),
+        (product.losses.coarse, "fine pictures of", "OCCT needs too long to mesh them; what faces them may be missed"),
+        (product.losses.missing, "all of", "OCCT cannot mesh them; what they touch is not found"),
+    ):
+        if points:
+            where = some([f"({', '.join(f'{x:.4g}' for x in point + 0.0)})" for point in points])
+            count = f"{len(points)} {'face' if len(points) == 1 else 'faces'}"
+            yield f"{what} {count} of {product.name or _UNNAMED}, around {where}: {why}"
 
 
 def unique_names(products: list[str]) -> list[str]:

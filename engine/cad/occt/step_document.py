@@ -13,6 +13,7 @@ from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
 from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
+from engine.cad.occt.damage import Damage, damage_of
 from engine.cad.occt.names_and_materials import grams_of_densities
 from engine.cad.occt.size_limits import DeviationSigns
 
@@ -46,10 +47,8 @@ class StepDocument:
     """Factor by which all its dimensions are too large. OCCT writes them in mm but declares them in the file's unit of
     length; for files of all other programs the factor is 1.
     """
-    entities: int
-    """Number of entities in the file."""
-    unreadable: int
-    """Number of entities that cannot be read or that refer to others that are missing or have the wrong type."""
+    damage: Damage
+    """What is lost because entities cannot be read, or refer to others that are missing or have the wrong type."""
     keep: Any
     """The document, which must live as long as the tools."""
 
@@ -79,8 +78,7 @@ def open_step(path: Path) -> StepDocument:
         grams=grams_of_densities(model),
         signs=DeviationSigns(model, millimetres, by_occt),
         dimensions_too_large=millimetres if by_occt else 1.0,
-        entities=(entities := model.NbEntities()),
-        unreadable=sum(map(model.IsErrorEntity, range(1, entities + 1))),
+        damage=damage_of(model, path),
         keep=(document, reader),
     )
 

@@ -201,6 +201,7 @@ class GeometryCertificate(TableModel):
     unreadable: int | None = Field(
         default=None, description="how many entities of the damaged file were left out; none of a sound file"
     )
+    damaged: list[str] = Field(default=[], description="the bodies' parts of which they are")
     bodies: dict[str, DrawnBody] = Field(default={}, description="the bodies that are parts")
     faces: dict[str, DrawnFace] = Field(default={}, description="the sides that are faces or edges, by their keys")
     joints: dict[str, DrawnJoint] = Field(default={}, description="the joints whose two sides are faces")

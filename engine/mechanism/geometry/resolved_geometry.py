@@ -48,7 +48,9 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
             f" {quote(str(folder / table.file))} --update {quote(source)}"
         )
         raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
-    if assembly.damage and not table.accept_damage:
+    used = [body.get("part") for body in named_tables(data, "bodies").values()]
+    damaged = [part for part in assembly.damaged if part in used]
+    if damaged and not table.accept_damage:
         text = f"{assembly.damage}, or take what is left with accept_damage = true beside it"
         raise UnresolvedGeometry([Fault(("cad", "file"), text, table.file)])
     plain, tables = without_selectors(data, assembly)
@@ -57,7 +59,8 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
         file=table.file,
         sha256=table.sha256,
         recognition=table.recognition,
-        unreadable=assembly.unreadable or None,
+        unreadable=assembly.unreadable if damaged else None,
+        damaged=damaged,
         bodies=tables.bodies,
         faces=tables.faces,
         joints=tables.joints,

@@ -56,6 +56,7 @@ def full_assembly(random):
         meshes=(mesh,),
         cautions=("left out",),
         unreadable=3,
+        damaged=("crank-2",),
     )
 
 

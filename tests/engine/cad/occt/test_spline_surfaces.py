@@ -1,6 +1,6 @@
 """B-splines that cover faces: their areas, their normals and where they are, against the faces themselves."""
 
-from math import cos, pi, sin
+from math import cos, pi, sin, tau
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from scipy.interpolate import BSpline
 
+from engine.cad.occt import spline_surfaces
 from tests.each import each
 from tests.engine.cad.step_files import (
     Drawing,
@@ -180,3 +181,8 @@ def test_an_offset_surface_has_none(read):
     offset = Geom_OffsetSurface(base.Surface(), 0.3)
     [face] = read(drawing(BRepBuilderAPI_MakeFace(offset, 1e-6).Face())).faces
     assert (face.kind, face.splines) == ("surface", ())
+
+
+def test_a_turn_that_is_longer_than_its_period():
+    """By what a CAD system rounds: it is one period."""
+    assert spline_surfaces._within(np.array([-4.1e-13, tau]), (-np.inf, np.inf), tau) == [-4.1e-13, tau - 4.1e-13]

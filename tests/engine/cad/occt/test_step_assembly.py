@@ -106,15 +106,23 @@ def test_the_integration_that_takes_minutes_is_left_to_what_cannot_be_cut(read, 
     assert rod.inertia[2, 2] == pytest.approx(0.5 * rod.volume * 3**2, rel=1e-5)
 
 
-def test_a_part_of_two_solids(read):
-    """They stay apart, and so do their faces; the part has both."""
+def test_a_product_of_two_solids(read):
+    """In an assembly they stay apart, and so do their faces; the part has both. Alone, each is a part."""
     made = Drawing()
-    made.product("contact", compound(box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2))), ("copper", 8.96))
+    contact = compound(box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2)))
+    alone = made.product("contact", contact)
+    each = read(made)
+    assert [part.name for part in each.parts] == ["contact-1", "contact-2"]
+    assert [part.solids[0].volume for part in each.parts] == pytest.approx([1.0, 8.0], rel=1e-12)
+    assert [len(each.faces_of(part.name)) for part in each.parts] == [6, 6]
+    top = made.assembly("top")
+    made.add(top, alone)
+    made.add(top, made.product("base", box((0, 0, -2), (9, 9, 1))))
     assembly = read(made)
-    [part] = assembly.parts
+    part = assembly.part("contact")
     assert [solid.volume for solid in part.solids] == pytest.approx([1.0, 8.0], rel=1e-12)
     np.testing.assert_allclose([solid.centre[0] for solid in part.solids], [0.5, 6.0], atol=1e-12)
-    assert [sum(face.solid == i for face in assembly.faces) for i in (0, 1)] == [6, 6]
+    assert [sum(face.solid == i for face in assembly.faces_of("contact")) for i in (0, 1)] == [6, 6]
 
 
 # -- the tree --------------------------------------------------------------------------------------------------------
@@ -161,19 +169,6 @@ def test_a_single_part_without_a_name(read, tmp_path):
     assert [(part.name, part.product) for part in nameless.parts] == [("part", "")]
 
 
-def test_entities_that_are_missing(tmp_path):
-    """OCCT reads the rest without a word; that something is not there is said."""
-    made = Drawing()
-    made.product("pin", box((0, 0, 0), (1, 1, 1)))
-    assert edited(made, tmp_path / "whole.step").cautions == ()
-    change = (r"(PRODUCT_RELATED_PRODUCT_CATEGORY\('part',\$,\()#\d+", r"\g<1>#9999999")
-    damaged = edited(made, tmp_path / "damaged.step", change)
-    said = next(text for text in damaged.cautions if "entities" in text)
-    assert damaged.unreadable == 1
-    assert said.startswith("what 1 of the file's ")
-    assert "they cannot be read, or refer to others that are missing; export or copy it again" in said
-
-
 def test_names_that_a_terminal_would_act_on(tmp_path):
     """They are shown as what they are."""
     made = Drawing()
@@ -182,6 +177,29 @@ def test_names_that_a_terminal_would_act_on(tmp_path):
     [part] = hostile.parts
     assert part.name.isprintable()
     assert "[2J" in part.name
+
+
+DATUM_CURVES = r"""#\g<1> = SHAPE_REPRESENTATION('',(\g<2>),\g<4>);
+#9000001 = ADVANCED_BREP_SHAPE_REPRESENTATION('',(\g<2>,\g<3>),\g<4>);
+#9000002 = SHAPE_REPRESENTATION_RELATIONSHIP('','',#\g<1>,#9000001);
+#9000003 = SHAPE_REPRESENTATION_RELATIONSHIP('','',#\g<1>,#9000004);
+#9000004 = GEOMETRICALLY_BOUNDED_SURFACE_SHAPE_REPRESENTATION('',(#9000005),\g<4>);
+#9000005 = GEOMETRIC_SET('',(#9000006));
+#9000006 = CIRCLE('',\g<2>,5.);"""
+
+
+def test_datum_curves_are_no_parts(tmp_path):
+    """A product that has them as a second shape, as Pro/E writes it, is one part of its name."""
+    made = Drawing()
+    top = made.assembly("top")
+    nut = made.product("NUT", cylinder((0, 0, 0), 1.0, 2.0))
+    for x in (0.0, 9.0):
+        made.add(top, nut, place(x), "NUT")
+    change = (r"#(\d+) = ADVANCED_BREP_SHAPE_REPRESENTATION\('',\((#\d+),(#\d+)\),(#\d+)\);", DATUM_CURVES)
+    found = edited(made, tmp_path / "curves.step", change)
+    assert [(part.name, part.path) for part in found.parts] == [("NUT-1", ("top", "NUT")), ("NUT-2", ("top", "NUT"))]
+    assert [len(part.solids) for part in found.parts] == [1, 1]
+    assert found.cautions == ()
 
 
 # -- materials -------------------------------------------------------------------------------------------------------
