@@ -69,9 +69,6 @@ def import_step(
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
-    # twice: the first text is the mechanism in which motions are sought that no load acts on; the second asks about
-    # them
-    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
     diameters = all_diameters(found)
     if diameters:
         _refuse_existing(campaign, "may hold answers")
@@ -81,6 +78,13 @@ def import_step(
         temporary.write_text(text, "utf-8")
     if drawn:
         draw_found(found, text, step_file, output)
+    # only now, because it may take long: the text above is the mechanism in which motions are sought that no load acts
+    # on, and the second one asks about them
+    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
+    with replacing(output) as temporary:
+        temporary.write_text(text, "utf-8")
+    if drawn:
+        draw_page(found, text, step_file, output)
     written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
     questions = open_questions(text)
     if json:
@@ -202,20 +206,29 @@ def picture_files(mechanism: Path) -> list[Path]:
 def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
     """Write the pictures of the found geometry, with the questions of a mechanism file."""
     from clearcap.cli.output_files import replacing
-    from clearcap.import_page.import_page import ImportFiles, import_page
     from clearcap.pictures.sketches.found_sketch import sketch_found
     from clearcap.pictures.sketches.sketch import plot_sketch
+    from engine.cad_import.found_features import found_features
+
+    drawing, _ = picture_files(mechanism)
+    places = found_features(found)
+    said = "; ".join(place.text for place in places)
+    with replacing(drawing) as temporary:
+        plot_sketch(sketch_found(found, places), f"{Path(step_file).name}: what was found", said, temporary)
+    draw_page(found, text, step_file, mechanism)
+
+
+def draw_page(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
+    """Write the page of the found geometry, with its drawing and the questions of a mechanism file."""
+    from clearcap.cli.output_files import replacing
+    from clearcap.import_page.import_page import ImportFiles, import_page
     from engine.cad_import.found_features import found_features
     from engine.cad_import.proposed_text import open_questions
 
     drawing, page = picture_files(mechanism)
-    places, title = found_features(found), Path(step_file).name
-    said = "; ".join(place.text for place in places)
-    with replacing(drawing) as temporary:
-        plot_sketch(sketch_found(found, places), f"{title}: what was found", said, temporary)
-    files = ImportFiles(title, mechanism.name, drawing.read_bytes())
+    files = ImportFiles(Path(step_file).name, mechanism.name, drawing.read_bytes())
     with replacing(page) as temporary:
-        temporary.write_text(import_page(found, places, open_questions(text), files), "utf-8")
+        temporary.write_text(import_page(found, found_features(found), open_questions(text), files), "utf-8")
 
 
 def bring_to_revision(

@@ -3,8 +3,9 @@
 Motions that no load acts on yet are named in it: gravity and loads will have to act on them.
 """
 
+import time
 import tomllib
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,23 @@ _HEAD = """\
 """
 
 _SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
+_UNLOADED_SECONDS = 10.0  # of the processor
 _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
 
 
-def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Sequence[str] = ()) -> str:
+@dataclass(frozen=True)
+class UnloadedMotions:
+    """Motions that no load acts on, each with the body that has most of it: ``"crank along z, the axis of J"``."""
+
+    motions: tuple[str, ...] = ()
+    unseen: str = ""
+    """Why there may be more; empty if all are known."""
+
+
+NOT_SOUGHT = UnloadedMotions()
+
+
+def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: UnloadedMotions = NOT_SOUGHT) -> str:
     """Return the text of a mechanism file; `file` is the path of the CAD file relative to it.
 
     `unloaded` is the result of `unloaded_directions` for the text without it.
@@ -127,10 +141,13 @@ def _density(part: CadPart, solid: Solid) -> float | None:
     return material.density if material else None
 
 
-def _loads(unloaded: Sequence[str]) -> list[str]:
+def _loads(unloaded: UnloadedMotions) -> list[str]:
     text = "what drives the mechanism? Springs, forces and torques are in no CAD file"
-    if unloaded:
-        text += f". Nothing acts yet on {'; '.join(unloaded)}: what is neither loaded nor held along these never rests"
+    if unloaded.motions:
+        text += f". Nothing acts yet on {'; '.join(unloaded.motions)}: what is neither loaded nor held along these"
+        text += f" never rests{f' ({unloaded.unseen})' if unloaded.unseen else ''}"
+    elif unloaded.unseen:
+        text += f". What nothing acts on is {unloaded.unseen}"
     example = [
         "[torques.drive]",
         'body = "NAME"',
@@ -148,25 +165,30 @@ def _responses(found: FoundGeometry) -> list[str]:
     return [question("responses", "what is read off at the end?"), *marked(example)]
 
 
-def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
-    """Return the motions that no load acts on, with the largest part fixed, each with the body that has most of it.
+def unloaded_directions(found: FoundGeometry, text: str, seconds: float = _UNLOADED_SECONDS) -> UnloadedMotions:
+    """Return the motions that no load acts on, with the largest part fixed, as far as `seconds` of the processor reach.
 
-    A motion is for instance ``"crank along z, the axis of J"``. The questions of the proposed `text` are answered with
-    arbitrary numbers, because the free motions do not depend on densities and plays. Empty also if the parts cannot
-    start as they are drawn.
+    The questions of the proposed `text` are answered with arbitrary numbers, because the free motions do not depend on
+    densities and plays. There are none if the parts cannot start as they are drawn.
     """
-    if not 1 < len(found.assembly.parts) <= MOST_BODIES:
-        return []
+    parts = len(found.assembly.parts)
+    if not 1 < parts <= MOST_BODIES:
+        return UnloadedMotions(unseen=f"not looked for among {parts} parts, only up to {MOST_BODIES}")
     from engine.assembly import assemble
     from engine.preflight.motion_cautions import unloaded_motions
     from engine.preflight.small_motions import small_motions
 
+    end, motions = time.process_time() + seconds, []
     try:
         plain, _ = without_selectors(_answered(found, tomllib.loads(text)), found.assembly)
         mechanism = mechanism_from(plain, "proposal")
-        return [" ".join(each) for each in unloaded_motions(mechanism, small_motions(assemble(mechanism)))]
+        for each in unloaded_motions(mechanism, small_motions(assemble(mechanism))):
+            motions.append(" ".join(each))
+            if time.process_time() > end:
+                return UnloadedMotions(tuple(motions), f"the search for others was ended after {seconds:g} s")
     except (UnresolvedGeometry, EngineError):
-        return []
+        return UnloadedMotions(unseen="not known, because the parts cannot start as they are drawn")
+    return UnloadedMotions(tuple(motions))
 
 
 def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:

@@ -65,15 +65,15 @@ def unloaded_cautions(mechanism: Mechanism, small: SmallMotions) -> Iterator[Cau
         yield _caution(body_name, motion, f", and {', '.join(responses)} {measure} that")
 
 
-def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[str, str]]:
-    """Return the motions without any load, each as the body that takes the largest part in it and a description.
+def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> Iterator[tuple[str, str]]:
+    """Yield the motions without any load, each as the body that takes the largest part in it and a description.
 
     There is none if no body is fixed, because all could move together.
     """
-    if not any(body.fixed for body in mechanism.bodies.values()):
-        return []
-    motions = _pure_motions(_unloaded(mechanism, small))
-    return [_words(mechanism, small, *each) for each in motions if not _is_brought_back(mechanism, small, each[1])]
+    if any(body.fixed for body in mechanism.bodies.values()):
+        for body, y in _pure_motions(_unloaded(mechanism, small)):
+            if not _is_brought_back(mechanism, small, y):
+                yield _words(mechanism, small, body, y)
 
 
 def _pure_motions(basis: Array) -> Iterator[tuple[int, Array]]:
@@ -99,10 +99,13 @@ def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> boo
     """Return whether loads act on a motion once it has begun, as gravity does on a pendulum hanging straight down."""
     moving = y != 0.0
     begun = BEGUN * float((small.steps()[moving] / np.abs(y[moving])).min()) * (small.root @ y)
-    there = small_motions(replace(small.assembly, state=displaced(small.assembly.state, begun)))
+    state, phases = displaced(small.assembly.state, begun), range(len(mechanism.phases))
+    if not any(small.loads(phase, 0.0, state).any() for phase in phases):
+        return False
+    there = small_motions(replace(small.assembly, state=state))
     free = null_space(np.vstack([there.joints, there.rounds]), len(y))
     along = free @ (free.T @ np.linalg.solve(there.root, small.root @ y))
-    loads = [there.loads(phase, 0.0) for phase in range(len(mechanism.phases))]
+    loads = [there.loads(phase, 0.0) for phase in phases]
     return any(abs(float(along @ load)) > ACTS * float(np.linalg.norm(load)) for load in loads)
 
 

@@ -5,7 +5,7 @@ are whitened, y = M^1/2 w, so that the squared length of y measures energy. `fre
 joints allow and that do not move any all-round contact (a pin in a bore, a ball in a socket) out of its place.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,34 +172,49 @@ def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
     """
     contacts, state, nb = assembly.model.contacts, assembly.state, len(assembly.model.bodies.mass)
     curved = np.isin(contacts.kind, (RING_BORE, ON_ROUND, ON_BALL, ON_TURNED, ON_EXTRUDED, ON_SURFACE))
-    rows: list[list[Array]] = [[] for _ in contacts.kind]
-    normals: list[list[Array]] = [[] for _ in contacts.kind]
-    for body, shift in _closing_shifts(assembly, np.flatnonzero(curved)):
-        w = np.zeros((nb, 2, 3))
-        w[body, 0] = shift
-        pose = displaced(state, w.ravel())
-        there = _contact_rows(assembly, pose) @ root
-        for i in np.flatnonzero(curved & ((contacts.a == body) | (contacts.b == body))):
-            rows[i].append(there[i])
-            normals[i].append(assembly.work.sites.frame[i, 0].copy())
+    rows: list[dict[int, list[Array]]] = [{} for _ in contacts.kind]  # by contact and the body that was moved
+    normals: list[dict[int, list[Array]]] = [{} for _ in contacts.kind]
+    plays = _plays(assembly, np.flatnonzero(curved))
+    for group in _apart(assembly, plays):
+        own = curved & (np.isin(contacts.a, group) | np.isin(contacts.b, group))
+        for direction in (*np.eye(3), *-np.eye(3)):
+            w = np.zeros((nb, 2, 3))
+            w[group, 0] = np.array([plays[body] for body in group])[:, None] * direction
+            there = _contact_rows(assembly, displaced(state, w.ravel())) @ root
+            for i in np.flatnonzero(own):
+                body = int(contacts.a[i] if contacts.a[i] in group else contacts.b[i])
+                rows[i].setdefault(body, []).append(there[i])
+                normals[i].setdefault(body, []).append(assembly.work.sites.frame[i, 0].copy())
     held, of = [np.zeros((0, len(root)))], [np.zeros(0, np.int64)]
     for i in np.flatnonzero(curved):
-        across, spread, _ = np.linalg.svd(np.array(normals[i]).T, full_matrices=False)
-        ways = across[:, spread > ROUND * np.sqrt(len(normals[i]))]
+        turned, moves = (np.concatenate([each[i][body] for body in sorted(each[i])]) for each in (normals, rows))
+        across, spread, _ = np.linalg.svd(turned.T, full_matrices=False)
+        ways = across[:, spread > ROUND * np.sqrt(len(turned))]
         if ways.shape[1] > 1:
             # from all normals, one row for each principal direction: its speed is that of the gap along it
-            held.append(np.linalg.pinv(np.array(normals[i]) @ ways) @ np.array(rows[i]))
+            held.append(np.linalg.pinv(turned @ ways) @ moves)
             of.append(np.full(ways.shape[1], i))
     return np.vstack(held), np.concatenate(of)
 
 
-def _closing_shifts(assembly: Assembly, curved: Integers) -> Iterator[tuple[int, Array]]:
-    """Yield bodies and displacements that close the gaps of their curved contacts."""
-    contacts, nb = assembly.model.contacts, len(assembly.model.bodies.mass)
-    for body in range(nb):
+def _plays(assembly: Assembly, curved: Integers) -> dict[int, float]:
+    """Return how far each body has to be moved to close the gaps of its curved contacts; only bodies that have any."""
+    contacts, plays = assembly.model.contacts, {}
+    for body in range(len(assembly.model.bodies.mass)):
         own = [i for i in curved if body in (contacts.a[i], contacts.b[i])]
         if own:
             play = max(1.5 * abs(float(assembly.state.gap[i])) + 3.0 * max(contacts.clearance[i], 0.0) for i in own)
-            play = play or 1e-6 * float(contacts.reach[own].max())
-            for direction in (*np.eye(3), *-np.eye(3)):
-                yield body, play * direction
+            plays[body] = play or 1e-6 * float(contacts.reach[own].max())
+    return plays
+
+
+def _apart(assembly: Assembly, plays: dict[int, float]) -> list[list[int]]:
+    """Return bodies in groups in which none touches another, so that all of a group can be moved at once."""
+    pairs = {frozenset(pair) for pair in zip(assembly.model.contacts.a, assembly.model.contacts.b, strict=True)}
+    groups: list[list[int]] = []
+    for body in plays:
+        group = next((each for each in groups if not any(frozenset((body, x)) in pairs for x in each)), None)
+        if group is None:
+            groups.append(group := [])
+        group.append(body)
+    return groups

@@ -70,7 +70,7 @@ def test_all_answered(latch, tmp_path):
 def test_what_nothing_acts_on(latch):
     """A four-bar with play has as many free motions as bars that float along their pins, and its swing."""
     motions = unloaded_directions(latch, proposed_mechanism(latch, "latch.step", "latch"))
-    assert sorted(motion.partition(", ")[0] for motion in motions) == [
+    assert sorted(motion.partition(", ")[0] for motion in motions.motions) == [
         "coupler along x",
         "coupler along z",
         "crank along z",
@@ -83,7 +83,8 @@ def test_what_nothing_acts_on(latch):
 def test_what_cannot_start_as_drawn(latch):
     """Parts of which nobody knows how they move: no motion is named."""
     text = proposed_mechanism(latch, "latch.step", "latch").replace("radius = 3.05", "radius = 3.5")
-    assert unloaded_directions(latch, text) == []
+    assert unloaded_directions(latch, text).motions == ()
+    assert "cannot start" in unloaded_directions(latch, text).unseen
 
 
 def test_missing_densities(latch, tmp_path):
@@ -92,7 +93,7 @@ def test_missing_densities(latch, tmp_path):
     path = written(tmp_path, all_but(latch, parts=parts))
     asked = [question.text for question in questions_of_file(path) if ".density" in question.text]
     assert len(asked) == 4
-    assert len(unloaded_directions(all_but(latch, parts=parts), path.read_text())) == 4
+    assert len(unloaded_directions(all_but(latch, parts=parts), path.read_text()).motions) == 4
     assert "bodies.crank.density: the CAD file has none" in asked[1]
 
 
@@ -107,7 +108,7 @@ def test_equal_radii(latch, tmp_path):
     path = written(tmp_path, found)
     asked = [question.text for question in questions_of_file(path) if "radial_clearance" in question.text]
     assert len(asked) == 2
-    assert len(unloaded_directions(found, path.read_text())) == 4
+    assert len(unloaded_directions(found, path.read_text()).motions) == 4
     assert "both drawn with radius 3.05 mm" in asked[0]
     assert "# radial_clearance" in path.read_text()
     with pytest.raises(MechanismError, match=r"joints\.base-crank\.radial_clearance"):
