@@ -17,6 +17,7 @@ from typing import Any
 from engine.cad.archive import unpacked
 from engine.cad.assembly_cache import cached, cached_answer, keep, keep_answer
 from engine.cad.cad_model import CadAssembly
+from engine.cad.code_pages import as_utf8
 from engine.errors import CadError
 from engine.faults.file_kinds import content_kind
 from engine.platform.child import Child, ChildEnded, ChildRaised, Limits
@@ -62,7 +63,7 @@ def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limi
         raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
     with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as folder, Child(_FUNCTION, quiet=True) as child:
         step = Path(folder, "input.step")
-        step.write_bytes(content)
+        step.write_bytes(as_utf8(content))
         request = json.dumps({"path": str(step), **question}).encode()
         try:
             return child.answer(request, Limits(limits.memory_bytes, limits.seconds), limits.seconds)

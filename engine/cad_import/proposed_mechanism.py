@@ -178,11 +178,13 @@ def unloaded_directions(found: FoundGeometry, text: str, seconds: float = _UNLOA
     from engine.preflight.motion_cautions import unloaded_motions
     from engine.preflight.small_motions import small_motions
 
-    end, motions = time.process_time() + seconds, []
+    motions: list[str] = []
     try:
         plain, _ = without_selectors(_answered(found, tomllib.loads(text)), found.assembly)
         mechanism = mechanism_from(plain, "proposal")
-        for each in unloaded_motions(mechanism, small_motions(assemble(mechanism))):
+        small = small_motions(assemble(mechanism))
+        end = time.process_time() + seconds  # what comes before may compile
+        for each in unloaded_motions(mechanism, small):
             motions.append(" ".join(each))
             if time.process_time() > end:
                 return UnloadedMotions(tuple(motions), f"the search for others was ended after {seconds:g} s")

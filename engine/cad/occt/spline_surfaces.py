@@ -28,6 +28,7 @@ Cell = tuple[tuple[float, float], tuple[float, float]]
 _SAMPLES = 33  # of an edge that is not a straight line in the parameter plane
 _GRID = 5  # positions along u and along v where derivatives are evaluated
 _MOST_CELLS = 400
+_ROUNDING = 1e-9  # of a period
 
 _SWEPT = (GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion, GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution)
 _INEXACT = (GeomAbs_SurfaceType.GeomAbs_OffsetSurface, GeomAbs_SurfaceType.GeomAbs_OtherSurface)
@@ -67,7 +68,7 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     if lines is None or (len(lines[0]) - 1) * (len(lines[1]) - 1) > _MOST_CELLS:
         return surface, []
     along_u, along_v = (
-        _within(cuts, *limits) for cuts, *limits in zip(lines, _bounds(surface), _periods(surface), strict=True)
+        _within(cuts, *limits) for cuts, *limits in zip(lines, _bounds(surface), _periodic(surface), strict=True)
     )
     cells = [(u, v) for u in pairwise(along_u) for v in pairwise(along_v)]
     return surface, [cell for cell in cells if _is_inside(face, np.mean(cell, axis=1) @ there)]
@@ -132,26 +133,29 @@ def _distinct(values: Array, near: float) -> Array:
 
 
 def _bounds(surface: Any) -> list[tuple[float, float]]:
-    """Return the smallest and largest parameter of each direction; a periodic direction is unbounded."""
+    """Return the smallest and largest parameter of each direction; for a periodic one, of one period."""
     u0, u1, v0, v1 = surface.Bounds()
-    u = (-np.inf, np.inf) if surface.IsUPeriodic() else (u0, u1)
-    v = (-np.inf, np.inf) if surface.IsVPeriodic() else (v0, v1)
-    return [u, v]
+    return [(u0, u1), (v0, v1)]
 
 
-def _periods(surface: Any) -> list[float]:
-    """Return the period of each direction, infinite for one that is not periodic."""
-    return [
-        surface.UPeriod() if surface.IsUPeriodic() else np.inf,
-        surface.VPeriod() if surface.IsVPeriodic() else np.inf,
-    ]
+def _periodic(surface: Any) -> list[bool]:
+    """Return whether each direction is periodic."""
+    return [surface.IsUPeriodic(), surface.IsVPeriodic()]
 
 
-def _within(cuts: Array, bounds: tuple[float, float], period: float) -> list[float]:
-    """Return parameters, with those beyond the edge of a surface, or beyond one period, moved there."""
-    clipped = np.unique(np.clip(cuts, *bounds))
-    inside: list[float] = np.unique(np.minimum(clipped, clipped[0] + period)).tolist()
-    return inside
+def _within(cuts: Array, bounds: tuple[float, float], is_periodic: bool) -> list[float]:
+    """Return parameters, with those beyond the edge of a surface, or beyond one period, moved there.
+
+    Those that differ from the bounds of a period by rounding become these: OCCT converts no turn of more than it.
+    """
+    low, high = bounds
+    if not is_periodic:
+        inside: list[float] = np.unique(np.clip(cuts, low, high)).tolist()
+        return inside
+    for bound in bounds:
+        cuts = np.where(np.abs(cuts - bound) < _ROUNDING * (high - low), bound, cuts)
+    one_turn: list[float] = np.unique(np.minimum(cuts, cuts.min() + high - low)).tolist()
+    return one_turn
 
 
 def _is_inside(face: Any, parameters: Array) -> bool:

@@ -9,15 +9,16 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere, BRepPrimAPI_MakeTorus
 from OCP.collections import Array2_gp_Pnt
-from OCP.Geom import Geom_OffsetSurface
+from OCP.Geom import Geom_CylindricalSurface, Geom_OffsetSurface
 from OCP.GeomAPI import GeomAPI_PointsToBSplineSurface
-from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from scipy.interpolate import BSpline
 
 from engine.cad.occt import spline_surfaces
+from engine.cad.occt.occt_values import OCCT_ERRORS
 from tests.each import each
 from tests.engine.cad.step_files import (
     Drawing,
@@ -184,5 +185,13 @@ def test_an_offset_surface_has_none(read):
 
 
 def test_a_turn_that_is_longer_than_its_period():
-    """By what a CAD system rounds: it is one period."""
-    assert spline_surfaces._within(np.array([-4.1e-13, tau]), (-np.inf, np.inf), tau) == [-4.1e-13, tau - 4.1e-13]
+    """By what a CAD system rounds: it is one period, and can be converted."""
+    within = spline_surfaces._within
+    assert within(np.array([-4.1e-13, tau]), (0.0, tau), True) == [0.0, tau]
+    assert within(np.array([1.0, 1.0 + tau + 1e-12]), (0.0, tau), True) == [1.0, 1.0 + tau]
+    assert within(np.array([-4.1e-13, 2.0]), (0.0, 1.0), False) == [0.0, 1.0]
+    surface = Geom_CylindricalSurface(gp_Ax3(), 3.0)
+    spline = spline_surfaces._spline(surface, ((0.0, tau), (0.0, 4.0)))
+    assert area(spline) == pytest.approx(tau * 3.0 * 4.0)
+    with pytest.raises(OCCT_ERRORS):
+        spline_surfaces._spline(surface, ((-4.1e-13, tau), (0.0, 4.0)))
