@@ -176,6 +176,7 @@ class JobReplacement:
         self._queued: set[str] = set()  # names whose present job has been in the queue
         self._joined: set[str] = set()  # names of all workers that have joined since their present job is known
         self._in_vain = 0
+        self._calls = self._fruitless = 0  # calls to come; times in a row that jobs ended and there were not fewer
         self._not_before = 0.0  # when the next job may be submitted [s]
         self._told: dict[str, str] = {}  # id of each waiting job and the reason that was said
         self._known(clock())
@@ -186,6 +187,9 @@ class JobReplacement:
 
     def expect(self, calls: int) -> None:
         """Have as many workers as there are calls to come, between the two limits."""
+        if calls < self._calls:
+            self._fruitless = 0
+        self._calls = calls
         least, most = self._limits
         before, self._workers = self._workers, min(max(calls, least), most)
         if before != self._workers:
@@ -301,6 +305,13 @@ class JobReplacement:
         if worked:
             self._in_vain = 0
             logger.warning("%s ended, and will be replaced", _jobs(worked))
+            self._fruitless += 1
+            if self._fruitless == MOST_IN_VAIN:
+                logger.warning(
+                    "%d times in a row jobs ended, and no batch was finished meanwhile: have jobs last longer"
+                    " (walltime, --lifetime), or batches be smaller (--batch-size)",
+                    MOST_IN_VAIN,
+                )
         if not in_vain:
             return
         self._in_vain += not worked

@@ -111,6 +111,21 @@ def test_jobs_whose_workers_had_joined_are_replaced_at_once(clock, processes):
     assert kept.failure is None
 
 
+def test_jobs_too_short_for_a_batch_are_named(clock, caplog):
+    """Once, and they go on: a batch may be long, and jobs preempted. A batch that is finished ends the count."""
+    jobs = Jobs(1)
+    kept = replacement(jobs, clock)
+    for calls, said in ((9, 0), (8, 0), (7, 1)):
+        for _ in range(MOST_IN_VAIN + 2 if said else MOST_IN_VAIN - 1):
+            kept.expect(calls)
+            jobs.join(kept, "SLURMCluster-0")
+            clock.now += VISIBLE_WITHIN + 1
+            kept.check()
+            jobs.queue.clear()
+            kept.check()
+        assert (caplog.text.count("no batch was finished"), kept.failure) == (said, None)
+
+
 def test_a_job_that_dask_has_forgotten_is_submitted_again(clock):
     """Dask forgets a job some seconds after its worker is gone."""
     jobs = Jobs(2)
