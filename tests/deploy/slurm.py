@@ -13,6 +13,7 @@ CONFIGURATION = """\
 ClusterName=test
 SlurmctldHost=localhost({address})
 AuthType=auth/none
+AuthInfo=cred_expire=5
 CredType=cred/none
 SlurmUser=root
 SlurmdUser=root
@@ -23,7 +24,7 @@ SlurmdPidFile={folder}/slurmd-%n.pid
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 SelectType=select/cons_tres
-SelectTypeParameters=CR_Core
+SelectTypeParameters=CR_Core,CR_LLN
 MpiDefault=none
 SwitchType=switch/none
 ReturnToService=2

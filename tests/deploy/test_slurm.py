@@ -2,17 +2,21 @@
 
 import json
 import os
+import random
 import re
 import stat
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from campaign.cluster.tls_certificates import make_certificates
-from engine import jit, warm_up
-from tests.deploy.campaigns import computed_here, planned, rows
+from campaign.store import open_store
+from engine import jit
+from tests.counts import many
+from tests.deploy.campaigns import compiled_on_nodes, computed_here, planned, rows
 from tests.deploy.slurm import is_here, slurm, wait_for_end
 from tests.until import until
 
@@ -31,11 +35,8 @@ SMALL = ("--nodes=1", "--cpus-per-task=2", "--mem-per-cpu=1G")
 def home(tmp_path_factory):
     """Return a home folder with certificates, and what the engine has compiled where jobs look for it."""
     home = tmp_path_factory.mktemp("home")
-    warm_up()
+    compiled_on_nodes(home)
     make_certificates(home / ".clearcap/tls", 2)
-    node = home / "clearcap.test"
-    node.mkdir(mode=0o700)
-    (node / "compiled").symlink_to(jit.CACHE_FOLDER.parent)
     return home
 
 
@@ -44,6 +45,7 @@ def run(tmp_path_factory, home):
     """Return what runs a command where SLURM is, as a user of the certificates would."""
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     user = {"HOME": str(home), "TMPDIR": str(home), "USER": "root", "PATH": path, "PYTHONPATH": str(ROOT)}
+    user["NUMBA_CACHE_DIR"] = str(jit.CACHE_FOLDER.parent)
     with slurm(tmp_path_factory.mktemp("slurm"), ("n1", "n2")) as plain:
 
         def run(*words, **more):
@@ -166,4 +168,76 @@ def test_jobs_that_end_are_replaced(run, tmp_path):
     assert f'"batches": {list(range(len(plan.batches)))}' in said
     assert "ended, and will be replaced" in said
     assert rows(store, plan).equals(computed_here(tmp_path))
+    until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)
+
+
+SAMPLES, PARTS = many(2000), 50
+C60 = ("run", "c60", "--samples", SAMPLES, "--batch-size", SAMPLES // PARTS, "--no-report", "--store")
+
+
+def real(run, *words, **environment):
+    """Run the command itself; return its messages."""
+    return run(sys.executable, "-m", "clearcap", *words, **environment)
+
+
+def of_store(folder):
+    """Return the rows of the only campaign of a store."""
+    store = open_store(str(folder))
+    return store.table(store.find(None)).drop_columns(["wall_s", "attempts"])
+
+
+@pytest.fixture(scope="module")
+def reference(run, tmp_path_factory):
+    """Return the rows of the C-60 as this machine computes them, and for how long a job lasts [s].
+
+    That is 20 s, and more on a busy machine, where a process takes long to load the engine: it must last for a batch.
+    """
+    store, start = tmp_path_factory.mktemp("reference") / "runs", time.monotonic()
+    real(run, *C60, store, "--workers", 2)
+    return of_store(store), max(20, int(time.monotonic() - start))
+
+
+def storm(run, store, told):
+    """Cancel a job of those that run, at random, each time a tenth of the rows has come; drain a node and give it back.
+
+    Return the jobs that were cancelled once the campaign is told to be complete.
+    """
+    chance, cancelled = random.Random(5), []
+
+    def parts():
+        return len(list(store.glob("*/parts/*.parquet")))
+
+    def running():
+        return run("squeue", "--noheader", "--states=RUNNING", "--format=%A").split()
+
+    while True:
+        due = PARTS // 10 * (len(cancelled) + 1)
+        until(lambda due=due: told.done() or (parts() >= due and running()), "no rows come", 1200.0, pause=0.5)
+        if told.done():
+            return cancelled
+        cancelled.append(chance.choice(running() or ["1"]))
+        run("scancel", "--quiet", cancelled[-1])
+        if len(cancelled) in (1, 2):
+            state = "drain" if len(cancelled) == 1 else "resume"
+            run("scontrol", "update", "nodename=n2", f"state={state}", "reason=test")
+
+
+def test_jobs_that_come_and_go(run, tmp_path, reference):
+    """Workers that soon end, jobs cancelled, a node drained and back: complete, and the same to the bit."""
+    (expected, lifetime), shared = reference, tmp_path / "private"
+    shared.mkdir()
+    job = {"CORES": "1", "MEMORY": "1GB", "SHARED_TEMP_DIRECTORY": str(shared), "LOG_DIRECTORY": str(tmp_path)}
+    job["WORKER_EXTRA_ARGS"] = f"['--lifetime', '{lifetime}s', '--lifetime-stagger', '4s']"
+    settings = {f"DASK_JOBQUEUE__SLURM__{key}": value for key, value in job.items()}
+    settings |= {"DASK_CONFIG": str(DEPLOY / "jobqueue.yaml"), "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1s"}
+    with ThreadPoolExecutor(1) as pool:
+        told = pool.submit(real, run, *C60, tmp_path / "runs", "--cluster", "slurm", "--workers", "2:3", **settings)
+        cancelled = storm(run, tmp_path / "runs", told)
+        said = told.result()
+    jobs = set(re.findall(r"JobId=(\d+) ", run("scontrol", "show", "job", "--oneliner")))
+    assert of_store(tmp_path / "runs").equals(expected), said
+    assert len(cancelled) > 2
+    assert len(jobs) > 4, said
+    assert "ended, and will be replaced" in said
+    assert re.search(r"worker \S+ on 10\.77\.0\.\d joined", said), said
     until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)

@@ -1,5 +1,6 @@
 """Clusters: reached over TLS or loopback or not at all, and never in the clear by mistake."""
 
+import datetime
 import json
 import logging
 import os
@@ -100,6 +101,30 @@ def test_the_scheduler_refuses_a_certificate_of_another_authority(tls_scheduler,
     make_certificates(tmp_path / "theirs", 2)
     mixed = Tls(str(folder / "ca.pem"), str(tmp_path / "theirs/client.pem"), str(tmp_path / "theirs/client.key"))
     with pytest.raises(UnreachableError, match="not reached"), connect(Cluster(tls_scheduler[0], tls=mixed)):
+        pass
+
+
+class LastWeek(datetime.datetime):
+    """The time of a week ago."""
+
+    @classmethod
+    def now(cls, tz=None):
+        """Return the time."""
+        return super().now(tz) - datetime.timedelta(days=7)
+
+
+@pytest.mark.processes
+def test_expired_certificates_are_named(tmp_path, monkeypatch, patient):
+    """The message says what is wrong with them."""
+    with monkeypatch.context() as patch:
+        patch.setattr(datetime, "datetime", LastWeek)
+        make_certificates(tmp_path / "old", 2)
+    port = free_port()
+    with (
+        scheduler(port, "--protocol=tls", *tls_arguments(tmp_path / "old", "scheduler")),
+        pytest.raises(UnreachableError, match="certificate has expired"),
+        connect(Cluster(f"tls://127.0.0.1:{port}", tls=client_tls(tmp_path / "old"))),
+    ):
         pass
 
 

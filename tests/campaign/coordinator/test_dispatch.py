@@ -9,7 +9,7 @@ import pytest
 from campaign.cluster.workers import SchedulerLost, WorkerDied
 from campaign.coordinator import dispatch
 from campaign.coordinator.coordinate import Coordinator
-from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL, PAUSES, Losses, WorkQueue
+from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL, PAUSES, Losses, Window, WorkQueue
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
@@ -233,3 +233,17 @@ def test_pauses_double_up_to_the_longest(monkeypatch):
     assert losses.seconds == 400.0
     losses.end()
     assert (losses.seconds, bool(losses), losses.lose()) == (0.0, False, first)
+
+
+def test_that_there_are_no_workers_is_said(monkeypatch, caplog):
+    """From the first look on, and every minute in the log; a worker that joins ends it."""
+    clock, workers = SimpleNamespace(now=5000.0, time=lambda: clock.now), ImmediateWorkers()
+    monkeypatch.setattr(dispatch, "time", clock)
+    workers.count = lambda: 0
+    window = Window(workers, None)
+    for seconds in range(0, 130, 2):
+        clock.now = 5000.0 + seconds
+        assert [(wait.what, wait.since) for wait in window.look(7)] == [("workers", 5000.0)]
+    assert caplog.text.count("has no workers; waiting for some to join it") == 2
+    workers.count = lambda: 1
+    assert window.look(7) == []
