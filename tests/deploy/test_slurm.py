@@ -15,8 +15,10 @@ import pytest
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.store import open_store
 from engine import jit
+from tests.campaign.cluster_processes import process, tls_arguments
 from tests.counts import many
 from tests.deploy.campaigns import compiled_on_nodes, computed_here, planned, rows
+from tests.deploy.hosts import inside
 from tests.deploy.slurm import is_here, slurm, wait_for_end
 from tests.until import until
 
@@ -197,8 +199,8 @@ def reference(run, tmp_path_factory):
     return of_store(store), max(20, int(time.monotonic() - start))
 
 
-def storm(run, store, told):
-    """Cancel a job of those that run, at random, each time a tenth of the rows has come; drain a node and give it back.
+def storm(run, store, told, each):
+    """Cancel a job of those that run, at random, each time so many batches have come; drain a node and give it back.
 
     Return the jobs that were cancelled once the campaign is told to be complete.
     """
@@ -211,7 +213,7 @@ def storm(run, store, told):
         return run("squeue", "--noheader", "--states=RUNNING", "--format=%A").split()
 
     while True:
-        due = PARTS // 10 * (len(cancelled) + 1)
+        due = each * (len(cancelled) + 1)
         until(lambda due=due: told.done() or (parts() >= due and running()), "no rows come", 1200.0, pause=0.5)
         if told.done():
             return cancelled
@@ -232,7 +234,7 @@ def test_jobs_that_come_and_go(run, tmp_path, reference):
     settings |= {"DASK_CONFIG": str(DEPLOY / "jobqueue.yaml"), "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1s"}
     with ThreadPoolExecutor(1) as pool:
         told = pool.submit(real, run, *C60, tmp_path / "runs", "--cluster", "slurm", "--workers", "2:3", **settings)
-        cancelled = storm(run, tmp_path / "runs", told)
+        cancelled = storm(run, tmp_path / "runs", told, PARTS // 10)
         said = told.result()
     jobs = set(re.findall(r"JobId=(\d+) ", run("scontrol", "show", "job", "--oneliner")))
     assert of_store(tmp_path / "runs").equals(expected), said
@@ -240,4 +242,35 @@ def test_jobs_that_come_and_go(run, tmp_path, reference):
     assert len(jobs) > 4, said
     assert "ended, and will be replaced" in said
     assert re.search(r"worker \S+ on 10\.77\.0\.\d joined", said), said
+    until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)
+
+
+def test_an_array_of_workers(run, home, tmp_path):
+    """Three elements at a time, for a scheduler that somebody keeps; one is requeued, others are cancelled."""
+    (store, plan), file, tls = planned(tmp_path, "shared"), tmp_path / "scheduler.json", home / ".clearcap/tls"
+    closed = ["--port=0", "--protocol=tls", "--no-dashboard", "--dashboard-address=127.0.0.1:0"]
+    command = ["distributed.cli.dask_scheduler", *closed, f"--scheduler-file={file}"]
+    environment = {"SCHEDULER_FILE": str(file), "CLEARCAP_DEPLOY": str(DEPLOY), "CLEARCAP_LIFETIME": "600"}
+    small = ("--requeue", "--nodes=1", "--cpus-per-task=1", "--mem-per-cpu=1G", f"--output={tmp_path}/log-%a")
+    files = ("--tls-ca", tls / "ca.pem", "--tls-cert", tls / "client.pem", "--tls-key", tls / "client.key")
+    words = (plan.campaign_id, "run", "demo", "--store", store.url, "--scheduler", file, *files)
+
+    with (
+        process(*command, *tls_arguments(tls, "scheduler"), prefix=inside(run.host)),
+        ThreadPoolExecutor(1) as pool,
+    ):
+        until(file.exists, "no scheduler")
+        array = ("sbatch", "--parsable", "--array=1-90%3", *small, DEPLOY / "batch/workers.slurm")
+        array = run(*array, **environment).strip()
+        compute = (sys.executable, "-m", "tests.deploy.on_host", "run_as_told", *words)
+        told = pool.submit(run, *compute, SECONDS_A_RUN="1")
+        until(lambda: told.done() or store.survey(plan).parts, "no rows come", 1200.0, pause=0.5)
+        again = run("squeue", "--noheader", "--states=RUNNING", "--format=%A").split()[0]
+        run("scontrol", "requeue", again)
+        cancelled = storm(run, tmp_path / "shared", told, 5)
+        assert f'"batches": {list(range(len(plan.batches)))}' in told.result()
+        run("scancel", array)
+    assert rows(store, plan).equals(computed_here(tmp_path))
+    assert len(cancelled) > 1
+    assert re.search(r"Restarts=1\b", run("scontrol", "show", "job", again))
     until(lambda: not run("squeue", "--noheader"), "a job stays", pause=0.5)
