@@ -33,6 +33,7 @@ def run_campaign(
     workers: int | None = None,
     cluster: Cluster | None = None,
     progress: bool = True,
+    decide: bool = True,
 ) -> Results:
     """Run a campaign until it is complete and return its results.
 
@@ -55,6 +56,9 @@ def run_campaign(
         given.
     progress : bool
         Write a progress line to `sys.stderr` every ten seconds.
+    decide : bool
+        Compute further runs for verdicts that the samples leave open, as many as the campaign's ``decide`` allows; the
+        results then have one verdict from both.
 
     Returns
     -------
@@ -78,7 +82,8 @@ def run_campaign(
         raise SpecError("samples and seed belong to load_campaign where the campaign is loaded already")
     opened, plan = plan_campaign(campaign, str(store), samples, seed)
     opened.remove(plan.campaign_id, CANCEL)
-    status, message = _resume(opened, plan, cluster or Cluster(workers=workers), sys.stderr if progress else None)
+    options = [*(cluster or Cluster(workers=workers)).options(), "--decide" if decide else "--no-decide"]
+    status, message = _resume(opened, plan, options, sys.stderr if progress else None)
     results = Results(opened, plan)
     if status == 1 and not opened.survey(plan).missing:
         warnings.warn(message, stacklevel=2)
@@ -87,12 +92,12 @@ def run_campaign(
     return results
 
 
-def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None) -> tuple[int, str]:
+def _resume(store: Store, plan: Plan, options: list[str], progress: TextIO | None) -> tuple[int, str]:
     """Compute a planned campaign in a separate process; return its exit status and its last message."""
     command = [sys.executable, "-P", "-m", "clearcap", "resume", plan.campaign_id, "--no-report", "--json"]
     environment = {**python_environment(), STORE: store.files.full_url}  # unlike arguments, hidden from other users
     process = subprocess.Popen(
-        [*command, *cluster.options()],
+        [*command, *options],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -1,13 +1,13 @@
 """The analysis of a campaign as frozen data; every file of the report renders this one model."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reporting.arrays import Array
-from reporting.capability.verdict import CAPABLE
+from reporting.capability.verdict import CAPABLE, IndexEstimate
 from reporting.comparison import Comparison, compare
 from reporting.errors import ReportError
 from reporting.headline import headline
@@ -92,7 +92,7 @@ def analyse(
     rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
-    decided: Decision | None = None,
+    decided: Sequence[Decision] = (),
 ) -> Analysis:
     """Return the analysis of a finished or running campaign; raise ReportError if rows or limits are wrong.
 
@@ -100,7 +100,7 @@ def analyse(
     standard deviations of some variables are multiplied by factors. Without it there is no tolerance advice. `against`
     is another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
     statistics of this one. `repeats` are samples that were simulated a second time with half the step. `decided` are
-    weighted runs that decide some responses.
+    weighted runs that decide some responses; of those that name a response, the last decide it.
     """
     samples, rounding = leveled_samples(samples, spec)
     spec = _without_boundaries(spec, samples)
@@ -108,8 +108,7 @@ def analyse(
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
-    drawn, rare = independent_draws(samples, spec), _rare(samples, spec, decided)
-    weighted = rare_estimates(rare, None if decided is None else decided.responses)
+    drawn, (rare, weighted) = independent_draws(samples, spec), _rare(samples, spec, decided)
     counts = counts_by_status(samples)
     scatter, totals = repeatabilities(repeats, samples, drawn, spec, CONFIDENCE), total_order(samples, spec)
     known = {r.name: Known(totals.get(r.name), scatter.get(r.name)) for r in spec.responses}
@@ -181,12 +180,25 @@ def compare_rows(
     return compare(*_drawn(rows, spec), *_drawn(other_rows, other_spec), confidence)
 
 
-def _rare(samples: Samples, spec: ReportSpec, decided: Decision | None) -> RareRejects | None:
-    """Return the rare rejects of an importance-sampling campaign, or of the weighted runs that decide."""
-    if decided is None:
-        return rare_rejects(samples, spec, CONFIDENCE)
-    aimed, _ = leveled_samples(read_samples(decided.rows, decided.spec), decided.spec)
-    return rare_rejects(aimed, _without_boundaries(decided.spec, aimed), CONFIDENCE)
+def _rare(
+    samples: Samples, spec: ReportSpec, decided: Sequence[Decision]
+) -> tuple[RareRejects | None, dict[str, tuple[IndexEstimate, ...]]]:
+    """Return the rare rejects of an importance campaign, or of the weighted runs that decide, and their estimates."""
+    if not decided:
+        own = rare_rejects(samples, spec, CONFIDENCE)
+        return own, rare_estimates(own)
+    found: list[RareRejects] = []
+    estimates: dict[str, tuple[IndexEstimate, ...]] = {}
+    for each in decided:
+        of_each = each.spec
+        if found:  # later runs are for these alone
+            of_each = replace(of_each, responses=tuple(r for r in of_each.responses if r.name in each.responses))
+        aimed, _ = leveled_samples(read_samples(each.rows, of_each), of_each)
+        rare = rare_rejects(aimed, _without_boundaries(of_each, aimed), CONFIDENCE)
+        if rare is not None:
+            found.append(rare)
+            estimates |= rare_estimates(rare, each.responses)
+    return (replace(found[0], later=tuple(found[1:])) if found else None), estimates
 
 
 def _drawn(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:

@@ -3,7 +3,7 @@
 import logging
 import os
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,7 +44,7 @@ def write_report(
     rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
     repeats: Repeats | None = None,
-    decided: Decision | None = None,
+    decided: Sequence[Decision] = (),
 ) -> dict[str, str]:
     """Analyse the samples and write the files of their report.
 

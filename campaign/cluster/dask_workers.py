@@ -244,8 +244,8 @@ class Liveness:
 class PrestartedWorkers:
     """A context that starts workers while their campaign is still being planned, and ends them at its exit.
 
-    They are started in a thread, for the first `connect`. Only processes of this machine start early; other workers are
-    connected when needed.
+    They are started in a thread, for the first `connect`, and kept for the next ones. Only processes of this machine
+    start early; other workers are connected when needed.
     """
 
     def __init__(self, cluster: Cluster) -> None:
@@ -262,8 +262,9 @@ class PrestartedWorkers:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        """End the workers if `connect` has not yielded them."""
+        """End the workers."""
         self._wait()
+        self._workers = None
         self._started.close()
 
     def begin(self) -> None:
@@ -274,22 +275,21 @@ class PrestartedWorkers:
 
     @contextmanager
     def connect(self, cluster: Cluster) -> Iterator[Workers]:
-        """Yield the workers that started early, and end them with the block.
+        """Yield the workers that started early, or those of the call before; connect to some if there are none.
 
-        If none started early, and at every further call, this is the same as `connect_workers`. It raises the same
-        errors.
+        Workers whose block ended with an error are ended. Raises the same errors as `connect_workers`.
         """
         self._wait()
         error, self._error = self._error, None
         if error is not None:
             raise error
         workers, self._workers = self._workers, None
-        if workers is None:
-            with connect_workers(cluster) as connected:
-                yield connected
-            return
-        with self._started.pop_all():
+        with ExitStack() as until_lost:
+            until_lost.push(self._started.pop_all())
+            if workers is None:
+                workers = until_lost.enter_context(connect_workers(cluster))
             yield workers
+            self._workers, self._started = workers, until_lost.pop_all()
 
     def _start(self) -> None:
         """Start the workers; keep an error for `connect` to raise."""

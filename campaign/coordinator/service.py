@@ -19,13 +19,16 @@ logger = logging.getLogger(__name__)
 
 
 Report = Callable[[Store, Plan], object]  # writes the report of a completed campaign
+Decide = Callable[[Store, Plan, Cluster], object]  # computes the further campaigns that its verdicts need
 
 
-def serve(store: Store, cluster: Cluster, *, report: Report | None, once: bool = False) -> list[str]:
+def serve(
+    store: Store, cluster: Cluster, *, report: Report | None, decide: Decide | None = None, once: bool = False
+) -> list[str]:
     """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones.
 
-    ``report`` is called for each completed campaign. ``once`` returns when no campaign is queued, instead of waiting
-    for more without end. Raises LeaseHeld if another process serves the store.
+    ``decide``, then ``report``, are called for each completed campaign. ``once`` returns when no campaign is queued,
+    instead of waiting for more without end. Raises LeaseHeld if another process serves the store.
     """
     completed: list[str] = []
     unreadable: dict[str, str] = {}
@@ -36,7 +39,7 @@ def serve(store: Store, cluster: Cluster, *, report: Report | None, once: bool =
                 if not _is_open(store, campaign_id, unreadable):
                     continue  # it was cancelled or deleted while another one was computed
                 logger.info("computing campaign %s", campaign_id)
-                if _coordinate(store, campaign_id, cluster, report):
+                if _coordinate(store, campaign_id, cluster, report, decide):
                     completed.append(campaign_id)
             if once and not queued:
                 return completed
@@ -60,8 +63,8 @@ def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool
     return is_open
 
 
-def _coordinate(store: Store, campaign_id: str, cluster: Cluster, report: Report | None) -> bool:
-    """Coordinate one campaign and write its report; a failure is logged and does not end the service."""
+def _coordinate(store: Store, campaign_id: str, cluster: Cluster, report: Report | None, decide: Decide | None) -> bool:
+    """Coordinate one campaign, decide it and write its report; a failure is logged and does not end the service."""
     try:
         plan = store.plan(campaign_id)
         # first, so that the report has the new rows
@@ -71,6 +74,8 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, report: Report
         if lack := lack_of_ok(outcome.plan, outcome.survey.statuses):
             logger.warning("campaign %s: %s", campaign_id, lack)
         if report:
+            if decide:
+                decide(store, outcome.plan, cluster)
             _report(store, outcome.plan, report)
     except LeaseHeld as error:
         logger.info("%s", error)

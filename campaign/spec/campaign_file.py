@@ -112,12 +112,12 @@ class Execution(TableModel, strict=True):
 
 
 class Decide(TableModel, strict=True):
-    """What ``clearcap run`` may spend on verdicts that the samples leave open."""
+    """What may be spent on verdicts that the samples leave open."""
 
     runs: Annotated[int, Field(ge=0, le=100_000_000)] = Field(
         default=DECIDING_RUNS,
         description="Most further runs, drawn where rejects are expected: 1,000, and 250 more for each response whose"
-        " verdict is not certain; 0 for none.",
+        " verdict is not certain, and again for what is open then; 0 for none.",
     )
 
 
@@ -337,8 +337,7 @@ class CampaignSpec(TableModel, strict=True):
     )
     decide: Decide | None = Field(
         default=None,
-        description=f"What clearcap run may spend on verdicts that are not certain; at most {DECIDING_RUNS} runs if"
-        " absent.",
+        description=f"What may be spent on verdicts that are not certain; at most {DECIDING_RUNS} runs if absent.",
     )
     author: Annotated[str | None, Field(min_length=1)] = Field(
         default=None,

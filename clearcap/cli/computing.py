@@ -12,8 +12,8 @@ from clearcap.cli.options import (
     BatchSize,
     Campaign,
     CampaignId,
+    Decide,
     Id,
-    NoDecide,
     NoReport,
     Samples,
     Seed,
@@ -39,7 +39,7 @@ def run(
     seed: Seed = None,
     store: StoreUrl = "runs",
     batch_size: BatchSize = None,
-    no_decide: NoDecide = False,
+    decide: Decide = None,
     no_report: NoReport = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check the campaign and print what would be submitted with --cluster.")
@@ -48,8 +48,8 @@ def run(
 ) -> None:
     """Simulate a campaign to its end, decide what it leaves open, and write its capability report.
 
-    If plain samples leave a verdict not certain, up to 4,000 further runs are drawn where rejects are expected, as a
-    campaign of their own; the table decide of the campaign file sets another number. The same command, given again,
+    If plain samples leave a verdict not certain, up to 4,000 further runs are drawn where rejects are expected, as
+    campaigns of their own; the table decide of the campaign file sets another number. The same command, given again,
     continues where the earlier one stopped, and computes nothing if the campaign is complete.
     """
     from campaign.cluster.dask_workers import PrestartedWorkers
@@ -63,7 +63,7 @@ def run(
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
         say(f"campaign {plan.campaign_id}: {counted(plan.spec.samples, 'sample')}, store {opened.url}")
-        drive(opened, plan, where, with_report=not no_report, as_json=json, early=early, decide=not no_decide)
+        drive(opened, plan, where, with_report=not no_report, as_json=json, early=early, decide=decide)
 
 
 def _print_submission(where: "Cluster", campaign: str, samples: int | None, seed: int | None) -> None:
@@ -91,7 +91,7 @@ def resume(
     detach: Annotated[
         bool, typer.Option("--detach", help="Hand the campaign to a coordinator and return, as submit does.")
     ] = False,
-    no_decide: NoDecide = False,
+    decide: Decide = None,
     no_report: NoReport = False,
     json: Json = False,
 ) -> None:
@@ -110,7 +110,7 @@ def resume(
     opened, plan = opened_campaign(store, campaign, is_patient=True)
     opened.remove(plan.campaign_id, CANCEL)
     if not detach:
-        drive(opened, plan, where, with_report=not no_report, as_json=json, decide=not no_decide)
+        drive(opened, plan, where, with_report=not no_report, as_json=json, decide=decide)
         return
     assignment = assign_coordinator(opened, plan, where.options())
     say(assignment.text(opened))

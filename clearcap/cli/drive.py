@@ -64,24 +64,31 @@ def drive(
     as_json: bool,
     quiet: bool = False,
     early: "PrestartedWorkers | None" = None,
-    decide: bool = False,
+    decide: bool | None = False,
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
 
-    With ``decide``, further runs that aim at rejects decide the verdicts that the samples leave open. ``early`` are
-    workers of the cluster that have already been started. Raises TooManyFailed, after the report of the finished rows
-    is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or fewer than the
-    campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+    With ``decide``, further runs that aim at rejects decide the verdicts that the samples leave open; None means with a
+    report. ``early`` are workers of the cluster that have already been started. Raises TooManyFailed, after the report
+    of the finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or
+    fewer than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
+    from campaign.cluster.dask_workers import PrestartedWorkers
     from campaign.coordinator.coordinate import coordinate
     from campaign.coordinator.failed_runs import TooManyFailed
     from clearcap.cli.progress import display
 
-    try:
+    def computed(plan: "Plan") -> "Outcome":
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
-            outcome = coordinate(store, plan, cluster, show, connect=early.connect if early else None)
-        if decide and with_report:
-            _decide(store, plan, cluster, quiet=quiet)
+            return coordinate(store, plan, cluster, show, connect=workers.connect)
+
+    try:
+        with early or PrestartedWorkers(cluster) as workers:
+            outcome = computed(plan)
+            if with_report if decide is None else decide:
+                from clearcap.questions.decision import decide as decided  # loads reporting, after the runs
+
+                decided(store, plan, computed, say)
     except (KeyboardInterrupt, SystemExit) as ending:
         command = store.command("resume", plan.campaign_id, *cluster.options())
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
@@ -91,28 +98,6 @@ def drive(
             say(f"report of the runs so far: {_report(store, plan)['html']}")
         raise
     finish(store, outcome, with_report=with_report, as_json=as_json)
-
-
-def _decide(store: "Store", plan: "Plan", cluster: "Cluster", *, quiet: bool) -> None:
-    """Compute the aimed campaign that decides the open verdicts; if it cannot be completed, say why, and go on."""
-    from campaign.coordinator.coordinate import coordinate
-    from campaign.errors import CampaignError
-    from clearcap.cli.progress import display
-    from clearcap.questions.decision import plan_decision
-
-    try:
-        planned = plan_decision(store, plan)
-        if planned is None or not store.survey(planned[0]).missing:
-            return
-        decides, names = planned
-        say(
-            f"not certain: {', '.join(names)}; {decides.spec.samples} runs that aim at their rejects decide (campaign"
-            f" {decides.campaign_id}; --no-decide leaves them out)"
-        )
-        with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
-            coordinate(store, decides, cluster, show)
-    except CampaignError as error:
-        say(f"nothing more is decided: {error}")
 
 
 def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:

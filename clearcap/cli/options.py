@@ -65,9 +65,13 @@ BatchSize = Annotated[
     int | None, typer.Option(min=1, help="Samples per batch of a new campaign; by default a batch takes about 10 s.")
 ]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Do not write the report.")]
-NoDecide = Annotated[
-    bool,
-    typer.Option("--no-decide", help="Compute no further runs for verdicts that the samples leave open."),
+Decide = Annotated[
+    bool | None,
+    typer.Option(
+        "--decide/--no-decide",
+        help="Compute further runs for verdicts that the samples leave open; by default where a report is written.",
+        show_default=False,
+    ),
 ]
 
 _PANEL = "Where to compute"

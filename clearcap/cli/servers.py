@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from clearcap.cli.drive import drive
-from clearcap.cli.options import NoReport, StoreUrl, on_cluster
+from clearcap.cli.options import Decide, NoReport, StoreUrl, on_cluster
 from clearcap.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
@@ -150,6 +150,7 @@ def coordinate(
     ] = None,
     store: StoreUrl = "runs",
     once: Annotated[bool, typer.Option("--once", help="Without an id: end when no campaign is queued.")] = False,
+    decide: Decide = None,
     no_report: NoReport = False,
     parent: Annotated[
         int | None, typer.Option(hidden=True, help="End when this process ends, which has started it.")
@@ -169,11 +170,22 @@ def coordinate(
     if campaign is None:
         from campaign.coordinator.service import serve
 
-        completed = serve(opened, where, report=None if no_report else _report, once=once)
+        report, decides = None if no_report else _report, None if decide is False else _decide
+        completed = serve(opened, where, report=report, decide=decides, once=once)
         if json:
             print_json({"store": opened.url, "campaigns": completed})
         return
-    drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
+    drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json, decide=decide)
+
+
+def _decide(store: "Store", plan: "Plan", cluster: "Cluster") -> None:
+    """Compute the aimed campaigns that a completed campaign needs."""
+    from functools import partial
+
+    from campaign.coordinator.coordinate import coordinate as computed
+    from clearcap.questions.decision import decide
+
+    decide(store, plan, partial(computed, store, cluster=cluster, is_served=True), say)
 
 
 def _report(store: "Store", plan: "Plan") -> None:

@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
+from scipy.special import ndtr
 
 from campaign.errors import CampaignError, SpecError
+from campaign.inputs.distributions.base import DRAWN
 from campaign.inputs.sampling import sampler_named
+from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.importance import ImportanceSampler
 from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
 from campaign.inputs.sampling.sampler import varied
@@ -16,8 +20,7 @@ from campaign.plan import Plan
 from campaign.samples import limits_of
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.store import Store
-from campaign.store.layout import DECISION
-from clearcap.questions.report_source import deciding_campaign
+from clearcap.questions.report_source import deciding_campaigns
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from reporting import ReportError
@@ -25,6 +28,7 @@ from reporting.rare.aim import WIDE, Aim, Target, aims, find_targets
 
 SUFFIX = "-rare"
 LONGEST_NAME = 60
+Stage = tuple[Plan, tuple[str, ...]]
 LEFT_OUT = ("stop", "grid", "table", "importance", "decide")
 
 
@@ -58,20 +62,21 @@ def aimed_campaign(
     names = tuple(varied(plan.spec))
     z, weights, values = _rows(store, plan, names)
     try:
-        targets = find_targets(z, weights, values, {name: limits[name] for name in responses or limits})
+        targets = find_targets(
+            *(z, weights, values), {name: limits[name] for name in responses or limits}, partial(_inputs, plan, names)
+        )
     except ReportError as error:
         raise CampaignError(f"{plan.campaign_id}: {error}") from error
     components = aims(targets, len(names), wide_share)
     return AimedCampaign(_tables(plan, components, names, samples), targets, components, names)
 
 
-def decided_by(store: Store, plan: Plan) -> tuple[Plan, tuple[str, ...]] | None:
-    """Return the aimed campaign that decides what a campaign leaves open, and these responses; None without one."""
-    found = deciding_campaign(store, plan.campaign_id)
-    names = (store.read_json(plan.campaign_id, DECISION) or {}).get("responses")
-    if found is None or not isinstance(names, list):
-        return None
-    return store.plan(found), tuple(name for name in plan.mechanism.responses if name in names)
+def decided_by(store: Store, plan: Plan) -> tuple[Stage, ...]:
+    """Return the aimed campaigns that decide what a campaign leaves open, each with these responses, in their order."""
+    return tuple(
+        (store.plan(decides), tuple(name for name in plan.mechanism.responses if name in names))
+        for decides, names in deciding_campaigns(store, plan.campaign_id).items()
+    )
 
 
 def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array, dict[str, Array]]:
@@ -103,6 +108,14 @@ def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array,
         np.concatenate(weights),
         {name: np.concatenate(pieces) for name, pieces in values.items()},
     )
+
+
+def _inputs(plan: Plan, names: Sequence[str], scores: Array) -> Array:
+    """Return the values of the variables that vary, at standard scores before correlations; shape (n, d) both."""
+    u = {name: np.clip(ndtr(z), *DRAWN) for name, z in zip(names, scores.T, strict=True)}
+    if plan.spec.correlations:
+        u |= correlated(u, plan.spec.correlations)
+    return np.column_stack([plan.spec.variables[name].ppf(u[name]) for name in names])
 
 
 def _tables(plan: Plan, components: Sequence[Aim], names: Sequence[str], samples: int) -> dict[str, Any]:

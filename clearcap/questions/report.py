@@ -106,7 +106,7 @@ def write_into(
         command = f"{spec.provenance[_COMMAND]} --against {other.campaign_id}"
         spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
     try:
-        rows, repeats, decided = report_rows(store, plan), repeats_of(store, plan), decision_of(store, plan)
+        rows, repeats, decided = report_rows(store, plan), repeats_of(store, plan), decisions_of(store, plan)
         return write_report(
             *(rows, spec, folder),
             kinds=kinds,
@@ -165,18 +165,18 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     spec = report_spec(plan, store)
     try:
         samples, rescale = read_samples(report_rows(store, plan), spec), Spreads(plan.spec, plan.mechanism).change
-        return analyse(samples, spec, rescale, repeats=repeats_of(store, plan), decided=decision_of(store, plan))
+        return analyse(samples, spec, rescale, repeats=repeats_of(store, plan), decided=decisions_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 
 
-def decision_of(store: Store, plan: Plan) -> Decision | None:
-    """Return the weighted runs that decide what the samples leave open; None without any, or while some are missing."""
-    found = decided_by(store, plan)
-    if found is None or store.survey(found[0]).missing:
-        return None
-    decides, names = found
-    return Decision(report_rows(store, decides), report_spec(decides, store), names)
+def decisions_of(store: Store, plan: Plan) -> tuple[Decision, ...]:
+    """Return the weighted runs that decide what the samples leave open, of the campaigns that are complete."""
+    return tuple(
+        Decision(report_rows(store, decides), report_spec(decides, store), names)
+        for decides, names in decided_by(store, plan)
+        if not store.survey(decides).missing
+    )
 
 
 class BriefIndices(BaseModel):

@@ -1,7 +1,7 @@
 """What a report was made of: the digests of plan and rows, which it states among its provenance.
 
-The rows of an aimed campaign that decides what the samples leave open belong to them. Where files are listed for a
-campaign, hers are in a folder of their own, `DECIDING`.
+The rows of the aimed campaigns that decide what the samples leave open belong to them. Where files are listed for a
+campaign, theirs are in a folder of their own, `DECIDING`.
 
 So a report that is not of the rows beside it is found without the server; one that was edited by hand is found by
 writing it again (`clearcap.questions.report.report_again`).
@@ -36,10 +36,17 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def deciding_campaign(store: Store, campaign: str) -> str | None:
-    """Return the id of the aimed campaign that decides what a campaign leaves open; None without one in the store."""
-    found = (store.read_json(campaign, DECISION) or {}).get("campaign")
-    return found if isinstance(found, str) and found in store.campaigns() else None
+def deciding_campaigns(store: Store, campaign: str) -> dict[str, list[str]]:
+    """Return the responses that each aimed campaign decides, by its id; in their order, up to one that is missing."""
+    stages = (store.read_json(campaign, DECISION) or {}).get("stages")
+    found: dict[str, list[str]] = {}
+    for stage in stages if isinstance(stages, list) else ():
+        match stage:
+            case {"campaign": str(decides), "responses": list(names)} if decides in store.campaigns():
+                found[decides] = names
+            case _:
+                break
+    return found
 
 
 def stored_at(campaign: str, name: str) -> str:
@@ -50,7 +57,7 @@ def stored_at(campaign: str, name: str) -> str:
 def tables_of(store: Store, header: PlanHeader) -> Iterator[tuple[str, PlanHeader]]:
     """Yield the tables of which a report is made, each with the folder, as listed, in which its campaign is."""
     yield from (("", table) for table in (header, *repeat_plans(store, header)))
-    if (deciding := deciding_campaign(store, header.campaign_id)) is not None:
+    for deciding in deciding_campaigns(store, header.campaign_id):
         yield f"{DECIDING}/{deciding}/", store.plan_header(deciding)
 
 

@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
 from campaign.store.layout import REPORT, SIGNED, SUBMISSION
-from clearcap.questions.report_source import deciding_campaign, report_source, sha256, stored_at
+from clearcap.questions.report_source import deciding_campaigns, report_source, sha256, stored_at
 from clearcap.questions.signing import (
     Head,
     SignedDocument,
@@ -128,9 +128,9 @@ class SigningService:
         rows; LeaseHeld if it is being changed. For TimeoutError see `content`.
         """
         header = self._store.plan_header(campaign)
-        deciding = deciding_campaign(self._store, campaign)
-        of_deciding = nullcontext() if deciding is None else being_signed(self._store, deciding)
-        with being_signed(self._store, campaign) as protect, of_deciding as protect_deciding:
+        with ExitStack() as held:
+            covered = (campaign, *deciding_campaigns(self._store, campaign))
+            protections = [held.enter_context(being_signed(self._store, each)) for each in covered]
             state = state_of(self._store, campaign)["state"]
             if state != "completed":
                 raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
@@ -160,7 +160,7 @@ class SigningService:
                 )
                 self._insert(connection, signoff)
                 # before the transaction ends: without the marker nothing is signed
-                for protection in filter(None, (protect, protect_deciding)):
+                for protection in protections:
                     protection(sha256(signoff.to_bytes()), who.name)
         return signoff
 
@@ -175,7 +175,7 @@ class SigningService:
                 raise CampaignError(f"{campaign} is not signed; there is nothing to withdraw")
             withdrawal = Withdrawal(**chain.next(who, comment), withdraws=chain.last_digest)
             self._insert(connection, withdrawal)
-            for each in filter(None, (campaign, deciding_campaign(self._store, campaign))):
+            for each in (campaign, *deciding_campaigns(self._store, campaign)):
                 end_protection(self._store, each)
         return withdrawal
 

@@ -10,8 +10,8 @@ the mechanism, and finds rejects in any direction and any number of variables. R
 component each; if these are too many to be told apart, one component without a centre reaches as far as they lie.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
 
 MOST = 40  # largest number of directions
+MOST_AIMS = 90  # components of a campaign; the least of more are left out
 NO_BETTER = 4  # numbers of directions in a row that no longer improve the criterion
 MOST_POINTS = 2000
 ROUNDS = 40  # of EM: centres need not be exact
@@ -26,6 +27,7 @@ LEAST_VARIANCE = 1.0  # variance of the components that draw the samples
 LEAST_PART = 0.02  # of the rejects: smaller parts are left to the wide component
 
 Parts = tuple[tuple[tuple[float, ...], float], ...]
+Inputs = Callable[[Array], Array]
 
 
 FEWEST = 10  # rejects needed to estimate their centre
@@ -42,6 +44,7 @@ ACCEPTED = 0.4  # share of the steps that stay in the level; the length of the s
 _LARGEST = 8.0  # standard scores of a centre
 _WIDEST = 5.0  # scale of a component
 _DECIMALS = 2  # of a centre
+_TINY = 1e-300  # least spread of a variable
 
 
 # Directions of rejects: a mixture of normal distributions with a common spread, fitted by EM; BIC sets their number.
@@ -121,15 +124,21 @@ class Target:
     by: str  # source of the estimate: counted rejects, or the model
     centres: Parts  # of the rejects, each with its share of them; empty if no component should aim there
     scale: float = 1.0  # spread of the scores around a centre
+    part: float = 1.0  # of the runs for this response
 
 
 def find_targets(
-    z: Array, weights: Array, responses: Mapping[str, Array], limits: Mapping[str, tuple[float | None, float | None]]
+    z: Array,
+    weights: Array,
+    responses: Mapping[str, Array],
+    limits: Mapping[str, tuple[float | None, float | None]],
+    inputs: Inputs = np.asarray,
 ) -> tuple[Target, ...]:
     """Return the expected location of the rejects of each limit; raise ReportError if values are too few for a model.
 
     `z` are the standard scores of the variables, shape (n, d), independent in production; `weights`, shape (n,), are 1
-    for plain runs; `responses`, shape (n,), are NaN where a run has none.
+    for plain runs; `responses`, shape (n,), are NaN where a run has none. `inputs` turns scores into the values of the
+    variables: a mechanism answers to these, so a model of them holds farther out.
     """
     targets = []
     for name, (lsl, usl) in limits.items():
@@ -141,26 +150,34 @@ def find_targets(
                 f"{known} values of {name} are too few for a model of {z.shape[1]} variables: {needed} are needed;"
                 " compute more samples"
             )
-        for limit, sign, words in ((lsl, -1.0, "below"), (usl, 1.0, "above")):
-            if limit is not None:
-                label = f"{name} {words} {limit:g}"
-                targets.append(_target(label, z[finite], weights[finite], sign * (y[finite] - limit)))
+        sides = [
+            _target(f"{name} {words} {limit:g}", z[finite], weights[finite], sign * (y[finite] - limit), inputs)
+            for limit, sign, words in ((lsl, -1.0, "below"), (usl, 1.0, "above"))
+            if limit is not None
+        ]
+        # The worse side decides; the root leaves the other enough where the estimates are wrong by a factor.
+        roots = [bool(side.centres) * side.ppm**0.5 for side in sides]
+        targets += [replace(side, part=root / (sum(roots) or 1.0)) for side, root in zip(sides, roots, strict=True)]
     return tuple(targets)
 
 
 def aims(targets: Sequence[Target], dimensions: int, wide_share: float = WIDE) -> tuple[Aim, ...]:
-    """Return the components: the aimed runs are divided equally among the targets, and one wide component is added."""
+    """Return the components: aimed runs are divided equally among the responses, and a wide component is added."""
     found = [target for target in targets if target.centres]
+    all_parts = sum(target.part for target in found)
     parts = [
-        Aim((AIMED + WIDE - wide_share) * part / len(found), t.scale, centre, f"{t.name}: {t.by}")
+        Aim((AIMED + WIDE - wide_share) * part * t.part / all_parts, t.scale, centre, f"{t.name}: {t.by}")
         for t in found
         for centre, part in t.centres
     ]
     wide = Aim(wide_share if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "rejects that the others miss")
-    return (*_merged(parts), wide)
+    merged = _merged(parts)
+    largest = sorted(merged, key=lambda aim: -aim.share)[:MOST_AIMS]
+    rest = 1.0 + sum(aim.share for aim in merged if aim not in largest) / sum(aim.share for aim in largest or (wide,))
+    return (*(replace(aim, share=aim.share * rest) for aim in merged if aim in largest), wide)
 
 
-def _target(name: str, z: Array, weights: Array, beyond: Array) -> Target:
+def _target(name: str, z: Array, weights: Array, beyond: Array, inputs: Inputs) -> Target:
     """Return the target of one limit; ``beyond`` is above 0 for rejects."""
     rejects = beyond > 0.0
     w = weights[rejects]
@@ -168,7 +185,7 @@ def _target(name: str, z: Array, weights: Array, beyond: Array) -> Target:
     if w.size >= FEWEST:
         w = _tempered(w)
     else:
-        model = _Model(z, beyond)
+        model = _Model(z, beyond, inputs)
         points, w, share = model.rejects()
         by = f"quadratic model of {beyond.size} runs, R2 {model.determination:.3f}"
     if not NEVER < share < OFTEN:
@@ -189,16 +206,18 @@ def _tempered(w: Array) -> Array:
 
 
 class _Model:
-    """A quadratic model of a response, shape (n,), over the standard scores, shape (n, d), with its residuals."""
+    """A quadratic model of a response, shape (n,), over the values of the variables, with its residuals."""
 
-    def __init__(self, z: Array, y: Array) -> None:
-        d = z.shape[1]
+    def __init__(self, z: Array, y: Array, inputs: Inputs) -> None:
+        d, x = z.shape[1], inputs(z)
+        self._inputs, self._middle, self._spread = inputs, x.mean(axis=0), np.maximum(x.std(axis=0), _TINY)
+        x = self._scaled(z)
         # Three runs for each coefficient: the residuals of a model that fits exactly would be too small.
         self._interactions = y.size >= 3 * (1 + 2 * d + d * (d - 1) // 2)
         self._squares = y.size >= 3 * (1 + 2 * d)
-        columns, pairs = [np.ones((z.shape[0], 1)), z], np.triu_indices(d, 1)
-        columns += [z * z] if self._squares else []
-        columns += [z[:, pairs[0]] * z[:, pairs[1]]] if self._interactions else []
+        columns, pairs = [np.ones((z.shape[0], 1)), x], np.triu_indices(d, 1)
+        columns += [x * x] if self._squares else []
+        columns += [x[:, pairs[0]] * x[:, pairs[1]]] if self._interactions else []
         coefficients = np.linalg.lstsq(np.hstack(columns), y, rcond=None)[0]
         self._constant, self._linear, rest = coefficients[0], coefficients[1 : d + 1], coefficients[d + 1 :]
         self._quadratic = np.diag(rest[:d]) if self._squares else np.zeros((d, d))
@@ -241,8 +260,13 @@ class _Model:
         return np.concatenate(states), np.concatenate(rests)
 
     def _value(self, z: Array) -> Array:
-        """Return the model at points, shape (n, d)."""
-        return np.asarray(self._constant + z @ self._linear + np.sum((z @ self._quadratic) * z, axis=1))
+        """Return the model at scores, shape (n, d)."""
+        x = self._scaled(z)
+        return np.asarray(self._constant + x @ self._linear + np.sum((x @ self._quadratic) * x, axis=1))
+
+    def _scaled(self, z: Array) -> Array:
+        """Return the values of the variables at scores, in standard deviations from their means."""
+        return np.asarray((self._inputs(z) - self._middle) / self._spread)
 
 
 def _rounded(centre: tuple[float, ...]) -> tuple[float, ...]:

@@ -69,6 +69,7 @@ class RareRejects:
     checks: tuple[PlainCheck, ...]  # against plain Monte Carlo
     campaign: str  # that has these runs
     proposal: tuple[ProposalPart, ...]  # where it draws them
+    later: tuple["RareRejects", ...] = ()  # of further campaigns, whose responses replace those of the earlier ones
 
 
 def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareRejects | None:

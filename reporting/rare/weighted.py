@@ -27,7 +27,7 @@ from reporting.shape.pareto import posterior_mean_fit
 FEWEST = 20  # effective rejects: with fewer the coverage of the gamma limits is too low
 LEAST = 5  # rejects: with fewer there is no estimate, only the bound by the plain runs
 CAP = 0.995  # confidence of the plain runs' bound as a cap: so high that it is hardly ever wrong where it cuts
-LARGEST_PART = 0.05  # largest part of one weight in the sum: that of one among 20 equal ones
+LARGEST_PART = 0.10  # largest part of one weight in the sum: up to it the limits were measured to hold
 HEAVIEST = 0.7  # Pareto shape of the weights above which their mean is unreliable (Vehtari et al. 2024)
 FARTHEST = 37.0  # standard scores: shares beyond are 0 in double precision
 _TAIL = 5  # fewest weights for the fit of a tail

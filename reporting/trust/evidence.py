@@ -259,7 +259,8 @@ def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:
 
 def _rare_shares_known(rare: RareRejects) -> Check:
     """Check that the share of every response is supported by its weights."""
-    name, shares = "Rare rejects", {r.response: r.total for r in rare.responses}
+    every = (rare, *rare.later)
+    name, shares = "Rare rejects", {r.response: r.total for each in every for r in each.responses}
     if not shares:
         return Check(name, "info", "No response has limits.")
     doubts = [f"{response}: {share.doubt}" for response, share in shares.items() if share.doubt]
@@ -280,7 +281,7 @@ def _rare_shares_known(rare: RareRejects) -> Check:
         return Check(name, "attention", text, float(len(loose)))
     found = {response: share.standard_error for response, share in shares.items() if share.standard_error is not None}
     none = [response for response in shares if response not in found]
-    text = f"Weighted over {format_numbers.grouped(rare.runs)} runs."
+    text = f"Weighted over {format_numbers.grouped(sum(each.runs for each in every))} runs."
     if found:
         widest = max(found, key=found.__getitem__)
         error = format_numbers.percent(found[widest])
@@ -296,13 +297,15 @@ def _rare_shares_known(rare: RareRejects) -> Check:
 
 def _weights_agree(rare: RareRejects) -> Check:
     """Check weighted shares against counted shares, and the mean weight against 1."""
-    errors = {f"{check.response} {check.side} {check.at:.6g}": abs(check.errors) for check in rare.checks}
-    errors["the mean weight and 1"] = abs(rare.mean_weight_errors)
+    every = (rare, *rare.later)
+    checks, plain = [check for each in every for check in each.checks], sum(each.plain for each in every)
+    errors = {f"{check.response} {check.side} {check.at:.6g}": abs(check.errors) for check in checks}
+    errors["the mean weight and 1"] = max(abs(each.mean_weight_errors) for each in every)
     worst = max(errors, key=errors.__getitem__)
     distance = format_numbers.fixed(errors[worst], 1, (CHECK_BAR,))
     text = (
-        f"Weighted shares differ from those counted in the {format_numbers.grouped(rare.plain)} plain runs by at most"
-        f" {distance} standard errors, at {len(rare.checks)} limits moved in until both have rejects (largest: {worst})"
+        f"Weighted shares differ from those counted in the {format_numbers.grouped(plain)} plain runs by at most"
+        f" {distance} standard errors, at {len(checks)} limits moved in until both have rejects (largest: {worst})"
     )
     if errors[worst] <= CHECK_BAR:
         return Check("Weights", "good", f"{text}.", errors[worst])

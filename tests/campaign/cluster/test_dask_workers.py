@@ -231,16 +231,21 @@ def events(monkeypatch):
     return events
 
 
-def test_first_to_connect_gets_them_and_ends_them(events):
-    """Who connects again after a loss gets others; nothing is left at the end."""
+def test_they_are_kept_until_they_are_lost(events):
+    """Who connects again gets the same, but others after a loss; nothing is left at the end."""
     with PrestartedWorkers(Cluster()) as early:
         early.begin()
         early.begin()
         with early.connect(Cluster()) as workers:
             assert workers == 0
+        assert events == ["start 0"]
+        with pytest.raises(SchedulerLost), early.connect(Cluster()):
+            raise SchedulerLost("closed")
         assert events == ["start 0", "end 0"]
-        with early.connect(Cluster()) as workers:
-            assert workers == 2
+        for _ in range(2):
+            with early.connect(Cluster()) as workers:
+                assert workers == 2
+        assert events == ["start 0", "end 0", "start 2"]
     assert events == ["start 0", "end 0", "start 2", "end 2"]
 
 

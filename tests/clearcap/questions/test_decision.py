@@ -1,5 +1,9 @@
 """Weighted runs decide what plain samples leave open: one campaign, one verdict, the same bits every time."""
 
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
 import pytest
 from scipy.integrate import quad
 from scipy.stats import truncnorm
@@ -10,7 +14,8 @@ from campaign.spec.load import load_campaign
 from campaign.store.repeat_sets import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
-from clearcap.questions.decision import open_responses, plan_decision
+from clearcap.questions.aimed_campaign import decided_by
+from clearcap.questions.decision import decide, open_responses, plan_decision
 from clearcap.questions.report import analysis, report
 from clearcap.questions.signing import check_whole, open_archive, signed_files
 from clearcap.questions.verification import recomputed, verify_export
@@ -22,6 +27,7 @@ JOINT = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower
 PLAY = truncnorm(-24 / 7, 24 / 7, 0.07, 0.0175)
 # The fake engine's FC-1 is 10 + J1 + 2 J2.
 LIMIT = 0.21 + 4.3 * 0.0175 * 5**0.5
+JUMP_BELOW = 0.26  # the limit with the second contact
 
 
 def campaign_with(**tables):
@@ -36,9 +42,9 @@ def campaign_with(**tables):
     )
 
 
-def compute(store, plan):
+def compute(store, plan, simulate=fake_engine.simulate):
     """Compute all batches of a plan in this process."""
-    address = CampaignAddress.of(store, plan, fake_engine.simulate, repeated_shares(store, plan))
+    address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
     for batch in range(len(plan.batches)):
         run_batch(address, BatchRequest(batch))
 
@@ -56,13 +62,11 @@ def test_aimed_runs_decide_what_the_samples_leave_open(tmp_path) -> None:
     found = analysis(store, plan)
     rare, verdict = found.rare.responses[0].total, found.responses[0].verdict
     assert rare.interval[0] < 1e6 * share < rare.interval[1]
-    is_decided = not rare.doubt  # where one reject has much of the weight, the aimed runs decide nothing
-    assert (verdict.word, verdict.certain) == ("capable", is_decided)
-    assert verdict.by == ("rare rejects" if is_decided else "index")
-    assert (decides.campaign_id in verdict.assumes) == is_decided
+    assert (verdict.word, verdict.certain, verdict.by) == ("capable", True, "rare rejects")
+    assert decides.campaign_id in verdict.assumes
     assert decides.campaign_id in open_page(report(store, plan)["html"])
-    again, _ = plan_decision(store, plan)
-    assert again.campaign_id == decides.campaign_id
+    assert plan_decision(store, plan) is None
+    assert decided_by(store, plan) == ((decides, names),)
 
 
 def open_page(path: str) -> str:
@@ -70,15 +74,57 @@ def open_page(path: str) -> str:
         return file.read()
 
 
+def second_contact(mechanism, values, **settings):
+    """FC-1 of one assembly in 1,000 has another contact, half of which take it beyond the limit."""
+    run = fake_engine.simulate(mechanism, values, **settings)
+    jumps = values["J1"] > PLAY.isf(1e-3)
+    return replace(run, responses={**run.responses, "FC-1": run.responses["FC-1"] + (LIMIT - JUMP_BELOW) * jumps})
+
+
 def test_the_same_samples_get_the_same_aimed_runs(tmp_path) -> None:
     """A campaign that is killed and continued, or computed in other batches, is decided by the same rows."""
     tables = []
     for name, batch in (("a", 200), ("b", 30)):
-        store, plan = computed(tmp_path / name, campaign_with(), batch)
-        decides, _ = plan_decision(store, plan)
-        compute(store, decides)
-        tables.append(rows(store, decides))
-    assert tables[0].equals(tables[1])
+        store, plan = computed(tmp_path / name, campaign_with(), batch, second_contact)
+        with suppress(InterruptedError):
+            decide(store, plan, partial(killed, store), lambda _: None)
+        every = []
+        decide(store, plan, lambda decides: every.append(decides) or compute(store, decides, second_contact), len)  # noqa: B023
+        assert [each for each, _ in decided_by(store, plan)] == every
+        tables.append([rows(store, decides) for decides in every])
+    assert len(tables[0]) == len(tables[1]) > 1
+    assert all(a.equals(b) for a, b in zip(*tables, strict=True))
+
+
+def killed(store, plan):
+    """Compute the first batch of a plan."""
+    address = CampaignAddress.of(store, plan, second_contact, repeated_shares(store, plan))
+    run_batch(address, BatchRequest(0))
+    raise InterruptedError
+
+
+def test_further_runs_aim_where_the_first_found_rejects(tmp_path) -> None:
+    """A contact that the samples did not meet is found by the wide part of the first; the second measures it."""
+    store, plan = computed(tmp_path / "s", campaign_with(samples=250), 50, second_contact)
+    assert analysis(store, plan).responses[0].capability.ppm_observed == 0.0
+    decide(store, plan, lambda decides: compute(store, decides, second_contact), len)
+    share = quad(lambda x: PLAY.pdf(x) * PLAY.sf((JUMP_BELOW - x) / 2), PLAY.isf(1e-3), 0.13)[0]
+    found = analysis(store, plan)
+    first, (second,) = found.rare, found.rare.later
+    assert first.responses[0].total.doubt
+    low, high = second.responses[0].total.interval
+    assert low < 1e6 * share < high
+    verdict = found.responses[0].verdict
+    assert (verdict.word, verdict.certain) == ("marginal", True)
+    assert second.campaign in verdict.assumes
+    page = open_page(report(store, plan)["html"])
+    assert first.campaign in page
+    assert second.campaign in page
+    check_whole(store, plan)
+    path = tmp_path / "x.zip"
+    path.write_bytes(export((store, plan), [signoff(plan.campaign_id, signed_files(store, plan))]))
+    assert verify_export(open_archive(path)).faults == []
+    assert recomputed(open_archive(path)) == []
 
 
 @pytest.mark.parametrize(
