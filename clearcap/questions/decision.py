@@ -18,7 +18,7 @@ from campaign.spec.campaign_file import CampaignSpec, Decide
 from campaign.spec.load import Campaign
 from campaign.store import Store
 from campaign.store.labels import LabelChange, read_labels
-from campaign.store.layout import DECISION
+from campaign.store.layout import DECISION, SUBMISSION
 from campaign.waits import counted
 from clearcap.questions.aimed_campaign import Stage, aimed_campaign, decided_by
 from clearcap.questions.report import analysis
@@ -72,7 +72,8 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
         return None
     spec = CampaignSpec.model_validate(aimed.tables)
     labels = LabelChange(read_labels(store, plan.campaign_id).owner or None)
-    decides = submit(store, Campaign(spec, plan.mechanism), tries_runs=False, labels=labels)
+    by = (store.read_json(plan.campaign_id, SUBMISSION) or {}).get("user")  # whose rights it has
+    decides = submit(store, Campaign(spec, plan.mechanism), tries_runs=False, labels=labels, by=by)
     every = [*stages, (decides, names)]
     known = [{"campaign": each.campaign_id, "responses": list(of_each)} for each, of_each in every]
     store.write_json(plan.campaign_id, DECISION, {"stages": known})

@@ -189,7 +189,7 @@ class SigningService:
             signoff = read_document(row["document"].encode())
             if not isinstance(signoff, Signoff) or signoff.campaign not in stored:
                 continue
-            for each in filter(None, (signoff.campaign, deciding_campaign(self._store, signoff.campaign))):
+            for each in (signoff.campaign, *deciding_campaigns(self._store, signoff.campaign)):
                 if self._store.read_json(each, SIGNED) is None:
                     with suppress(LeaseHeld), being_signed(self._store, each) as protect:
                         protect(sha256(row["document"].encode()), signoff.signer)

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from clearcap.questions.report import report_written_again
-from clearcap.questions.report_source import deciding_campaign
+from clearcap.questions.report_source import deciding_campaigns
 from clearcap.questions.signing import (
     LONGEST_COMMENT,
     Signoff,
@@ -170,7 +170,7 @@ def _check_four_eyes(service: Service, campaign: str, who: Principal) -> None:
         raise Refusal(
             403, f"{campaign}: the store does not say who submitted it, and nobody signs his own here; submit it"
         )
-    for each in filter(None, (campaign, deciding_campaign(service.store, campaign))):
+    for each in (campaign, *deciding_campaigns(service.store, campaign)):
         if service.signing_service.submitter(each) == who.name:
             raise Refusal(403, f"{each} was submitted by {who.name}; on this server another approver has to sign it")
 
