@@ -44,6 +44,17 @@ def test_without_a_report_it_is_closed_at_its_end(done):
     assert not store.files.exists(f"{plan.campaign_id}/report/report.html")
 
 
+def test_it_is_decided_before_it_is_reported(done):
+    """What the samples leave open is computed first; without a report nothing asks for it."""
+    store, plan = done
+    calls = []
+    hooks = {"decide": lambda *_: calls.append("decide"), "once": True}
+    assert serve(store, CLUSTER, report=lambda *_: calls.append("report"), **hooks) == [plan.campaign_id]
+    write_state(store, plan.campaign_id, "queued")
+    assert serve(store, CLUSTER, report=None, **hooks) == [plan.campaign_id]
+    assert calls == ["decide", "report"]
+
+
 @pytest.mark.parametrize("fault", [CampaignError("no rows"), ZeroDivisionError("no rows")])
 def test_report_that_cannot_be_written_is_said_once(done, campaign_file, fault):
     """The campaign is closed with the reason; another one in the queue gets its report."""

@@ -29,6 +29,7 @@ title = "Bolt with play"
 mechanism = "clearance_pendulum"
 samples = 30
 seed = 7
+decide = { runs = 0 }
 
 [variables.J1]
 distribution = "uniform"
@@ -40,7 +41,11 @@ lsl = -7e-4
 usl = -3e-4
 source = "a test"
 """
-C60 = (resources.files("campaign") / "library" / "c60.toml").read_text("utf-8")
+C60 = (
+    (resources.files("campaign") / "library" / "c60.toml")
+    .read_text("utf-8")
+    .replace("\n[variables]", "\n[decide]\nruns = 0\n\n[variables]")
+)
 WIDER = (
     C60.replace('name = "c60"', 'name = "c60-wider"')
     .replace("seven joint clearances", "J1 of another supplier")

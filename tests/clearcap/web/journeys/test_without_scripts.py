@@ -19,6 +19,7 @@ title = "A campaign that takes its time"
 mechanism = "clearance_pendulum"
 samples = 5000
 seed = 3
+decide = { runs = 0 }
 
 [variables.J1]
 distribution = "uniform"
