@@ -80,6 +80,13 @@ def test_limits():
         assert limit in PAGE
 
 
+def test_each_promise_has_a_test():
+    """The files that the page names as what holds the service to its promises are there."""
+    named = [code for code in CODE if code.startswith("tests/")]
+    assert len(named) > 8
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
 def test_ports():
     """The scheduler's port is that of every descriptor which has a fixed one."""
     [port] = set(re.findall(r"--port(?: |\n +- |\", \")\"?(\d{2,})", SOURCES.replace('\\"', '"')) or ["none"])

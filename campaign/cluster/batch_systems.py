@@ -214,7 +214,7 @@ def _manifest() -> Any:
     if given is None:
         raise SpecError(
             f"{key}: not set; name the manifest of a DaskCluster in dask's configuration;"
-            " deploy/kubernetes/cluster.yaml is an example"
+            " deploy/kubernetes/base/cluster.yaml is an example"
         )
     if isinstance(given, dict):
         return given

@@ -19,7 +19,8 @@ from campaign.cluster.connect import connect
 from campaign.cluster.job_replacement import JobReplacement
 from campaign.cluster.roster import Roster
 from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
-from campaign.waits import Wait
+from campaign.store.files.retry_policy import outages_told
+from campaign.waits import LONGEST_DETAIL, Wait
 
 logger = logging.getLogger(__name__)
 
@@ -29,6 +30,7 @@ GONE_AFTER = 150.0  # s without any worker of this machine; longer than a worker
 RETURNS_WITHIN = 8.0  # s for a killed worker to be replaced
 LOOK_INTERVAL = 2.0  # s between two checks for silent workers
 RETRY_INTERVAL = 0.5  # s between two checks for a worker that is not refused
+_OUTAGES = "clearcap-store"  # topic of what workers say of the store
 
 T = TypeVar("T")
 
@@ -60,6 +62,8 @@ class DaskWorkers:
         self._looked_at = time.monotonic()
         self._silent: set[str] = set()
         self._looks_without = 0  # successive checks that found no worker
+        self._outages: dict[str, Wait] = {}  # of the store, as workers meet them, by the worker's address
+        client.subscribe_topic(_OUTAGES, self._note_outage)
 
     @property
     def name(self) -> str:
@@ -71,8 +75,17 @@ class DaskWorkers:
         return len(self._addresses() - self._refused)
 
     def waits(self) -> list[Wait]:
-        """Return the jobs that wait in a queue, and the workers that were lost in the last minutes."""
-        return [*(self._jobs.waits() if self._jobs else []), *self._roster.waits()]
+        """Return the store's refusals, the jobs that wait in a queue, and the workers lost in the last minutes."""
+        refusals = sorted(self._outages.values(), key=lambda wait: wait.since)[:1]
+        return [*refusals, *(self._jobs.waits() if self._jobs else []), *self._roster.waits()]
+
+    def _note_outage(self, event: tuple[float, Any]) -> None:
+        """Note what a worker says of the store: that it refuses, and why, or that it answers again."""
+        _, (worker, fault) = event
+        if fault:
+            self._outages.setdefault(worker, Wait("store", time.time(), fault[:LONGEST_DETAIL]))
+        else:
+            self._outages.pop(worker, None)
 
     def expect(self, calls: int) -> None:
         """Have a batch system's jobs follow the number of calls, if their number may vary."""
@@ -155,6 +168,8 @@ class DaskWorkers:
             raise SchedulerLost(f"the scheduler does not answer ({str(error) or type(error).__name__})") from error
         present = {a: (str(w.get("name", a)), str(w.get("host", a))) for a, w in known.items()}
         self._roster.look(present, self._refused)
+        for gone in self._outages.keys() - known.keys():
+            self._outages.pop(gone, None)
         return {address: worker["last_seen"] for address, worker in known.items()}
 
     def _look(self) -> None:
@@ -199,11 +214,21 @@ class DaskWorkers:
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function on a worker; add the worker's address to its error, so that the worker can be refused."""
+    """Call a function on a worker; add the worker's address to its error, so that the worker can be refused.
+
+    Meanwhile it tells at once when the store refuses: it tries again for minutes before it gives up.
+    """
+    worker = get_worker()
+
+    def tell(fault: str) -> None:
+        worker.log_event(_OUTAGES, (str(worker.address), fault))
+
     try:
-        return function(*arguments)
+        with outages_told(tell):
+            return function(*arguments)
     except Exception as error:
-        error.worker = str(get_worker().address)  # type: ignore[attr-defined]  # any exception takes attributes
+        tell("")
+        error.worker = str(worker.address)  # type: ignore[attr-defined]  # any exception takes attributes
         raise
 
 

@@ -14,6 +14,7 @@ from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
 from clearcap.cli.computing import cancel, repeat, rerun, resume, run, submit
 from clearcap.cli.mechanism import mechanism_app, schema_app
+from clearcap.cli.operating import backup, doctor, restore
 from clearcap.cli.output import print_text, say, show_logs, visible
 from clearcap.cli.overview import list_campaigns, status, watch
 from clearcap.cli.predictions import advise, design, whatif
@@ -70,6 +71,9 @@ app.command()(polarisation)
 app.command()(bench)
 app.command()(certificates)
 app.command()(serve)
+app.command()(backup)
+app.command()(restore)
+app.command()(doctor)
 app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")
 

@@ -98,7 +98,7 @@ def serve(
     options = None if no_drive else tuple(where.options())
     settings = Settings(
         store,
-        data or _data_folder(files.full_url),
+        data or data_folder(files.full_url),
         host,
         port,
         tuple(name or ()),
@@ -136,7 +136,7 @@ def _how_to_log_in(data: Path, link: str | None, file: Path | None) -> str:
     return f"log in there; without a password use: clearcap serve --login-link USER --data {data}, with these options"
 
 
-def _data_folder(url: str) -> Path:
+def data_folder(url: str) -> Path:
     """Return the default data folder of a server, which differs for each store."""
     base = Path(os.environ.get("XDG_DATA_HOME") or Path("~/.local/share").expanduser())
     return base / "clearcap" / f"server-{hashlib.sha256(url.encode()).hexdigest()[:12]}"

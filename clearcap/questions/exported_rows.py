@@ -1,12 +1,14 @@
 """Rows of a campaign as Arrow, Parquet or CSV, generated while they are sent, some ten thousand rows at a time."""
 
 import io
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Protocol
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
@@ -21,6 +23,7 @@ FORMATS = {
     "parquet": "application/vnd.apache.parquet",
     "csv": "text/csv; charset=utf-8",
 }
+_FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet's formula may begin
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,35 @@ class _TableWriter(Protocol):
         """Write some rows."""
 
 
+class _CsvWriter:
+    """A writer of CSV whose texts no spreadsheet takes for formulas: such a one gets an apostrophe in front."""
+
+    def __init__(self, file: pa.PythonFile, schema: pa.Schema) -> None:
+        self._schema = pa.schema([field.with_name(_no_formula(field.name)) for field in schema], schema.metadata)
+        self._writer = pyarrow.csv.CSVWriter(file, self._schema)
+
+    def __enter__(self) -> "_CsvWriter":
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._writer.close()
+
+    def write_table(self, table: pa.Table) -> None:
+        """Write some rows."""
+        columns = [_texts(column) if pa.types.is_string(column.type) else column for column in table.columns]
+        self._writer.write_table(pa.table(columns, schema=self._schema))
+
+
+def _no_formula(text: str) -> str:
+    """Return a text that no spreadsheet takes for a formula."""
+    return f"'{text}" if text.startswith(_FORMULAS) else text
+
+
+def _texts(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Return texts that no spreadsheet takes for formulas."""
+    return pc.replace_substring_regex(column, f"^([{re.escape(''.join(_FORMULAS))}])", r"'\1")
+
+
 def _writer(kind: str, sink: SentBytes, schema: pa.Schema) -> _TableWriter:
     """Return a writer of tables in a format."""
     file = pa.PythonFile(sink, "w")
@@ -147,6 +179,6 @@ def _writer(kind: str, sink: SentBytes, schema: pa.Schema) -> _TableWriter:
         case "parquet":
             writer = pq.ParquetWriter(file, schema, compression="zstd")
         case _:
-            writer = pyarrow.csv.CSVWriter(file, schema)
+            writer = _CsvWriter(file, schema)
     found: _TableWriter = writer
     return found

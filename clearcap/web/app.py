@@ -15,7 +15,7 @@ from starlette.responses import Response
 from campaign.errors import CampaignError
 from campaign.version import clearcap_version
 from clearcap.web.api import routers
-from clearcap.web.http.monitoring import Metrics, Record, ServiceGauges
+from clearcap.web.http.monitoring import Metrics, Record, ServiceGauges, WorkGauges
 from clearcap.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of
 from clearcap.web.http.request_limits import RequestLimits
 from clearcap.web.http.responses import Head
@@ -53,6 +53,7 @@ def make_app(service: Service) -> FastAPI:
     app.state.service = service
     app.state.metrics = Metrics()
     app.state.metrics.registry.register(ServiceGauges(service.watcher, service.pool))
+    app.state.metrics.registry.register(WorkGauges(lambda: service.workload, service.free_space))
     for router in (*routers(), *page_routers()):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

@@ -44,10 +44,10 @@ from clearcap.questions.signing import (
     stream_export,
 )
 from clearcap.web.access import Principal
+from clearcap.web.access.backup import KEY_FILE
 from clearcap.web.access.database import Database
 from engine.platform.regular_file import read_regular_file
 
-KEY_FILE = "signing_key.pem"
 _LARGEST_KEY = 10_000  # bytes
 _SETTLED = 2.0  # s after the last change of a file; from then on, a further change shows in the file's times
 _READ_WITHIN = 20.0  # s that a request waits while another one reads files

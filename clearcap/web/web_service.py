@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from hashlib import sha256
 from typing import Any
 
 from campaign.environment import STORE
-from campaign.errors import CampaignError
+from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker
@@ -25,7 +26,7 @@ from clearcap.questions.mechanisms import engine_is_compiled, warm_up_try_out
 from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.company_login import CompanyLogin
 from clearcap.web.access.credentials import Sessions, Tokens
-from clearcap.web.access.database import Database
+from clearcap.web.access.database import DATABASE, Database
 from clearcap.web.access.throttle import LoginThrottle, Throttle
 from clearcap.web.access.users import Users
 from clearcap.web.answers.column_cache import columns_folder
@@ -37,7 +38,7 @@ from clearcap.web.settings import Settings
 from clearcap.web.signing_service import SigningService
 from clearcap.web.watch.index import CampaignIndex, CountedStatuses
 from clearcap.web.watch.watcher import Watcher
-from clearcap.web.watch.workload import Workload
+from clearcap.web.watch.workload import Workload, look_at_work
 from clearcap.web.webhooks import CampaignEvent, WebhookRepository, WebhookSender, campaign_events
 from engine.platform.child import python_environment
 
@@ -45,6 +46,7 @@ logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next
 SOUND_AFTER = 60.0  # s of run time after which the end of a coordinator no longer counts as a failed start
 END_WITHIN = 30.0  # s
+WORK_IS_FRESH = 5.0  # s
 
 
 KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
@@ -72,7 +74,8 @@ class Service:
     submitting: Counter[str] = field(init=False)  # running submissions by user
     pool: JobPool = field(init=False)  # for jobs that need much processor time
     answers: QueryService = field(init=False)
-    workload: Workload | None = field(init=False, default=None)  # what the administration page showed last
+    workload: Workload | None = field(init=False, default=None)  # what was seen of the work in the store last
+    _look_again: float = field(init=False, default=0.0)  # time of the next look at it
 
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
@@ -155,6 +158,25 @@ class Service:
         """The reason why the store cannot be read now; empty if it can."""
         return self.store.files.fault or self.watcher.fault
 
+    async def look_at_work(self) -> None:
+        """Look at the work in the store, unless that was done within the last seconds; without the store it is None."""
+        if time.monotonic() < self._look_again:
+            return
+        self._look_again = time.monotonic() + WORK_IS_FRESH
+        try:
+            await self.watcher.list_first()
+            entries = [entry for entry, _ in self.watcher.index.entries()]
+            self.workload = await asyncio.to_thread(look_at_work, self.store, entries, self.workload)
+        except StoreError:
+            self.workload = None
+
+    def free_space(self) -> int | None:
+        """Return the room on the disk of the store [bytes]; None for a store behind a URL or a missing folder."""
+        try:
+            return shutil.disk_usage(self.store.files.full_url).free
+        except OSError:
+            return None
+
     def is_signed(self, campaign_id: str) -> bool:
         """Return whether a campaign has a sign-off."""
         return self.signing_service.is_signed(campaign_id)
@@ -175,7 +197,7 @@ def open_service(settings: Settings) -> Service:
 
     folder = private_folder(settings.data.parent, settings.data.name)
     files = Files(settings.store, HASTY, CircuitBreaker())
-    database = Database(folder / "service.sqlite")
+    database = Database(folder / DATABASE)
     try:
         return Service(settings, Store(files), database)
     except BaseException:

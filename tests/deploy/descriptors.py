@@ -11,6 +11,7 @@ from distributed.cli.dask_worker import main as dask_worker
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
+MANIFESTS = [p for p in sorted((DEPLOY / "kubernetes").rglob("*.yaml")) if p.name != "kustomization.yaml"]
 ROLES = {"scheduler": "scheduler", "worker": "worker", "coordinator": "client", "job": "client", "web": None}
 
 
@@ -51,7 +52,7 @@ def check_dask(words):
 
 def pods():
     """Yield name and specification of every pod in the manifests."""
-    for path in sorted((DEPLOY / "kubernetes").glob("*.yaml")):
+    for path in MANIFESTS:
         for manifest in documents(path):
             yield from pods_in(manifest)
 

@@ -21,7 +21,7 @@ def pods():
     """Return the labels of each kind of pod; the operator takes two seconds to import, in each process of the tests."""
     from dask_kubernetes.operator.controller import controller
 
-    coordinator = yaml.safe_load((KUBERNETES / "coordinator.yaml").read_text())
+    coordinator = yaml.safe_load((KUBERNETES / "base/coordinator.yaml").read_text())
     pod = {"containers": [{"name": "", "env": []}]}
     return {
         "scheduler": labels(controller.build_scheduler_deployment_spec, "clearcap", pod),
@@ -35,12 +35,13 @@ def pods():
 
 KINDS = "scheduler", "worker", "job-runner", "coordinator", "web", "stranger"
 INGRESS = {"kubernetes.io/metadata.name": "ingress-nginx"}, {"app.kubernetes.io/name": "ingress-nginx"}
+PROMETHEUS = {"kubernetes.io/metadata.name": "monitoring"}, {"app.kubernetes.io/name": "prometheus"}
 NAMES = {"kubernetes.io/metadata.name": "kube-system"}, {"k8s-app": "kube-dns"}
 
 
 def policies(*names):
     """Return the policies of files."""
-    return [policy for name in names for policy in yaml.safe_load_all((KUBERNETES / name).read_text())]
+    return [policy for name in names for policy in yaml.safe_load_all(next(KUBERNETES.rglob(name)).read_text())]
 
 
 def selected(selector, labels):
@@ -101,10 +102,12 @@ def test_who_reaches_whom():
 
 
 def test_who_reaches_the_pages():
-    """The ingress controller alone, and only their port."""
+    """The ingress controller and Prometheus alone, and only their port."""
     found = policies("network.yaml")
-    assert lets(found, "Ingress", pods()["web"], INGRESS, ("TCP", 8700))
-    assert not lets(found, "Ingress", pods()["web"], INGRESS, ("TCP", 22))
+    for peer_of_pages in (INGRESS, PROMETHEUS):
+        assert lets(found, "Ingress", pods()["web"], peer_of_pages, ("TCP", 8700))
+        assert not lets(found, "Ingress", pods()["web"], peer_of_pages, ("TCP", 22))
+    assert not lets(found, "Ingress", pods()["web"], (PROMETHEUS[0], {"app": "other"}), ("TCP", 8700))
     assert not any(connects(found, pod, "web", ("TCP", 8700)) for pod in KINDS)
     assert not any(lets(found, "Ingress", pods()[pod], INGRESS, ("TCP", 8700)) for pod in KINDS if pod != "web")
 

@@ -1,5 +1,6 @@
 """The manifests of Kubernetes fit their schemas, take an image by digest only, and keep what is promised of them."""
 
+import shutil
 import subprocess
 from importlib import resources
 
@@ -8,8 +9,9 @@ import kubernetes_validate
 import pytest
 import yaml
 
+from campaign.store.layout import HEARTBEAT, SERVICE
 from clearcap.web.settings import LOOPBACK, PORT
-from tests.deploy.descriptors import DEPLOY, ROLES, check_dask, documents, output, pods, pods_in
+from tests.deploy.descriptors import DEPLOY, MANIFESTS, ROLES, check_dask, documents, needs, output, pods, pods_in
 
 DIGEST = f"sha256:{'0123456789abcdef' * 4}"
 
@@ -18,7 +20,7 @@ DIGEST = f"sha256:{'0123456789abcdef' * 4}"
 @pytest.mark.parametrize("image", [f"clearcap@{DIGEST}", f"registry.example:5000/a/clear-cap_1@{DIGEST}"])
 def test_an_image_by_digest(image):
     """It is put into every manifest that has an image."""
-    manifests = [path for path in sorted((DEPLOY / "kubernetes").glob("*.yaml")) if "image:" in path.read_text()]
+    manifests = [path for path in MANIFESTS if "image:" in path.read_text()]
     assert len(manifests) == 4
     printed = output(DEPLOY / "kubernetes/with_image.sh", image, *manifests)
     assert "DIGEST" not in printed
@@ -60,7 +62,7 @@ def closed(schema):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sorted((DEPLOY / "kubernetes").glob("*.yaml")), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", MANIFESTS, ids=lambda path: path.name)
 def test_kubernetes(path):
     """Each manifest is of Kubernetes' or the operator's own schema."""
     for manifest in documents(path):
@@ -68,6 +70,34 @@ def test_kubernetes(path):
             jsonschema.validate(manifest, custom_schema(manifest["kind"]))
         else:
             kubernetes_validate.validate(manifest, "1.31", strict=True)
+
+
+@needs("kubectl", "kubectl")
+@pytest.mark.processes
+def test_kustomizations(tmp_path):
+    """Base and overlays are built; an overlay adds to its base, and has the site's values at their places."""
+    shutil.copytree(DEPLOY / "kubernetes", tmp_path / "k")
+    site = tmp_path / "k/overlays/pages/site.yaml"
+    values = {"host: clearcap.example": "host: a.plant", "10.0.0.0/8 ": "10.9.0.0/16 ", ": nginx": ": other"}
+    for before, after in values.items():
+        assert before in site.read_text()
+        site.write_text(site.read_text().replace(before, after))
+    built = {}
+    for folder in ("base", "overlays/pages", "overlays/url"):
+        made = list(yaml.safe_load_all(output("kubectl", "kustomize", tmp_path / "k" / folder)))
+        built[folder] = {(each["kind"], each["metadata"]["name"]): each for each in made}
+    assert set(built["base"]) < set(built["overlays/pages"]) < set(built["overlays/url"])
+    listed = {(each["kind"], each["metadata"]["name"]) for path in (DEPLOY / "kubernetes/base").glob("*.yaml")
+              for each in documents(path) if each["kind"] != "Kustomization"}  # fmt: skip
+    assert set(built["base"]) == listed
+    pages = built["overlays/pages"]
+    assert ("ConfigMap", "clearcap-site") not in pages
+    words = pages["Deployment", "clearcap-web"]["spec"]["template"]["spec"]["containers"][0]["args"]
+    assert (words[words.index("--name") + 1], words[words.index("--proxy") + 1]) == ("a.plant", "10.9.0.0/16")
+    ingress = pages["Ingress", "clearcap-web"]["spec"]
+    assert (ingress["ingressClassName"], ingress["rules"][0]["host"], ingress["tls"][0]["hosts"]) == (
+        "other", "a.plant", ["a.plant"]
+    )  # fmt: skip
 
 
 def test_pods():
@@ -94,7 +124,7 @@ def test_pods():
 
 def test_pages_are_behind_a_proxy_that_ends_tls():
     """The ingress has TLS for the server's name, and its probes ask by a name that the server has."""
-    parts = {each["kind"]: each for each in documents(DEPLOY / "kubernetes/web.yaml")}
+    parts = {each["kind"]: each for each in documents(DEPLOY / "kubernetes/overlays/pages/web.yaml")}
     [container] = parts["Deployment"]["spec"]["template"]["spec"]["containers"]
     words = container["args"]
     name = words[words.index("--name") + 1]
@@ -110,9 +140,17 @@ def test_pages_are_behind_a_proxy_that_ends_tls():
     assert port["containerPort"] == PORT == parts["Service"]["spec"]["ports"][0]["port"]
 
 
+def test_a_coordinator_that_hangs_is_restarted():
+    """Its probe looks at what it writes every two seconds."""
+    [coordinator] = documents(DEPLOY / "kubernetes/base/coordinator.yaml")
+    [container] = coordinator["spec"]["template"]["spec"]["containers"]
+    store = container["args"][container["args"].index("--store") + 1]
+    assert f"{store}/{SERVICE}/{HEARTBEAT}" in container["livenessProbe"]["exec"]["command"][-1]
+
+
 def test_kubernetes_has_the_same_dask_settings():
     """The ConfigMap is deploy/dask.yaml."""
-    [manifest] = documents(DEPLOY / "kubernetes/dask.yaml")
+    [manifest] = documents(DEPLOY / "kubernetes/base/dask.yaml")
     assert manifest["data"]["dask.yaml"] == (DEPLOY / "dask.yaml").read_text()
 
 

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from random import uniform
@@ -38,6 +38,24 @@ QUICK = RetryPolicy(10.0, answer=10.0)  # for commands that only read
 HASTY = RetryPolicy(0.0, answer=8.0)  # for callers that must not wait: they are ending, or try again by themselves
 
 
+_listeners: list[Callable[[str], None]] = []
+
+
+@contextmanager
+def outages_told(listener: Callable[[str], None]) -> Iterator[None]:
+    """Call a listener with the fault when an outage of a store begins in this process, with no words when it ends."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
+
+
+def _tell(fault: str) -> None:
+    for listener in list(_listeners):
+        listener(fault)
+
+
 class Outage:
     """A period in which operations on a store fail: logs one message when it begins and one when it ends."""
 
@@ -55,12 +73,14 @@ class Outage:
         if self._since is None:
             self._since = time.monotonic()
             logger.info("%s; trying again for %.0f s", fault, self._policy.seconds)
+            _tell(str(fault))
 
     def end(self) -> None:
         """Record a success; log it if there was a fault before."""
         if self._since is not None:
             logger.info("store %s: answers again after %.0f s", self._store, time.monotonic() - self._since)
             self._since = None
+            _tell("")
 
 
 class CircuitBreaker:

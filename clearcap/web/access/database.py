@@ -3,11 +3,12 @@
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
 
+DATABASE = "service.sqlite"  # file in the data folder of a server
 BUSY = 10.0  # s that a writer waits for another process, such as a backup
 OF_DISK = {  # SQLite's error codes for a full, read-only or broken disk, or a file that another process keeps locked
     sqlite3.SQLITE_BUSY,
@@ -108,6 +109,9 @@ class Database:
         # a write that a client was told of survives a power failure
         settings = "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = OFF;"
         self._connection.executescript(settings)
+        before = self._connection.execute("PRAGMA user_version").fetchone()[0]
+        if 0 < before < len(VERSIONS):  # the earlier clearcap refuses the upgraded file
+            copy_of(self.path, self.path.with_name(f"{self.path.name}.version-{before}"))
         with self.write() as connection:
             version = connection.execute("PRAGMA user_version").fetchone()[0]
             for statement in ";\n".join(VERSIONS[version:]).split(";\n"):
@@ -183,6 +187,18 @@ class Database:
     def _unusable(self, error: Exception) -> StoreError:
         """Return the error for a file that cannot be used now."""
         return StoreError(f"{self.path}: cannot be used now ({error}); free or repair its disk, then try again")
+
+
+def copy_of(path: Path, target: Path) -> None:
+    """Copy a database that others may be writing, to a file readable by its owner only; a target is replaced."""
+    target.unlink(missing_ok=True)
+    target.touch(0o600)
+    with (
+        closing(sqlite3.connect(f"file:{path}?mode=ro", timeout=BUSY, uri=True)) as source,
+        closing(sqlite3.connect(target, isolation_level=None)) as copied,
+    ):
+        source.backup(copied)
+        copied.execute("PRAGMA journal_mode = DELETE")  # one file, without others beside it
 
 
 def _is_of_disk(error: sqlite3.DatabaseError) -> bool:

@@ -356,8 +356,11 @@ def readyz(service: TheService) -> Health:
     return Health(status="ok")
 
 
-@ROUTERS["operation"].get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-async def metrics(request: Request) -> Response:
-    """Return counts of requests, streams, jobs and campaigns, in the text format of Prometheus."""
+@ROUTERS["operation"].get(
+    "/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **described(401, 403)}
+)
+async def metrics(request: Request, service: TheService, _: Viewer) -> Response:
+    """Return counts of requests, jobs, campaigns and workers, without names, in the text format of Prometheus."""
+    await service.look_at_work()
     registry = request.app.state.metrics.registry
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})

@@ -6,10 +6,10 @@ import logging
 import re
 import time
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TextIO
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, Metric
+from prometheus_client import CollectorRegistry, Counter, Histogram, Metric, ProcessCollector
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 from starlette.concurrency import run_in_threadpool
@@ -17,12 +17,14 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from campaign.errors import StoreError
+from campaign.waits import SENTENCES
 from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.throttle import Throttle, place_of
 from clearcap.web.answers.job_pool import JobPool
 from clearcap.web.http.problems import MEDIA_TYPE, Refusal, problem
 from clearcap.web.watch.entry import LISTED_STATES
 from clearcap.web.watch.watcher import Watcher
+from clearcap.web.watch.workload import Workload
 
 logger = logging.getLogger("clearcap.requests")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
@@ -43,6 +45,7 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
+        ProcessCollector(registry=self.registry)
         labels = ("method", "route", "status")
         self.requests = Counter("clearcap_requests", "Answered requests", labels, registry=self.registry)
         self.seconds = Histogram(
@@ -143,6 +146,38 @@ class ServiceGauges(Collector):
 
     def describe(self) -> Iterable[Metric]:
         """Return nothing, so that the registry does not count when this collector is registered."""
+        return ()
+
+
+class WorkGauges(Collector):
+    """Tell what coordinator and workers do, as the store says: who scrapes the server need not reach them.
+
+    `work` returns what was seen last, None if the store could not be read; `free` the room on its disk, if known.
+    """
+
+    def __init__(self, work: Callable[[], Workload | None], free: Callable[[], int | None]) -> None:
+        self._work, self._free = work, free
+
+    def collect(self) -> Iterable[Metric]:
+        """Yield the gauges with their values; without the store only that it cannot be read."""
+        work, free = self._work(), self._free()
+        yield GaugeMetricFamily("clearcap_store_up", "The store can be read", float(work is not None))
+        if free is not None:
+            yield GaugeMetricFamily("clearcap_store_free_bytes", "Room on the disk of the store", free)
+        if work is None:
+            return
+        serves = work.serving is not None and work.serving.sign.is_alive is not False
+        yield GaugeMetricFamily("clearcap_coordinator_up", "A coordinator serves the store", float(serves))
+        beats = [each.seen.heartbeat for each in work.running if each.seen.heartbeat]
+        yield GaugeMetricFamily("clearcap_workers", "Workers of all running campaigns", work.workers)
+        rate = sum(beat.rate or 0.0 for beat in beats)
+        yield GaugeMetricFamily("clearcap_rows_per_second", "Rows that all workers compute", rate)
+        waits = collections.Counter(dict.fromkeys(SENTENCES, 0))
+        waits.update({wait["what"] for beat in beats for wait in beat.waiting})
+        yield _by_state("clearcap_waiting", "Running campaigns that wait, by what for", waits)
+
+    def describe(self) -> Iterable[Metric]:
+        """Return nothing, so that the registry does not look when this collector is registered."""
         return ()
 
 

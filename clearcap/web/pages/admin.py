@@ -1,6 +1,5 @@
 """The pages for admins: users, tokens, audit trail, queue and workers, health, limits."""
 
-import shutil
 import time
 from dataclasses import asdict
 from typing import Annotated, Any
@@ -172,7 +171,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         "store": service.store.url,
         "fault": fault or service.store_fault,
         "listed_s": None if service.watcher.listed_at is None else time.monotonic() - service.watcher.listed_at,
-        "free": _free_space(service),
+        "free": service.free_space(),
         "campaigns": len(entries),
         "broken": sorted(entry.campaign for entry in entries if entry.state == "broken"),
         "database": service.database.path.stat().st_size,
@@ -180,14 +179,6 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         "key": show_signing_key(service, who).fingerprint,
     }
     return page(request, "admin_system", **values)
-
-
-def _free_space(service: Service) -> int | None:
-    """Return the free space on the disk of a store [bytes]; None for a store behind a URL or a missing folder."""
-    try:
-        return shutil.disk_usage(service.store.files.full_url).free
-    except OSError:
-        return None
 
 
 def _users_page(

@@ -1,5 +1,6 @@
 """The list of campaigns, and the pages of each: progress, report and actions; shared links; sign-offs."""
 
+import time
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -47,6 +48,7 @@ from clearcap.web.operations.submissions import extend
 from clearcap.web.pages.rendering import page
 from clearcap.web.watch.watcher import progress_of
 from clearcap.web.web_service import Service
+from clearcap.web.webhooks import REPORT_WITHIN
 
 ON_A_PAGE = 50
 router = APIRouter(include_in_schema=False)
@@ -84,10 +86,15 @@ def _chosen(question: ListQuestion) -> ListQuestion:
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Authenticated) -> dict[str, Any]:
-    """Return the values for the frame of a campaign's pages: its entry, and whether the user may change it."""
+    """Return the values for the frame of a campaign's pages: its entry, whether the user may change it, and more.
+
+    `report_is_due` says that a campaign was completed just now and its report is still being written.
+    """
     entry = await show_campaign(service, campaign)
+    lacks_report = entry.state == "completed" and not entry.has_report and not entry.message
+    report_is_due = lacks_report and entry.since is not None and time.time() - entry.since.timestamp() < REPORT_WITHIN
     is_own = who.may(Role.ENGINEER) and who.name == await run_in_threadpool(owner_of, service, campaign)
-    return {"entry": entry, "may_change": is_own or who.may(Role.ADMIN)}
+    return {"entry": entry, "may_change": is_own or who.may(Role.ADMIN), "report_is_due": report_is_due}
 
 
 @router.get("/campaigns/{campaign}")

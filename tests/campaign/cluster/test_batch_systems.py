@@ -104,7 +104,7 @@ def test_what_would_be_submitted(kind, settings, commands):
 
 def test_the_cluster_that_would_be_created():
     """With as many workers as are wanted."""
-    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/cluster.yaml")}):
+    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/base/cluster.yaml")}):
         made = yaml.safe_load(submission(Cluster(kind="kubernetes", workers=7)))
     assert (made["kind"], made["spec"]["worker"]["replicas"]) == ("DaskCluster", 7)
 
@@ -158,7 +158,7 @@ def api(kubernetes, monkeypatch):
     kubernetes.resources.clear()
     kubernetes.changes.clear()
     monkeypatch.setenv("KUBECONFIG", str(kubernetes.config))
-    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/cluster.yaml")}):
+    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/base/cluster.yaml")}):
         yield kubernetes
 
 
@@ -182,7 +182,7 @@ def test_kubernetes_says_no(api, tls, monkeypatch):
     with pytest.raises(UnreachableError, match="refused"), connect(Cluster(kind="kubernetes", workers=9, tls=tls)):
         pass
     with (
-        dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/storage.yaml")}),
+        dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/base/storage.yaml")}),
         pytest.raises(SpecError, match="not the manifest"),
         connect(Cluster(kind="kubernetes", tls=tls)),
     ):

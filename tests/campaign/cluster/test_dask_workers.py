@@ -11,10 +11,11 @@ import pytest
 
 from campaign.cluster import dask_workers
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.dask_workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers
+from campaign.cluster.dask_workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers, _call
 from campaign.cluster.workers import SchedulerLost
 from campaign.coordinator.submit import plan_campaign
-from campaign.errors import SpecError, UnreachableError
+from campaign.errors import SpecError, StoreError, UnreachableError
+from campaign.store.files.retry_policy import PATIENT, Outage
 
 
 class Client:
@@ -25,6 +26,10 @@ class Client:
         self.answers, self.hang, self.looks, self.restarted = True, set(), 0, []
         self.scheduler = SimpleNamespace(identity=self.identity, restart_workers=self.restart_workers)
         self.loop = SimpleNamespace(add_callback=lambda function, **arguments: function(**arguments))
+
+    def subscribe_topic(self, topic, handler):
+        """Keep who is told what workers say."""
+        self.topic, self.told = topic, handler
 
     def sync(self, function, callback_timeout, **arguments):
         """Ask the scheduler, which does not always answer."""
@@ -151,6 +156,36 @@ def test_a_worker_that_hangs_is_replaced_within_the_time_that_the_docs_promise(c
     assert "worker tcp://10.0.0.1:1 sends no heartbeat for 60 s" in caplog.text
     assert workers.next_finished(70.0) is None
     assert client.restarted == ["tcp://10.0.0.1:1"] * 2
+
+
+def test_the_first_refused_write_of_a_worker_is_told(client, workers, monkeypatch):
+    """It tries again for minutes; the coordinator knows at once, and when it is over, or the worker is gone."""
+    addresses = [f"tcp://10.0.0.{i}:1" for i in range(3)]  # of the last one the scheduler knows nothing
+    seen = []
+
+    def refused(fails):
+        outage = Outage("runs", PATIENT)
+        outage.begin("store runs: parts/x cannot be written (No space left on device)")
+        seen.append([(wait.what, wait.detail) for wait in workers.waits()])
+        if fails:
+            raise StoreError("full")
+        outage.end()
+        seen.append(workers.waits())
+
+    for address, fails in ((addresses[0], False), (addresses[1], True)):
+        said = SimpleNamespace(address=address, log_event=lambda topic, told: client.told((0.0, told)))
+        monkeypatch.setattr(dask_workers, "get_worker", lambda said=said: said)
+        with pytest.raises(StoreError) if fails else nullcontext():
+            _call(refused, fails)
+        assert workers.waits() == []
+    full = [("store", "store runs: parts/x cannot be written (No space left on device)")]
+    assert seen == [full, [], full]
+    for address in addresses[1:]:
+        client.told((0.0, (address, "full")))
+    assert [wait.detail for wait in workers.waits()] == ["full"]
+    workers.count()
+    client.told((0.0, (addresses[1], "")))
+    assert workers.waits() == []
 
 
 @pytest.mark.parametrize(("here", "ends"), [(True, True), (False, False)])

@@ -29,6 +29,8 @@
     field("state").className = `state ${p.state}`;
     field("message").textContent = p.message;
     field("waits_for").textContent = p.waits_for;
+    const cancel = document.querySelector('[data-field="cancel"]');
+    if (cancel && ["completed", "cancelled", "failed"].includes(p.state)) cancel.remove();
     if (p.done === null) return;
     field("bar").max = p.samples || 1;
     field("bar").value = p.done;

@@ -10,7 +10,7 @@ import pytest
 from campaign.errors import SpecError
 from campaign.store.rows import ROW_GROUP
 from clearcap.questions import exported_rows
-from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
+from clearcap.questions.exported_rows import FORMATS, RowSelection, SentBytes, _writer, export_rows, rows_etag
 
 
 def read(kind, content):
@@ -122,3 +122,16 @@ def test_the_same_bytes_have_the_same_name(filled, monkeypatch):
     assert rows_etag("v1", "csv", RowSelection()) in names
     monkeypatch.setattr(exported_rows, "clearcap_version", lambda: "another")
     assert rows_etag("v1", "csv", RowSelection()) not in names
+
+
+def test_no_text_of_a_csv_is_a_formula():
+    """Neither a name of a column nor a value; the other formats keep what is there."""
+    names = ["=1+1", "@x", "+y", "-z", "\tw", "J1"]
+    table = pa.table([*([[1.0]] * 5), ["=cmd()"]], names=names)
+    for kind, mark in (("csv", "'"), ("arrow", "")):
+        sent = SentBytes()
+        with _writer(kind, sent, table.schema) as writer:
+            writer.write_table(table)
+        found = read(kind, sent.taken())
+        assert found.column_names == [*(mark + name for name in names[:5]), "J1"]
+        assert found["J1"].to_pylist() == [f"{mark}=cmd()"]

@@ -1,0 +1,34 @@
+"""The pages of a campaign between its last row and its report: nothing to cancel, what happens now, and it comes."""
+
+import pytest
+
+from campaign.coordinator.state import write_state
+
+REFRESH = '<meta http-equiv="refresh" content="10">'
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_report_is_on_its_way(client, service, reported, browse, monkeypatch, is_late):
+    """Later, when none has come, the page stands still and says how to write it."""
+    files = service.store.files
+    for name in files.names(f"{reported}/report"):
+        files.remove(f"{reported}/report/{name}")
+    write_state(service.store, reported, "completed")
+    if is_late:
+        monkeypatch.setattr("clearcap.web.pages.campaigns.REPORT_WITHIN", -1.0)
+    browse("admin")
+    progress, report = (client.get(f"/campaigns/{reported}{page}").text for page in ("", "/report"))
+    assert (REFRESH in progress, REFRESH in report) == (not is_late, not is_late)
+    assert ("report is being written" in progress) == ("report is being written" in report) == (not is_late)
+    assert ("write it below" in report) == is_late
+    assert "Write the report</button>" in report
+    assert "Cancel: keep finished rows" not in progress
+
+
+def test_only_what_is_open_is_cancelled(client, service, reported, browse):
+    browse("admin")
+    for state, may_cancel in (("queued", True), ("completed", False), ("failed", False), ("cancelled", False)):
+        write_state(service.store, reported, state)
+        service.watcher.hurry(reported)
+        client.get("/campaigns")
+        assert ("Cancel: keep finished rows" in client.get(f"/campaigns/{reported}").text) == may_cancel, state
