@@ -28,8 +28,7 @@ def stay_at_rest(assembly: Assembly, control: Control, course: Course, touching_
     h, t = map(float, course.reals[[time_loop.STEP, time_loop.TIME]])
     phase = int(course.counts[time_loop.PHASE])
     last = assembly.state.r / h
-    pose = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
-    if not last.any() or not may_hold(pose.arrays, phase, t, SHORT * control.step):
+    if not last.any() or not may_hold(assembly.arrays, phase, t, SHORT * control.step):
         return False
     falls = _moves(assembly, control, course, assembly.state.r)
     if falls is None:
@@ -37,6 +36,7 @@ def stay_at_rest(assembly: Assembly, control: Control, course: Course, touching_
     falls_without = falls or _moves(assembly, control, course, np.zeros_like(last))
     if not falls_without:
         return False
+    pose = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
     forces_at_rest(pose, phase, control.step, touching_gap, t)  # for the loads, and the rows of the contacts
     held = balancing_forces(pose, last, control.step, only_loaded=True)
     if held is None:
