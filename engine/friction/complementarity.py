@@ -20,7 +20,7 @@ from engine.jit import inner
 from engine.jit.lanes import LANES, choose, larger, read, root, spread, total, write
 
 GAIN = 100.0  # largest ratio of impulses to velocities in the scale of the data: impulses may grow without limit
-LARGEST = 1e7  # above this ratio of impulses to velocities, the rounding error of u exceeds any tolerance
+LARGEST = 1e10  # above this ratio of impulses to velocities, the rounding error of u exceeds any tolerance
 
 TINY = 1e-300
 

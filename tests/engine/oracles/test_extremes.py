@@ -92,6 +92,39 @@ def test_a_heavy_top_precesses_as_fast_as_it_must(spin):
     assert 1.8 < order(steps, off) < 2.2
 
 
+@pytest.mark.parametrize("mass", [0.1, 1e-2, 1e-3, 1e-4, 1e-5])
+def test_a_light_rod_on_joints_with_play_swings_a_ton(mass):
+    """As a simple pendulum, longer by both clearances, whatever the rod weighs; friction at two pins takes little."""
+    play, friction, radius, start = 5e-5, 0.1, 0.01, 0.1  # m, rad
+    length = 1.0 + 2 * play
+    hang, aside = np.array([np.sin(start), 0, -np.cos(start)]), {"axis": [0, 1, 0], "angle": -start}
+    joint = {"type": "clearance_revolute", "rings": [-0.02, 0.02], "radial_clearance": play, "friction": friction}
+
+    def pin(bearing, at, journal, there):
+        sides = {"bearing": {"body": bearing, "point": at, "axis": [0, 1, 0]}}
+        return joint | sides | {"journal": {"body": journal, "point": there, "axis": [0, 1, 0], "radius": radius}}
+
+    bodies = {
+        "ground": GROUND,
+        "rod": {
+            "mass": mass,
+            "inertia": [mass / 12, mass / 12, mass / 1200],
+            "origin": ((0.5 + play) * hang).tolist(),
+            **aside,
+        },
+        "ton": {"mass": 1000.0, "inertia": [10.0] * 3, "origin": (length * hang).tolist()},
+    }
+    joints = {
+        "top": pin("rod", [0, 0, 0.5], "ground", [0, 0, 0]),
+        "low": pin("rod", [0, 0, -0.5], "ton", [0, 0, 0]),
+    }
+    found = ran(moving(1e-3, 0.5, gravity=DOWN, bodies=bodies, joints=joints, responses=coordinates("ton")))
+    exact = solve_ivp(lambda _, y: [y[1], -GRAVITY / length * np.sin(y[0])], (0, 0.5), [start, 0], rtol=1e-10).y[0, -1]
+    braked = 2 * friction * GRAVITY * radius * 0.5**2 / 2  # at most
+    assert found.responses["x"] == pytest.approx(length * np.sin(exact), abs=braked)
+    assert found.responses["z"] == pytest.approx(-length * np.cos(exact), abs=start * braked)
+
+
 def truss(load: float) -> dict[str, Any]:
     """Push a mass on two springs, a flat roof, down by a load that grows slowly; a stop is far below."""
     spring = {"type": "linear", "stiffness": 1000.0, "free_length": float(np.hypot(0.2, 0.05)), "damping": 3.0}
