@@ -2,8 +2,8 @@
 
 Minimise 1/2 d' M d subject to g_N + G_N d >= 0 for the contacts near the violation and g_J + J d = 0 in the joints:
 a friction problem with mu = 0 whose velocity is a displacement. The metric matters: unweighted coordinates diverge for
-closed loops with clearance. But to spare a heavy body a light one that both sides press moves far across, where its bore
-curves away: the next round finds as much penetration. Then the metric of equal masses leads on.
+closed loops with clearance. But to spare a heavy body, a light one between two contacts moves far across, where its
+bore curves away, and the next round finds as much penetration. Then the metric of equal masses leads on.
 """
 
 import numpy as np
