@@ -87,6 +87,17 @@ def test_what_cannot_start_as_drawn(latch):
     assert "cannot start" in unloaded_directions(latch, text).unseen
 
 
+def test_a_search_that_is_ended(latch):
+    """What was found is asked about, and it is said that there may be more; so it is where nothing was sought."""
+    text = proposed_mechanism(latch, "latch.step", "latch")
+    some = unloaded_directions(latch, text, seconds=-1.0)
+    assert len(some.motions) == 1
+    assert "the search for others was ended" in proposed_mechanism(latch, "latch.step", "latch", some)
+    none = unloaded_directions(all_but(latch, parts=11 * latch.assembly.parts), text)
+    assert none.motions == ()
+    assert "not looked for among 44 parts" in proposed_mechanism(latch, "latch.step", "latch", none)
+
+
 def test_missing_densities(latch, tmp_path):
     """A part without a density is asked for; without an answer nothing loads."""
     parts = tuple(replace(part, material=None) for part in latch.assembly.parts)
