@@ -1,12 +1,14 @@
-"""A server that speaks S3 over HTTP on loopback: ``python -m tests.campaign.s3_server [PORT [BUSY [PERCENT SEED]]]``.
+"""A server that speaks S3 over HTTP: ``python -m tests.campaign.s3_server [PORT [BUSY [PERCENT SEED]]]``.
 
-One request at a time, so that a conditional PUT is decided like the real server's, and objects are kept in memory.
+It is on loopback, or where ``S3_HOST`` says. One request at a time, so that a conditional PUT is decided like the real
+server's, and objects are kept in memory.
 With BUSY = k, every k-th request is answered "slow down". With PERCENT, so many of a hundred requests go wrong, each in
 a way drawn from SEED; the request ``GET /faults-of-the-test`` is answered with how many went wrong in which way.
 """
 
 import itertools
 import json
+import os
 import random
 import sys
 import time
@@ -113,7 +115,7 @@ def main(port=0, every=0, percent=0, seed=0):
     application = DomainDispatcherApplication(create_backend_app)
     application = busy(application, every) if every else application
     application = faulty(application, percent, seed) if percent else application
-    server = make_server("127.0.0.1", port, application, request_handler=Quiet)
+    server = make_server(os.environ.get("S3_HOST", "127.0.0.1"), port, application, request_handler=Quiet)
     print(server.server_port, flush=True)
     server.serve_forever()
 

@@ -11,10 +11,10 @@ from tests.campaign.conftest import SPEC
 
 
 def planned(folder, name):
-    """Plan 60 samples in a store in a folder; return store and plan."""
+    """Plan 60 samples in a store in a folder, or at a URL; return store and plan."""
     path = folder / "demo.toml"
     path.write_text(SPEC)
-    store = open_store(str(folder / name))
+    store = open_store(name if "://" in name else str(folder / name))
     return store, store.create_plan(make_plan(load_campaign(str(path), samples=60), 4))
 
 

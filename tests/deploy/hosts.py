@@ -59,6 +59,17 @@ def cut_off(host, address):
         ip("-n", switch, "link", "set", port, "master", "bridge")
 
 
+@contextmanager
+def unanswered(host, address):
+    """Drop what a host sends to an address, whose owner hears nothing of it any more; all else is as before."""
+    route = ("blackhole", f"{address}/32")
+    ip("-n", host, "route", "add", *route)
+    try:
+        yield
+    finally:
+        ip("-n", host, "route", "del", *route)
+
+
 def inside(host):
     """Return the words that run a command on a host."""
     return ("nsenter", f"--net=/run/netns/{host}")  # unlike ip netns exec it leaves /sys as it is

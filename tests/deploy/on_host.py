@@ -7,6 +7,10 @@ import socket
 import ssl
 import sys
 from functools import partial
+from pathlib import Path
+
+from pyarrow.feather import write_feather
+from s3fs import S3FileSystem
 
 import campaign.cluster.connect
 from campaign.cluster.cluster import Cluster, Tls
@@ -15,6 +19,8 @@ from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
 from tests.campaign import fake_engine
+from tests.deploy.campaigns import planned, rows
+from tests.until import until
 
 
 def compute(address, url, campaign_id):
@@ -42,6 +48,30 @@ def compute_slowly(address, seconds, url, campaign_id):
     simulate = partial(fake_engine.takes, float(seconds))
     outcome = coordinate(store, store.plan(campaign_id), Cluster(address), simulate=simulate)
     return {"batches": sorted(outcome.survey.parts)}
+
+
+def plan_in_bucket(bucket, folder):
+    """Plan a campaign in a new bucket of a server that speaks S3 and is being started."""
+    until(lambda: _is_made(bucket), "no server")
+    store, plan = planned(Path(folder), f"s3://{bucket}/runs")
+    return {"url": store.url, "campaign": plan.campaign_id}
+
+
+def _is_made(bucket):
+    """Return whether a bucket is there, and make it if the server answers."""
+    try:
+        S3FileSystem().mkdir(bucket)
+    except OSError:
+        return False
+    return True
+
+
+def keep_rows(url, campaign_id, file):
+    """Write the rows of a campaign that must not depend on where it is computed into a file; return their number."""
+    store = open_store(url)
+    table = rows(store, store.plan(campaign_id))
+    write_feather(table, file)
+    return table.num_rows
 
 
 def run_as_told(campaign_id, *words):
@@ -102,7 +132,10 @@ def read(connection):
         return ""
 
 
-VERBS = {verb.__name__: verb for verb in (compute, compute_slowly, submit, submit_slowly, run_as_told, reach, knock)}
+VERBS = {
+    verb.__name__: verb
+    for verb in (compute, compute_slowly, submit, submit_slowly, run_as_told, reach, knock, plan_in_bucket, keep_rows)
+}
 
 if __name__ == "__main__":
     json.dump(VERBS[sys.argv[1]](*sys.argv[2:]), sys.stdout)

@@ -31,6 +31,7 @@ TESTS = {
     "the machine you submitted from": "campaign/storms/test_service.py::test_service_in_a_storm",
     "a part file in the store is damaged": "campaign/storms/test_failures.py::test_part_damaged_while_it_runs",
     "the store is full or unreachable": "campaign/storms/test_outages.py::test_outage_of_the_store"
+    " deploy/test_partitions.py::test_a_partition_from_the_store"
     " campaign/coordinator/test_lost_scheduler.py::test_a_store_that_refuses_is_named_at_once",
     "the certificates have expired": "campaign/cluster/test_connect.py::test_expired_certificates_are_named",
 }

@@ -9,13 +9,15 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from pyarrow.feather import read_table
 
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.coordinator.heartbeat import Heartbeat
 from campaign.store.layout import HEARTBEAT
 from tests.campaign.cluster_processes import process, tls_arguments
+from tests.campaign.store.files.test_s3 import ACCESS
 from tests.deploy.campaigns import computed_here, planned, rows
-from tests.deploy.hosts import cut_off, inside, network
+from tests.deploy.hosts import cut_off, inside, network, unanswered
 from tests.deploy.test_hosts import pytestmark  # noqa: F401  # what these tests need
 from tests.until import until
 
@@ -41,7 +43,10 @@ def hosts(tmp_path):
     file = tmp_path / "scheduler.json"
     closed = ["--no-dashboard", "--dashboard-address=127.0.0.1:0", "--protocol=tls"]
     with ExitStack() as stack:
-        hosts = stack.enter_context(network(["scheduler", "two", "coordinator"]))
+        hosts = stack.enter_context(network(["scheduler", "two", "coordinator", "store"]))
+        settings |= {**ACCESS, "AWS_ENDPOINT_URL": f"http://{hosts['store'][1]}:9000"}
+        serves = {"prefix": inside(hosts["store"][0]), "environment": {"S3_HOST": hosts["store"][1]}}
+        stack.enter_context(process("tests.campaign.s3_server", 9000, **serves))
         where = {"prefix": inside(hosts["scheduler"][0]), "environment": settings}
         words = [
             "distributed.cli.dask_scheduler",
@@ -89,3 +94,33 @@ def test_a_partition(hosts, tmp_path, who, seconds):
         assert ("scheduler" if who == "coordinator" else "lost") in waits
     if who == "two":
         assert "worker two on 10.77.0.2 joined, 2 now" in said
+
+
+@pytest.mark.parametrize("who", ["coordinator", "two"])
+def test_a_partition_from_the_store(hosts, tmp_path, who):
+    """One host hears nothing of the store for 90 s, though all else is reached: rows are those of this machine."""
+    names, settings, address = hosts
+
+    def ask(*words):
+        command = [*inside(names["store"][0]), sys.executable, "-m", "tests.deploy.on_host", *map(str, words)]
+        done = subprocess.run(command, cwd=ROOT, env=os.environ | settings, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    plan = ask("plan_in_bucket", "away", tmp_path)
+    words = ("compute_slowly", address, "4", plan["url"], plan["campaign"])
+    command = [*inside(names["coordinator"][0]), sys.executable, "-m", "tests.deploy.on_host", *words]
+    with (tmp_path / "said").open("w") as log:
+        told = subprocess.Popen(command, cwd=ROOT, env=os.environ | settings, stdout=log, stderr=log)
+    try:
+        there = (plan["url"], plan["campaign"], tmp_path / "rows")
+        until(lambda: told.poll() is not None or ask("keep_rows", *there), (tmp_path / "said").read_text, pause=1.0)
+        with unanswered(names["store"][0], names[who][1]):
+            time.sleep(90.0)
+        assert told.wait(1200) == 0, (tmp_path / "said").read_text()
+        assert ask("keep_rows", *there) == 60
+    finally:
+        told.kill()
+    said = (tmp_path / "said").read_text()
+    assert read_table(tmp_path / "rows").equals(computed_here(tmp_path)), said
+    assert ("trying again for 180 s" in said, "answers again" in said) == (who == "coordinator",) * 2, said
