@@ -6,7 +6,11 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
+from contextlib import suppress
+from pathlib import Path
 
+import psutil
 import pytest
 
 from campaign import compiling
@@ -139,3 +143,34 @@ def test_the_compiler_stays_in_a_process_of_its_own(monkeypatch, tmp_path, code,
     compile_engine()
     assert "engine.warm_up()" in (tmp_path / "words").read_text()
     assert len(calls) == here
+
+
+def peak_of(process):
+    """Return the largest memory that a process has held so far [MB]; 0 if it has ended."""
+    try:
+        status = Path(f"/proc/{process.pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0
+    return next((float(line.split()[1]) / 1e3 for line in status.splitlines() if line.startswith("VmHWM")), 0.0)
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").exists(), reason="needs the peak of memory that Linux keeps")
+def test_the_memory_of_the_compiler_is_not_that_of_the_coordinator(tmp_path):
+    """It is in a process that has ended before the first run; the command would keep it for as long as it computes."""
+    cache, peaks = tmp_path / "cache", {}
+    cache.mkdir(mode=0o700)
+    words = ["run", "c60", "--samples", "4", "--workers", "1", "--no-report", "--store", tmp_path / "runs"]
+    command = [sys.executable, "-m", "clearcap", *map(str, words)]
+    with (tmp_path / "said").open("w") as log:
+        run = psutil.Popen(command, env=os.environ | {"NUMBA_CACHE_DIR": str(cache)}, stdout=log, stderr=log)
+        while run.poll() is None:
+            with suppress(psutil.NoSuchProcess):
+                for process in [run, *run.children(recursive=True)]:
+                    peaks[process.pid] = max(peak_of(process), peaks.get(process.pid, 0.0))
+            time.sleep(0.05)
+    assert run.returncode == 0, (tmp_path / "said").read_text()
+    assert "compiling the engine" in (tmp_path / "said").read_text()
+    own = peaks.pop(run.pid)
+    assert own < 0.6 * max(peaks.values()), (own, peaks)
