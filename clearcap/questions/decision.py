@@ -20,6 +20,7 @@ from campaign.store import Store
 from campaign.store.labels import LabelChange, read_labels
 from campaign.store.layout import DECISION, SUBMISSION
 from campaign.waits import counted
+from campaign.worker.messages import check_build
 from clearcap.questions.aimed_campaign import Stage, aimed_campaign, decided_by
 from clearcap.questions.report import analysis
 from reporting.analysis import Analysis
@@ -53,7 +54,7 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
     """Return the next campaign that decides what a complete campaign leaves open, and the open responses.
 
     None if every verdict is certain, no runs are left (the campaign file may say `decide = {runs = 0}`), or the samples
-    cannot be weighted. Raises SignedCampaign if the verdicts are signed.
+    cannot be weighted. Raises SignedCampaign if the verdicts are signed, WrongBuild if the rows are of another build.
     """
     stages = decided_by(store, plan)
     if stages and store.survey(stages[-1][0]).missing:
@@ -65,6 +66,7 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
     if not names:
         return None
     refuse_signed(store, plan.campaign_id)
+    check_build(plan.campaign_id, plan.row_build)
     before = stages[-1][0] if stages else plan
     try:
         aimed = aimed_campaign(store, before, min(left, RUNS + RUNS_EACH * len(names)), names, WIDE_SHARE)

@@ -12,6 +12,7 @@ from campaign.coordinator.requests import SignedCampaign
 from campaign.errors import CampaignError
 from campaign.spec.load import load_campaign
 from campaign.store.repeat_sets import repeated_shares
+from campaign.worker import messages
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.questions.aimed_campaign import decided_by
@@ -147,6 +148,17 @@ def test_what_is_decided_or_cannot_be_gets_no_runs(tmp_path, tables) -> None:
 def test_the_number_of_runs_is_bounded(tmp_path) -> None:
     store, plan = computed(tmp_path / "s", campaign_with(decide={"runs": 300}), 200)
     assert plan_decision(store, plan)[0].spec.samples == 300
+
+
+def test_rows_of_another_build_get_no_runs_of_this_one(tmp_path, monkeypatch) -> None:
+    """One verdict is of one build; a command on an old campaign says so and goes on."""
+    store, plan = computed(tmp_path / "s", campaign_with(), 50)
+    monkeypatch.setattr(messages, "differences", lambda _: "scipy 1 here, 2 in the plan")
+    with pytest.raises(messages.WrongBuild):
+        plan_decision(store, plan)
+    said = list[str]()
+    decide(store, plan, pytest.fail, said.append)
+    assert len(said) == 1
 
 
 def test_a_sign_off_covers_the_runs_that_decide(tmp_path) -> None:
