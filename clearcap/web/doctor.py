@@ -41,7 +41,7 @@ class Finding:
 
 def examine(store: Store, data: Path) -> list[Finding]:
     """Look at a store and at the folder of its server, which may run; what cannot be looked at is a fault."""
-    found = []
+    found = list[Finding]()
     for what, look in (
         ("versions", lambda: _versions(store)),
         ("store", lambda: _store(store)),

@@ -37,8 +37,10 @@ _ENCRYPTED = b"clearcap backup, encrypted 1\n"  # how such a file begins; salt a
 _SALT, _NONCE = 16, 12  # bytes
 _COST, _BLOCK, _PARALLEL = 2**15, 8, 1  # of scrypt
 # what reading an archive or a database raises if its content is damaged
-_OF_CONTENT = (ValueError, KeyError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
-_OF_CONTENT += (sqlite3.Error,)
+_OF_CONTENT = (
+    *(ValueError, KeyError, TypeError, EOFError, RuntimeError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, sqlite3.Error),
+)
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     if lines is None or (len(lines[0]) - 1) * (len(lines[1]) - 1) > _MOST_CELLS:
         return surface, []
     along_u, along_v = (
-        _within(cuts, *limits) for cuts, *limits in zip(lines, _bounds(surface), _periodic(surface), strict=True)
+        _within(cuts, bounds, is_periodic)
+        for cuts, bounds, is_periodic in zip(lines, _bounds(surface), _periodic(surface), strict=True)
     )
     cells = [(u, v) for u in pairwise(along_u) for v in pairwise(along_v)]
     return surface, [cell for cell in cells if _is_inside(face, np.mean(cell, axis=1) @ there)]
