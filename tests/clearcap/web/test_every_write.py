@@ -195,8 +195,8 @@ def signed(w, how):
 
 def withdrawn(w, how):
     """Return the withdrawal of a signature that is there."""
-    answer = w.client.post(f"/api/v1/campaigns/{w.other}/signoffs", headers=w.browser("approver"), json={
-        "content": w.content(w.other), "comment": "to be withdrawn"})  # fmt: skip
+    wanted = {"content": w.content(w.other), "comment": "to be withdrawn"}  # first: it begins a session of its own
+    answer = w.client.post(f"/api/v1/campaigns/{w.other}/signoffs", headers=w.browser("approver"), json=wanted)
     assert answer.status_code == 201
     return Call({"campaign": w.other}, {how: {"comment": "wrong drawing"}}, "approver")
 
