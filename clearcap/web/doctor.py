@@ -21,6 +21,7 @@ from campaign.row_build import row_build, short_build
 from campaign.store import Store
 from campaign.store.layout import SERVICE
 from campaign.version import clearcap_version
+from campaign.waits import counted
 from clearcap.web.access.backup import KEY_FILE, audit_fault
 from clearcap.web.access.database import DATABASE, VERSIONS
 
@@ -118,11 +119,12 @@ def _queue(store: Store) -> Iterator[tuple[str, str]]:
     """Tell whether a coordinator serves what is queued."""
     states = [state_of(store, each)["state"] for each in store.campaigns()]
     waiting = sum(state in ("queued", "interrupted") for state in states)
-    words = f"{waiting} campaigns wait for a coordinator, {states.count('running')} run"
+    words = f"{counted(waiting, 'campaign')} queued, {counted(states.count('running'), 'campaign')} running"
     if waiting and not is_coordinated(store, SERVICE):
         yield (
             WARNING,
-            f"{words}; no coordinator serves the store: start clearcap coordinate, or a server without --no-drive",
+            f"{words}; no coordinator serves the store: start {store.command('coordinate')}, or a server without"
+            " --no-drive",
         )
     else:
         yield OK, words

@@ -86,15 +86,19 @@ def _below(label: Any, name: str, path: tuple[str, ...], move: gp_Trsf) -> Itera
     if not ShapeTool.IsAssembly_s(label):
         yield Instance(label, name, path, _placement(move, path))
         return
+    components = list[tuple[Any, Any]]()
     for component in listed(ShapeTool.GetComponents_s, label):
         product = TDF_Label()
         if ShapeTool.GetReferredShape_s(component, product):
-            here = move.Multiplied(ShapeTool.GetLocation_s(component).Transformation())
-            # several shapes of one product, such as a solid and datum curves, are components that OCCT has named
+            components.append((component, product))
+    # several shapes of one product, such as a solid and datum curves, are components that OCCT has named
+    is_product = all(is_shape_of_product(component) and not given_name(product) for component, product in components)
+    for component, product in components:
+        here = move.Multiplied(ShapeTool.GetLocation_s(component).Transformation())
+        if is_product:
+            yield from _below(product, name, path, here)
+        else:
             own = given_name(product)
-            if is_shape_of_product(component) and not own:
-                yield from _below(product, name, path, here)
-                continue
             yield from _below(product, own, (*path, given_name(component) or own), here)
 
 

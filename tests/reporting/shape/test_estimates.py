@@ -109,5 +109,5 @@ def test_a_skewed_response_has_the_share_of_its_own_distribution() -> None:
     assert low < 912 < high
     assert r.verdict.word in ("marginal", "not capable")
     page = " ".join(render_html(a).split())
-    assert f"<small>{r.expected.by}</small>" in page
+    assert f'<small class="words">{r.expected.by}</small>' in page
     assert "by the fitted distribution" in page
