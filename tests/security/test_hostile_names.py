@@ -115,6 +115,7 @@ def words_of(verb, campaign_id):
         "sample": ["3"],
         "folder": [FOLDER],
         "export": [f"runs/{campaign_id}"],
+        "file": ["backup [x].zip"],
         "pattern": ["*"],
         "step_file": [str(ROOT / "docs" / "examples" / "latch.step")],
     }

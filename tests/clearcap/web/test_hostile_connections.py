@@ -242,6 +242,7 @@ def test_silent_connections_do_not_keep_others_out(port, clock):
 def test_connections_of_one_address(port, call):
     """One too many ends the oldest that asks nothing; where all are at work, the new one is refused."""
     close = HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+    until(lambda: not _connected(port), "those of the test before are gone")  # they would be the oldest
     with ExitStack() as stack:
 
         def connected(begun):

@@ -165,6 +165,7 @@ def test_submitted_and_begun_from(browser, begun):
     wrong = send(client, fields, "submit", samples="0")
     assert wrong.status_code == 422
     assert service.store.campaigns() == []
+    service.users.add("eva", Role.ENGINEER)
     answer = send(client, fields, "submit", owner="eva", tags="night, c60")
     assert answer.status_code == 303, answer.text
     campaign = answer.headers["location"].removeprefix("/campaigns/")
