@@ -110,7 +110,10 @@ def restore(file: Path, data: Path, passphrase: str | None = None) -> Contents:
 
 def _unpacked(file: Path, folder: Path, passphrase: str | None) -> Contents:
     """Write the files of a backup into a folder, and check them; return what it has."""
-    content = read_regular_file(file, LARGEST)
+    try:
+        content = read_regular_file(file, LARGEST)
+    except OSError as error:
+        raise SpecError(f"{file}: cannot be read: {error.strerror or error}") from error
     if content.startswith(_ENCRYPTED):
         content = _decrypted(file, content, passphrase)
     with _damaged(file), zipfile.ZipFile(io.BytesIO(content)) as archive:

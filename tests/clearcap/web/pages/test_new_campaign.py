@@ -165,12 +165,11 @@ def test_submitted_and_begun_from(browser, begun):
     wrong = send(client, fields, "submit", samples="0")
     assert wrong.status_code == 422
     assert service.store.campaigns() == []
-    service.users.add("eva", Role.ENGINEER)
-    answer = send(client, fields, "submit", owner="eva", tags="night, c60")
+    answer = send(client, fields, "submit", owner="engineer", tags="night, c60")
     assert answer.status_code == 303, answer.text
     campaign = answer.headers["location"].removeprefix("/campaigns/")
     entry = service.watcher.index.entry(campaign)
-    assert (entry.state, entry.owner, entry.tags) == ("queued", "eva", ["c60", "night"])
+    assert (entry.state, entry.owner, entry.tags) == ("queued", "engineer", ["c60", "night"])
     shown = client.get(answer.headers["location"]).text
     assert f"{NEW}?from={campaign}" in shown
     start = client.get(f"{NEW}?from={campaign}")
