@@ -344,6 +344,11 @@ class BoundedConnection(HttpToolsProtocol):
         """Whether a request is being answered."""
         return self.cycle is not None and not self.cycle.response_complete
 
+    @property
+    def _is_closing(self) -> bool:
+        """Whether the connection is being closed."""
+        return bool(self.transport.is_closing())
+
     def _place_of_client(self) -> str:
         """Return what counts as one address; empty for the proxy, behind which everybody is."""
         settings: Settings = self.config.app.state.service.settings  # type: ignore[union-attr]  # FastAPI
@@ -355,8 +360,9 @@ class BoundedConnection(HttpToolsProtocol):
 
     def _make_room(self) -> bool:
         """Close the oldest idle connection of an address that has too many; return whether there is room."""
-        others = (each for each in self.connections if isinstance(each, BoundedConnection))
-        own = [each for each in others if each._place == self._place] if self._place else []
+        opened = (each for each in self.connections if isinstance(each, BoundedConnection))
+        # one that is being closed takes no place, and closing it again would make none
+        own = [each for each in opened if self._place and each._place == self._place and not each._is_closing]
         if len(own) <= self._limits.connections:
             return True
         idle = [each for each in own if each is not self and not each._is_at_work]

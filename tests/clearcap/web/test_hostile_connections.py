@@ -250,16 +250,17 @@ def test_connections_of_one_address(port, call):
             connection.sendall(begun)
             return connection
 
-        crowd = [connected(b"GET /healthz HT") for _ in range(LIMITS.connections)]
-        for number in range(20):
-            assert _status(exchange(port, close)) == 200, number
+        crowd = [connected(b"GET /healthz HT") for _ in range(LIMITS.connections + 20)]
+        assert _status(exchange(port, close)) == 200
+        for number in range(21):
             assert _status(taken(crowd[number])) == 408, number
-        for connection in crowd[20:]:
+        for connection in crowd[21:]:
             connection.sendall(b"TP/1.1\r\nHost: localhost\r\n\r\n")
             assert connection.recv(1000).startswith(b"HTTP/1.1 200")
     until(lambda: not _connected(port), "all are gone")
     with ExitStack() as stack:
         for _ in range(LIMITS.connections):
-            connected(call + b"Content-Length: 1000\r\n\r\n")
-        until(lambda: _status(exchange(port, b"")) == 503, "all others are at work")
+            at_work = connected(call + b"Content-Length: 1000\r\nExpect: 100-continue\r\n\r\n")
+            assert at_work.recv(1000).startswith(b"HTTP/1.1 100")
+        assert _status(exchange(port, b"")) == 503
     until(lambda: not _connected(port), "all are gone")
