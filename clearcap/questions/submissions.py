@@ -111,10 +111,12 @@ class CampaignSource:
 
 
 def check_size(spec: CampaignSpec, most: int) -> None:
-    """Raise SpecError if a campaign has more samples than users of this server may submit."""
-    if spec.samples > most:
-        text = f"more than this server takes; allowed: up to {most}; reduce it, or ask an admin for more"
-        raise SpecError(f"samples = {spec.samples}: {text}", [fault(["samples"], spec.samples, text)])
+    """Raise SpecError if a campaign has more samples, or may need more runs to be decided, than this server takes."""
+    deciding = 0 if spec.decide is None else spec.decide.runs  # the usual number is no request
+    for key, count in (("samples", spec.samples), ("decide.runs", deciding)):
+        if count > most:
+            text = f"more than this server takes; allowed: up to {most}; reduce it, or ask an admin for more"
+            raise SpecError(f"{key} = {count}: {text}", [fault(key.split("."), count, text)])
 
 
 def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dict[str, Any]:

@@ -207,6 +207,8 @@ def test_failed_rows_again(computing):
 @pytest.mark.processes
 def test_quotas_have_words(storage, tmp_path):
     with computing_with(storage(tmp_path), tmp_path / "data", samples=1000, running=1) as computing:
+        deciding = submit(computing, f"{SPEC}\n[decide]\nruns = 1001\n")
+        assert (deciding.status_code, deciding.json()["faults"][0]["keys"]) == (422, ["decide", "runs"])
         too_many = submit(computing, SPEC, samples=1001)
         assert too_many.status_code == 422
         assert "1000" in too_many.json()["detail"]
