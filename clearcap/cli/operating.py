@@ -74,16 +74,19 @@ def _differing(store: str, folder: Path) -> list[str]:
 
     from campaign.errors import CampaignError
     from campaign.store import open_store
+    from campaign.store.files.retry_policy import QUICK
     from clearcap.web.access.database import DATABASE, Database
     from clearcap.web.signing_service import SigningService
 
-    opened, found = open_store(store), []
+    opened, found = open_store(store, QUICK), []
     with closing(Database(folder / DATABASE)) as database:
-        signing = SigningService(database, opened)
+        signing, stored = SigningService(database, opened), set(opened.campaigns())
         for row in database.rows("SELECT DISTINCT campaign FROM signoffs ORDER BY campaign"):
             campaign = row["campaign"]
             try:
-                is_same = not signing.is_signed(campaign) or not signing.signoffs(campaign, anew=True)[-1].differences
+                is_same = not signing.is_signed(campaign) or (
+                    campaign in stored and not signing.signoffs(campaign, anew=True)[-1].differences
+                )
             except CampaignError:
                 is_same = False
             found += [] if is_same else [campaign]

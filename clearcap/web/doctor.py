@@ -73,10 +73,8 @@ def _versions(store: Store) -> Iterator[tuple[str, str]]:
     if others:
         yield (
             WARNING,
-            (
-                f"{len(others)} unfinished campaigns, such as {others[0]}, are of another build, which alone can go on"
-                " with them: finish or cancel them with it"
-            ),
+            f"{counted(len(others), 'unfinished campaign')}, such as {others[0]}, of another build, which alone can go"
+            " on with that: finish or cancel it there",
         )
 
 
@@ -87,7 +85,7 @@ def _store(store: Store) -> Iterator[tuple[str, str]]:
         return
     count = len(store.folders())
     store.files.check_writable()
-    yield OK, f"{store.url} can be read and written; {count} campaigns"
+    yield OK, f"{store.url} can be read and written; {counted(count, 'campaign')}"
     if store.files.local:
         yield _room(Path(store.files.path("")))
 

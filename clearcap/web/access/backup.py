@@ -180,7 +180,7 @@ def _encrypted(content: bytes, passphrase: str) -> bytes:
 
 def _decrypted(file: Path, content: bytes, passphrase: str | None) -> bytes:
     if passphrase is None:
-        raise SpecError(f"{file}: is encrypted; set CLEARCAP_BACKUP_PASSPHRASE, and give --encrypted")
+        raise SpecError(f"{file}: is encrypted; give --encrypted, and its passphrase")
     content = content[len(_ENCRYPTED) :]
     salt, nonce, rest = content[:_SALT], content[_SALT : _SALT + _NONCE], content[_SALT + _NONCE :]
     try:

@@ -1,21 +1,25 @@
 """Sign-offs over the API: only an approver signs, only the report of these rows that he has looked at."""
 
 import dataclasses
+import json
 import os
 import time
 import zipfile
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from campaign.coordinator.lease import LeaseHeld
 from campaign.coordinator.requests import SignedCampaign, being_signed, delete_campaign, request_rerun, unsigned
 from campaign.coordinator.state import write_state
 from campaign.errors import SpecError
 from campaign.store.layout import SIGNED
+from clearcap.cli import app
 from clearcap.questions.report import report
 from clearcap.questions.signing import open_archive
 from clearcap.questions.verification import verify_export
+from clearcap.web.access.backup import back_up
 from clearcap.web.access.database import Database
 from clearcap.web.signing_service import KEY_FILE
 from clearcap.web.web_service import open_service
@@ -229,6 +233,26 @@ def test_what_has_lost_its_marker_is_protected_again(client, service, campaign, 
     client.post(f"{url}/withdrawal", json={"comment": "wrong drawing"}, headers=as_user("approver"))
     service.signing_service.protect_signed()
     assert service.store.read_json(campaign, SIGNED) is None
+
+
+@only_in_a_folder
+def test_a_restore_names_what_the_store_has_not_as_it_was_signed(service, campaign, sign, tmp_path):
+    """The sign-offs of a backup are compared with the store beside it."""
+    sign("as drawn")
+    file = tmp_path / "backup"
+    back_up(service.settings.data, file, 1.0)
+
+    def restored(to):
+        words = ["restore", str(file), "--data", str(tmp_path / to), "--store", service.store.url, "--json"]
+        answer = CliRunner().invoke(app, words)
+        return answer.exit_code, json.loads(answer.stdout)["differing"]
+
+    assert restored("same") == (0, [])
+    page = file_at(service, campaign, "report/report.html")
+    page.write_bytes(page.read_bytes() + b" ")
+    assert restored("changed") == (1, [campaign])
+    file_at(service, campaign, "plan.json").unlink()
+    assert restored("missing") == (1, [campaign])
 
 
 def test_sign_offs_of_a_server_are_one_chain(client, service, campaign, as_user, url, sign):
