@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 from engine.arrays import Array
@@ -12,7 +12,17 @@ from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
-from engine.mechanism.responses import ConditionMet, ContactForce, Response, ResponseDifference
+from engine.mechanism.expression import ExpressionFault, evaluate, parse
+from engine.mechanism.responses import (
+    ConditionMet,
+    ContactForce,
+    Derived,
+    Formula,
+    Response,
+    ResponseDifference,
+    in_formulas,
+    order_of_derived,
+)
 from engine.not_at_rest import describe_motion, flight, in_flight, unheld
 from engine.release import stay_at_rest
 from engine.run import Certificate, Run
@@ -130,16 +140,12 @@ def execute(
 
 def _with_what_follows(mechanism: Mechanism, names: list[str]) -> tuple[str, ...]:
     """Return responses and those derived from them, in the order of the mechanism."""
-
-    def concerns(name: str, response: Response) -> bool:
-        of: Sequence[str] = ()
-        if isinstance(response, ResponseDifference):
-            of = response.of
-        elif isinstance(response, ConditionMet):
-            of = (response.condition.response,)
-        return name in names or any(part in names for part in of)
-
-    return tuple(name for name, response in mechanism.responses.items() if concerns(name, response))
+    known, concerned = in_formulas(mechanism.responses), set(names)
+    for name in order_of_derived(mechanism.responses):
+        response = mechanism.responses[name]
+        if isinstance(response, Derived) and any(known.get(part) in concerned for part in response.sources):
+            concerned.add(name)
+    return tuple(name for name in mechanism.responses if name in concerned)
 
 
 def contacts_with_ranges(mechanism: Mechanism, phase: int, *, forces: bool = False) -> dict[str, str]:
@@ -160,12 +166,27 @@ def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Ma
     """
     responses = dict(measured)
     for name, response in mechanism.responses.items():
-        if isinstance(response, ResponseDifference):
-            responses[name] = measured[response.of[0]] - measured[response.of[1]]
-        elif isinstance(response, ConditionMet):
-            defined = not math.isnan(measured[response.condition.response])
-            responses[name] = float(response.condition.holds(measured)) if defined else math.nan
-        elif isinstance(response, ContactForce) and response.bound:
+        if isinstance(response, ContactForce) and response.bound:
             least, largest = ranges.get(name, (math.nan, math.nan))
             responses[name] = least if response.bound == "least" else largest
+    for name in order_of_derived(mechanism.responses):
+        responses[name] = _derived(mechanism, mechanism.responses[name], responses)
     return responses
+
+
+def _derived(mechanism: Mechanism, response: Response, responses: Mapping[str, float]) -> float:
+    """Return the value of a response from those it follows from; NaN if one has none, or its formula has none."""
+    if isinstance(response, ResponseDifference):
+        return responses[response.of[0]] - responses[response.of[1]]
+    if isinstance(response, ConditionMet):
+        defined = not math.isnan(responses[response.condition.response])
+        return float(response.condition.holds(responses)) if defined else math.nan
+    assert isinstance(response, Formula)
+    known = in_formulas(mechanism.responses)
+    names = {part: responses[known[part]] for part in response.sources if part in known}
+    if any(map(math.isnan, names.values())):
+        return math.nan
+    try:
+        return evaluate(parse(response.formula), {**mechanism.parameters, **names})
+    except ExpressionFault:
+        return math.nan

@@ -23,6 +23,7 @@ from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
 from engine.mechanism.conditions import Event
+from engine.mechanism.responses import Formula, in_formulas
 from engine.platform.linear_algebra import one_thread
 from engine.run import Status
 
@@ -143,7 +144,13 @@ def judge(
     measured moves, see `engine.not_at_rest`; empty if there is none. Unless the run had to end ``at_rest``, it matters
     only if it leaves a force without a value. Return status and message.
     """
+    known = in_formulas(mechanism.responses)
     missing = [name for name, value in measured.items() if math.isnan(value)]
+    for name in missing:
+        response = mechanism.responses[name]
+        if isinstance(response, Formula) and not set(missing) & {known.get(part) for part in response.sources}:
+            at = ", ".join(f"{part} = {measured[known[part]]:g}" for part in response.sources if part in known)
+            return "invalid", f"{name}: its formula, {response.formula}, has no finite value at {at}"
     events = [name for name in missing if isinstance(mechanism.responses[name].at, Event)]
     if events:
         ended = "; the run ended at rest: give its last phase a duration if it is to go on" if settled else ""

@@ -130,6 +130,8 @@ def _without_place(response: Any) -> str:
         return f"{response.of[0]} minus {response.of[1]}"
     if response.type == "condition":
         return f"1 if {response.condition}, else 0"
+    if response.type == "formula":
+        return str(response.formula)
     return "a time" if response.type == "time" else str(response.type).replace("_", " ")
 
 

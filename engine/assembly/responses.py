@@ -31,6 +31,7 @@ KINDS = {
     "time": model.TIME,
     "difference": model.DERIVED,
     "condition": model.DERIVED,
+    "formula": model.DERIVED,
 }
 MOTION = ("position", "angle", "gap")
 

@@ -40,6 +40,8 @@ from engine.mechanism.base import (
 from engine.mechanism.components import Tensor
 from engine.mechanism.conditions import Event, ValidityCondition
 from engine.mechanism.contacts import Contact
+from engine.mechanism.dimensions import fits, quantity_of
+from engine.mechanism.expression import ExpressionFault, parse
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.geometry.cad_table import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
@@ -53,9 +55,16 @@ from engine.mechanism.parameters import (
     parameter_values,
     unused_parameters,
 )
-from engine.mechanism.quantities import Quantity, UnitSystem
+from engine.mechanism.quantities import Quantity, UnitSystem, quantity_with_unit
 from engine.mechanism.references import pair_between, reference_faults
-from engine.mechanism.responses import Response, ResponseDifference
+from engine.mechanism.responses import (
+    Derived,
+    Formula,
+    Response,
+    ResponseDifference,
+    in_formulas,
+    order_of_derived,
+)
 from engine.mechanism.time_laws import Motion
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -396,24 +405,59 @@ class Mechanism(TableModel):
         faults = reference_faults(self.model_dump(by_alias=True))
         if faults:
             raise PydanticCustomError("references", "references", {"faults": faults})
-        for name, response in self.responses.items():
-            if isinstance(response, ResponseDifference) and self._of_two_quantities(response):
-                text = "of two quantities; allowed: responses of one quantity, such as two forces; name others"
-                raise refuse(text, key=f"responses.{name}.of", value=list(response.of))
         return self
-
-    def _of_two_quantities(self, difference: ResponseDifference) -> bool:
-        """Return whether a difference is between two different quantities, such as a force and a length."""
-        return len({self._quantity(part).name for part in difference.of}) > 1
 
     def response_units(self) -> dict[str, str]:
         """Return the unit of every response, by name."""
         return {name: self._quantity(name).unit(self.units) for name in self.responses}
 
     def _quantity(self, name: str) -> Quantity:
-        """Return the quantity of a response; a difference has the quantity of its two responses."""
+        """Return the quantity of a response; that of a difference or formula follows from its responses.
+
+        A formula without one, which `quantity_faults` reports, counts as a number.
+        """
         response = self.responses[name]
-        return self._quantity(response.of[0]) if isinstance(response, ResponseDifference) else response.quantity
+        if isinstance(response, ResponseDifference):
+            return self._quantity(response.of[0])
+        if isinstance(response, Formula):
+            try:
+                return self._quantity_of_formula(response)
+            except ExpressionFault:
+                return Quantity("number")
+        return response.quantity
+
+    def _quantity_of_formula(self, response: Formula) -> Quantity:
+        """Return the quantity of a formula; raise ExpressionFault if it has none, or not the one that is stated."""
+        known, names = in_formulas(self.responses), {}
+        for part in response.sources:
+            if part in known:
+                names[part] = self._quantity(known[part])
+            else:
+                names[part] = quantity_with_unit(self.parameter_units[part], self.units)
+        node = parse(response.formula)
+        if response.stated is None:
+            return quantity_of(node, names)
+        if not fits(Quantity(response.stated), node, names):
+            raise ExpressionFault(f"its result is not of the kind of {response.stated}; correct it, or quantity")
+        return Quantity(response.stated)
+
+    def quantity_faults(self) -> list[Fault]:
+        """Return the faults in what formulas and differences measure, such as a force less a length."""
+        known, faults, wrong = in_formulas(self.responses), [], set[str]()
+        for name in order_of_derived(self.responses):
+            response = self.responses[name]
+            if isinstance(response, Derived) and wrong.intersection(known.get(part, "") for part in response.sources):
+                wrong.add(name)  # the fault is that of what it follows from
+            elif isinstance(response, Formula):
+                try:
+                    self._quantity_of_formula(response)
+                except ExpressionFault as fault:
+                    wrong.add(name)
+                    faults.append(Fault(("responses", name, "formula"), str(fault), response.formula))
+            elif isinstance(response, ResponseDifference) and len({self._quantity(r).name for r in response.of}) > 1:
+                text = "of two quantities; allowed: responses of one quantity, such as two forces; name others"
+                faults.append(Fault(("responses", name, "of"), text, list(response.of)))
+        return faults
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact.
@@ -445,14 +489,14 @@ class Mechanism(TableModel):
 
     def parameter_faults(self) -> list[Fault]:
         """Return the faults in the use of parameters: used in two units, or not used at all."""
-        unused = (
-            ()
-            if self.bench
-            else unused_parameters(
-                self.parameters, self._formulas, [bench.model_dump() for bench in self.benches.values()]
-            )
-        )
+        elsewhere = [*self.response_formulas().values(), *(bench.model_dump() for bench in self.benches.values())]
+        unused = () if self.bench else unused_parameters(self.parameters, self._formulas, elsewhere)
         return [*unused, *conflicting_units(self._uses(scaled=False), self.parameters)]
+
+    def response_formulas(self) -> dict[str, str]:
+        """Return the formulas of responses, which may use parameters, too, by their keys."""
+        found = {name: r.formula for name, r in self.responses.items() if isinstance(r, Formula)}
+        return {f"responses.{name}.formula": text for name, text in found.items()}
 
     def _uses(self, *, scaled: bool) -> Uses:
         """Return the units in which each parameter is used, each with one of the keys that use it."""
@@ -534,7 +578,7 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
         raise refused(source, faults + references, count + len(references)) from None
     formulas = dict(formulas_in(Place(mechanism), data))
     mechanism = mechanism.with_tables({}, formulas)
-    if faults := mechanism.parameter_faults():
+    if faults := [*mechanism.parameter_faults(), *mechanism.quantity_faults()]:
         raise refused(source, faults, len(faults))
     return mechanism
 

@@ -123,9 +123,9 @@ def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Faul
             yield Fault(("parameters", name), text, values.get(name))
 
 
-def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], benches: Any) -> Iterator[Fault]:
-    """Yield a fault for each parameter that no expression uses, including those in the plain data of test benches."""
-    used = {name for text in [*formulas.values(), *_texts(benches)] for name in _names(text)}
+def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], elsewhere: Any) -> Iterator[Fault]:
+    """Yield a fault for each parameter that no expression uses, including those in other plain data."""
+    used = {name for text in [*formulas.values(), *_texts(elsewhere)] for name in _names(text)}
     for name, value in values.items():
         if name not in used:
             text = f"is used nowhere; allowed: parameters that are; write {name!r} in place of a number, or remove it"

@@ -45,3 +45,8 @@ class Quantity:
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """Add the quantity to the JSON Schema, so that an editor can show it."""
         return {**handler(schema), "x-quantity": self.name}
+
+
+def quantity_with_unit(unit: str, system: UnitSystem) -> Quantity:
+    """Return the first quantity that has a unit in a unit system."""
+    return next(quantity for name in _UNITS if (quantity := Quantity(name)).unit(system) == unit)

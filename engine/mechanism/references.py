@@ -1,11 +1,14 @@
 """Faults that no single table shows: missing names, names used twice, parts that cannot move, phases and events."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from engine.faults.fault import Fault
 from engine.mechanism.conditions import CONDITION
+from engine.mechanism.expression import ExpressionFault, names_in, parse
 from engine.mechanism.faults import as_table, did_you_mean, list_under, named_tables, phase_names, sub_table
+from engine.mechanism.responses import in_formulas
 
 _PAIRED = {
     "joints": (("bearing", "journal"), ("guide", "slider"), ("socket", "ball"), ("a", "b")),
@@ -14,6 +17,8 @@ _PAIRED = {
     "dampers": (("a", "b"),),
     "motions": (("body", "relative_to"),),
 }
+
+_DERIVED = ("difference", "condition", "formula")
 
 Reference = tuple[str, tuple[str, ...], Any]
 """The kind of object that is referred to, the key that refers to it, and the object's name."""
@@ -30,6 +35,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_nothing_moves(data),
         *_unknown_laws(data),
         *_unknown_responses(data),
+        *_derived_faults(data),
         *events_of_events(data),
         *broken_phases(data),
     ]
@@ -206,8 +212,51 @@ def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(key, text, str(condition))
 
 
+def _derived_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield faults: names in formulas that mean nothing or two things, and a response that follows from itself."""
+    responses, parameters = named_tables(data, "responses"), sub_table(data, "parameters")
+    known, needs = in_formulas(responses), {}
+    for name, entry in responses.items():
+        match = CONDITION.fullmatch(str(entry.get("condition", "")))
+        parts = [part for part in list_under(entry, "of") if isinstance(part, str)]
+        used = [*parts, *([match[1]] if match else [])]
+        if entry.get("type") == "formula" and isinstance(entry.get("formula"), str):
+            in_text = list(dict.fromkeys(_names_in(entry["formula"])))
+            yield from _unknown_in_formula(name, in_text, known, parameters)
+            used = [known[part] for part in in_text if part in known]
+        needs[name] = used
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        circle = error.args[1][::-1]
+        way = " -> ".join(circle[:10])
+        yield Fault(("responses", circle[0]), f"follows from itself: {way}; allowed: no circle; name what is measured")
+
+
+def _names_in(text: str) -> list[str]:
+    """Return the names in a formula; none if it is not an expression, which is a fault of its own."""
+    try:
+        return list(names_in(parse(text)))
+    except ExpressionFault:
+        return []
+
+
+def _unknown_in_formula(
+    name: str, names: Sequence[str], known: Mapping[str, str], parameters: Mapping[str, Any]
+) -> Iterator[Fault]:
+    for part in names:
+        if part in known and part in parameters:
+            text = f"{part} is both a response and a parameter; allowed: one of them; rename the parameter"
+            yield Fault(("responses", name, "formula"), text)
+        elif part not in known and part not in parameters:
+            names_here = ", ".join([*known, *parameters][:20])
+            meant = did_you_mean(part, [*known, *parameters])
+            text = f"{part} is no response and no parameter; defined here: {names_here}{meant}"
+            yield Fault(("responses", name, "formula"), text)
+
+
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield faults where an event, peak, difference or condition refers to a response without a value at each step."""
+    """Yield faults where an event or peak refers to a response without a value at each step."""
     responses = named_tables(data, "responses")
     watching: list[tuple[tuple[str, ...], Any]] = [
         (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
@@ -228,18 +277,11 @@ def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
                 "watch one it follows from"
             )
             yield Fault(key, text, watched)
-    for name, entry in responses.items():
-        parts = [part for part in list_under(entry, "of") if isinstance(part, str)]
-        match = CONDITION.fullmatch(str(entry.get("condition", "")))
-        for part in [*parts, *([match[1]] if match else [])]:
-            if sub_table(responses, part).get("type") in ("difference", "condition"):
-                text = f"responses.{part} follows from others; allowed: what is measured; name what it is made of"
-                yield Fault(("responses", name, "of" if parts else "condition"), text, part)
 
 
 def _follows(response: Mapping[str, Any]) -> bool:
     """Return whether a response is computed after the run."""
-    return response.get("type") in ("difference", "condition") or response.get("bound") is not None
+    return response.get("type") in _DERIVED or response.get("bound") is not None
 
 
 def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -1,11 +1,15 @@
 """The responses of a mechanism: quantities measured, each read at an instant, and those derived from others."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Iterable, Mapping, Sequence
+from graphlib import TopologicalSorter
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, PositiveNumber, TableModel, refuse
 from engine.mechanism.conditions import At, ValidityCondition
+from engine.mechanism.dimensions import MeasurableQuantity
+from engine.mechanism.expression import LONGEST, ExpressionFault, names_in, parse
 from engine.mechanism.quantities import Quantity
 
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
@@ -20,12 +24,22 @@ class Derived(TableModel):
 
     title: str = Field(default="", description="what the response is called in a report")
 
+    @property
+    def sources(self) -> Sequence[str]:
+        """The responses that it follows from, as the file names them."""
+        raise NotImplementedError
+
 
 class ResponseDifference(Derived):
     """One reported response minus another, for instance the force forward minus the force back."""
 
     type: Literal["difference"] = Field(description="the kind of response")
     of: Annotated[tuple[Name, Name], Field(description="two responses of one quantity: the first minus the second")]
+
+    @property
+    def sources(self) -> Sequence[str]:
+        """The two responses."""
+        return self.of
 
 
 class ConditionMet(Derived):
@@ -38,6 +52,57 @@ class ConditionMet(Derived):
     def quantity(self) -> Quantity:
         """The quantity of a pure number."""
         return Quantity("number")
+
+    @property
+    def sources(self) -> Sequence[str]:
+        """The response of the condition."""
+        return (self.condition.response,)
+
+
+def _readable(text: str) -> str:
+    """Refuse a text that is not an expression."""
+    try:
+        parse(text)
+    except ExpressionFault as fault:
+        raise refuse(str(fault)) from None
+    return text
+
+
+class Formula(Derived):
+    """An expression over reported responses and parameters, for instance ``-pull`` or ``0.5 * (there + back)``."""
+
+    type: Literal["formula"] = Field(description="the kind of response")
+    formula: Annotated[str, StringConstraints(max_length=LONGEST), AfterValidator(_readable)] = Field(
+        description='the expression over responses and parameters, such as "-pull / 2"; in a name, _ stands for -'
+    )
+    stated: MeasurableQuantity | None = Field(
+        default=None,
+        alias="quantity",
+        exclude_if=lambda value: value is None,
+        description="what it measures, such as energy, where the formula does not show it",
+    )
+
+    @property
+    def sources(self) -> Sequence[str]:
+        """The names in the formula: responses, with _ for -, and parameters."""
+        return tuple(dict.fromkeys(names_in(parse(self.formula))))
+
+
+def in_formulas(responses: Iterable[str]) -> dict[str, str]:
+    """Return the responses by the names that they have in formulas, in which ``_`` also stands for ``-``."""
+    names = list(responses)
+    return {name.replace("-", "_"): name for name in names} | {name: name for name in names}
+
+
+def order_of_derived(responses: Mapping[str, Any]) -> list[str]:
+    """Return the names of the responses that follow from others, each after those.
+
+    Raise graphlib.CycleError if one follows from itself.
+    """
+    known = in_formulas(responses)
+    derived = {name: response for name, response in responses.items() if isinstance(response, Derived)}
+    needs = {name: [known[part] for part in each.sources if part in known] for name, each in derived.items()}
+    return [name for name in TopologicalSorter(needs).static_order() if name in derived]
 
 
 class Measured(TableModel):
@@ -287,6 +352,7 @@ Response = Annotated[
     | SpringTorque
     | Time
     | ResponseDifference
-    | ConditionMet,
+    | ConditionMet
+    | Formula,
     Field(discriminator="type"),
 ]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from engine import simulate
-from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism, set_values
+from engine.mechanism.keys.values import settable_numbers
 from tests.engine.small import GRAVITY, block_on_floor, coordinates, made, small
 
 SPEED, TOP = 2.0, 2.0**2 / (2 * GRAVITY)
@@ -18,6 +19,7 @@ def thrown(**responses: Any) -> Mechanism:
     return made(
         small(
             gravity=[0, 0, -GRAVITY],
+            parameters={"scale": 2.0} if "back" in responses else {},
             phases=[{"name": "up", "duration": 0.3}, {"name": "down", "duration": 0.2}],
             bodies={
                 "ground": {"fixed": True},
@@ -98,3 +100,33 @@ def test_forces_of_sliding_and_at_rest():
     assert sums["_N"] == pytest.approx(2.0 * GRAVITY, rel=1e-6)
     assert sums["_T"] == pytest.approx(0.4 * 2.0 * GRAVITY, rel=1e-6)
     assert sums["_rest"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_formula_is_computed_from_reported_values_and_parameters():
+    """Height of the throw from the speed at the start, v^2 / 2g, with a parameter that a campaign may set."""
+    z = coordinates("ball")["z"]
+    mechanism = thrown(
+        top={**z, "at": "maximum"},
+        v_0={"type": "velocity", "to": z["to"], "direction": z["direction"], "at": "maximum"},
+        back={"type": "formula", "formula": "-top / scale"},
+        share={"type": "formula", "formula": "v_0 ** 2 / top"},
+        twice={"type": "difference", "of": ["top", "back"]},
+    )
+    scaled = set_values(mechanism, {"parameters.scale": 4.0})
+    run, other = simulate(mechanism), simulate(scaled)
+    assert run.status == other.status == "ok", run.message
+    assert run.units["back"] == "m"
+    assert run.units["share"] == "m/s2"
+    assert run.responses["back"] == -run.responses["top"] / 2
+    assert other.responses["back"] == -run.responses["top"] / 4
+    assert run.responses["twice"] == pytest.approx(1.5 * TOP, rel=1e-5)
+    assert run.responses["share"] == pytest.approx(2 * GRAVITY, rel=1e-5)
+    assert mechanism.formulas == {}
+    assert "used in responses" in next(n.description for n in settable_numbers(mechanism, "parameters.scale"))
+
+
+def test_a_formula_without_a_value_is_named():
+    """The x of the ball is always 0."""
+    run = simulate(thrown(ratio={"type": "formula", "formula": "z / x"}))
+    assert run.status == "invalid"
+    assert run.message == "ratio: its formula, z / x, has no finite value at z = -0.22625, x = 0"

@@ -320,7 +320,7 @@ def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNu
     """
     short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
-    used = users(mechanism.formulas)
+    used = users({**mechanism.formulas, **mechanism.response_formulas()})
     return [_number(mechanism, key, place, short.get(key, ""), used) for key, place in wanted]
 
 

@@ -30,6 +30,10 @@ EVERY = {
     "least": {"type": "contact_force", "contact": "stop", "bound": "least"},
     "less": {"type": "difference", "of": ["p", "gap"]},
     "high": {"type": "condition", "condition": "p > 3"},
+    "effort": {"type": "formula", "formula": "-spring / 2"},
+    "work": {"type": "formula", "formula": "effort * abs(p - less)", "quantity": "energy"},
+    "pace": {"type": "formula", "formula": "p / when"},
+    "lost": {"type": "difference", "of": ["effort", "joint"]},
 }
 UNITS = {
     "p": "mm",
@@ -47,6 +51,10 @@ UNITS = {
     "least": "N",
     "less": "mm",
     "high": "1",
+    "effort": "N",
+    "work": "mJ",
+    "pace": "mm/ms",
+    "lost": "N",
 }
 
 
@@ -114,7 +122,22 @@ REFUSED = [
     ("least.at", "maximum", "least.bound = 'least'", "component = normal and at = end"),
     ("less.of", ["p", "gp"], "less.of = 'gp'", "did you mean 'gap'?"),
     ("less.of", ["p", "normal"], "less.of = ['p', 'normal']", "responses of one quantity"),
-    ("less.of", ["less", "p"], "less.of = 'less'", "follows from others"),
+    ("less.of", ["less", "p"], "less: follows from itself", "less -> less"),
+    ("effort.formula", "-sprng", "effort.formula: sprng is no response and no parameter", "did you mean 'spring'?"),
+    ("effort.formula", "-lost", "lost: follows from itself", "allowed: no circle"),
+    ("effort.formula", "spring +", "effort.formula = 'spring +'", "the end comes where"),
+    ("effort.formula", "spring + p", "effort.formula = 'spring + p'", "+ joins a force and a length"),
+    ("effort.formula", "spring * p", "effort.formula = 'spring * p'", "may be: energy, torque"),
+    (
+        "effort.formula",
+        "spring * spring * p",
+        "effort.formula = 'spring * spring * p'",
+        "of no quantity that has a unit",
+    ),
+    ("effort.formula", "sin(spring)", "effort.formula = 'sin(spring)'", "sin(...) of a force; allowed: a number"),
+    ("work.quantity", "length", "work.formula = 'effort * abs(p - less)'", "not of the kind of length"),
+    ("work.quantity", "wrk", "work.quantity = 'wrk'", "'energy'"),
+    ("where.at", {"response": "pace", "peak": "maximum"}, "where.at.response = 'pace'", "known only after the run"),
     ("less.of", ["p"], "less.of.1: missing", "two responses of one quantity"),
     ("high.condition", "p >> 3", "high.condition = 'p >> 3'", "response > number"),
     ("high.condition", "q > 3", "high.condition = 'q > 3'", "no such response"),
@@ -161,3 +184,38 @@ def test_schema_offers_moments_and_events():
     at = mechanism_schema()["$defs"]["Gap"]["properties"]["at"]
     assert {"enum": ["end", "maximum", "minimum"], "type": "string"} in at["oneOf"]
     assert {"$ref": "#/$defs/Event"} in at["oneOf"]
+
+
+@each(
+    ("formula", "unit"),
+    [
+        ("2 * p - 0.5", "mm"),
+        ("hypot(normal, rub)", "N"),
+        ("phi / 2 + 1", "rad"),
+        ("atan2(p, gap)", "rad"),
+        ("normal / gap", "N/mm"),
+        ("sqrt(p * gap)", "mm"),
+        ("p ** 2 / gap", "mm"),
+        ("p / gap", "1"),
+        ("normal * when", "N ms"),
+        ("max(couple, 0)", "N mm"),
+        ("normal * arm / 8 * p ** -1 * gap", "N"),
+        ("normal / joint * couple", "N mm"),
+    ],
+)
+def test_the_unit_of_a_formula_follows_from_its_names(formula, unit):
+    """Sums keep it, factors without a unit too, and products have that of their dimensions; arm is a pure number."""
+    data = put(described(), "responses.effort.formula", formula)
+    data["parameters"] = {"arm": 8.0} if "arm" in formula else {}
+    data["responses"]["lost"]["of"] = ["p", "gap"]
+    del data["responses"]["work"]
+    assert mechanism_from(data, "FILE").response_units()["effort"] == unit
+
+
+def test_a_name_with_a_hyphen_is_written_with_an_underscore():
+    """Because - is minus; a parameter of the same name is refused."""
+    data = put(described(), "responses.FC-1", {"type": "formula", "formula": "2 * p"})
+    data = put(data, "responses.twice", {"type": "formula", "formula": "FC_1 - p"})
+    assert mechanism_from(data, "FILE").response_units()["twice"] == "mm"
+    (line,) = lines(put(data, "parameters", {"p": 1.0}))[:1]
+    assert "p is both a response and a parameter" in line
