@@ -25,6 +25,7 @@ from reporting.capability.intervals import Interval, cpm_interval, mean_interval
 from reporting.capability.lots import Lots
 from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
+from reporting.format_numbers import part
 from reporting.capability.robust_intervals import joint_interval, robust_intervals
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
@@ -32,9 +33,13 @@ NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "producti
 PROVEN = 0.05
 # With fewer values, intervals from own moments cover only 87 to 91 % for skewed responses.
 _FEW_VALUES = 50
-# Below this, a few values dominate sigma. For Student's t with 3 degrees of freedom, lognormal(1) values or rare
-# outliers, 95 % intervals of Cpk cover 79 to 90 %, and nine of ten such samples are below this value.
-_FEW_FREEDOM = 25.0
+# Below this, a few values dominate sigma, and 95 % intervals of Cpk cover 79 to 90 %: of 500 values, 94 % of the samples
+# of Student's t with 3 degrees of freedom, all of lognormal(1), 1 % of the normal ones. Of fewer values so many normal
+# samples are below it that it says nothing.
+_FEW_FREEDOM, _TELLS_FROM = 25.0, 500
+# A part of this many times the width may be missing among n values; what it would do to sigma depends on n alone, so it
+# is said of every sample, not of those that happen to have an outlier, which need it least. Below `_SMALL` it is not.
+_WIDER, _MISSED, _SMALL = 5.0, 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -155,9 +160,9 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
     few = ""
     if n < _FEW_VALUES:
         few = f" With fewer than {_FEW_VALUES} values the intervals of a skewed response cover less than stated."
-    elif freedom < _FEW_FREEDOM:
+    elif n >= _TELLS_FROM and freedom < _FEW_FREEDOM:
         few = " A few extreme values determine sigma: if rarer, larger ones exist, the intervals are too narrow."
-    return f"The intervals rest on the values' own third and fourth moments: {why}.{few}"
+    return f"The intervals rest on the values' own third and fourth moments: {why}.{few}{_unseen(n)}"
 
 
 def _of_normal(n: int, p: float) -> str:
@@ -165,4 +170,16 @@ def _of_normal(n: int, p: float) -> str:
     if n < FEWEST_FOR_SHAPE:
         return f"Normal theory: {n} values are too few to show another shape."
     few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""
-    return f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g}).{few}"
+    return f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g}).{few}{_unseen(n)}"
+
+
+def _unseen(n: int) -> str:
+    """Return what n values need not show, and what it would do to sigma; empty if that is little."""
+    share = -math.expm1(math.log(_MISSED) / n)
+    growth = math.sqrt(1 + share * (_WIDER**2 - 1)) - 1
+    if growth < _SMALL:
+        return ""
+    return (
+        f" {n} values may miss {part(share)} of production that is {_WIDER:g} times as wide, with which sigma would be"
+        f" {part(growth)} larger."
+    )

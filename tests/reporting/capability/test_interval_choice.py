@@ -134,6 +134,27 @@ def test_a_few_values_that_determine_sigma_are_named() -> None:
     assert "few extreme values determine sigma" in capability(x, -9, 9).interval_reason
 
 
+def test_what_values_may_miss_depends_on_their_number_alone() -> None:
+    """A sample without an outlier needs the allowance as much as one with it: 1 % five times as wide, n = 100."""
+    rng = np.random.default_rng(9)
+    said = set()
+    for _ in range(30):
+        x = rng.normal(size=100) * np.where(rng.random(100) < 0.01, 5, 1)
+        said.add(capability(x, -9, 9).interval_reason.partition(" 100 values may miss ")[2])
+    # 0.05 = (1 - s)^100, and sigma^2 grows by 24 s
+    # 0.05 = (1 - s)^100, and sigma^2 grows by 24 s = 0.708
+    assert said == {"3.0\u00a0% of production that is 5 times as wide, with which sigma would be 30.7\u00a0% larger."}
+    assert "may miss" not in capability(rng.normal(size=5000), -4, 4).interval_reason
+
+
+def test_normal_values_are_seldom_warned_of() -> None:
+    """The warning of a few extreme values would say nothing if half of all normal samples had it."""
+    rng = np.random.default_rng(10)
+    for n in (30, 100, 500):
+        warned = sum("few extreme" in capability(rng.normal(size=n), -4, 4).interval_reason for _ in range(100))
+        assert warned <= 5, n
+
+
 def test_few_values_say_that_they_show_little() -> None:
     for n in (8, 20, 49):
         assert f"ewer than {50} values" in capability(np.random.default_rng(n).normal(size=n), -4, 4).interval_reason
