@@ -25,17 +25,17 @@ from reporting.capability.intervals import Interval, cpm_interval, mean_interval
 from reporting.capability.lots import Lots
 from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
-from reporting.format_numbers import part
 from reporting.capability.robust_intervals import joint_interval, robust_intervals
+from reporting.format_numbers import part
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
 # A p-value below this proves that the values are not normal.
 PROVEN = 0.05
 # With fewer values, intervals from own moments cover only 87 to 91 % for skewed responses.
 _FEW_VALUES = 50
-# Below this, a few values dominate sigma, and 95 % intervals of Cpk cover 79 to 90 %: of 500 values, 94 % of the samples
-# of Student's t with 3 degrees of freedom, all of lognormal(1), 1 % of the normal ones. Of fewer values so many normal
-# samples are below it that it says nothing.
+# Below this, a few values dominate sigma, and 95 % intervals of Cpk cover 79 to 90 %: of samples of 500 values, 94 % of
+# Student's t with 3 degrees of freedom, all of lognormal(1), 1 % of the normal ones. Of smaller samples so many normal
+# ones are below it that it says nothing.
 _FEW_FREEDOM, _TELLS_FROM = 25.0, 500
 # A part of this many times the width may be missing among n values; what it would do to sigma depends on n alone, so it
 # is said of every sample, not of those that happen to have an outlier, which need it least. Below `_SMALL` it is not.

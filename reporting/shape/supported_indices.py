@@ -4,10 +4,13 @@ The values seldom distinguish one family from another, and families that agree o
 beyond them. An interval therefore covers all parameters of all passing families whose log-likelihood, minus one for
 each parameter (AIC), is within a threshold of the best: half of the chi-square quantile and of `AIC_MARGIN`. A family
 as good as the best contributes an interval of more than the stated confidence, a family at the threshold only its fit.
+
+Where a tail ends abruptly, as that of a cut distribution does, the families, whose tails are smooth, have too large a
+share beyond a limit near the end: such a side has no largest Z-score and no smallest share.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +27,7 @@ from reporting.shape.binned_sample import BinnedSample, bin_sample
 from reporting.shape.fitting import AIC_MARGIN, Fit, Fits, handicap
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
 from reporting.shape.parameter_draws import BINNED, parameter_draws, weighted_interval
+from reporting.shape.tails import abrupt_ends
 
 # Families whose ppm differ by more than this factor are shown as a range.
 AGREEMENT = 3.0
@@ -33,6 +37,10 @@ _FARTHEST = 38.0 / 3
 _ENDS_BEFORE = (
     "The values do not rule out a distribution that ends before a limit, or a share beyond it too small for a number: "
     "an interval has no upper end."
+)
+_CUT = (
+    "The values end abruptly towards a limit, which no family does: its share beyond the limit is rather too large "
+    "than too small, and an interval has no upper end."
 )
 _UNDEFINED = "No family that the values allow defines this index, so an interval is missing."
 METHODS = ("percentile", "z_score")
@@ -60,7 +68,14 @@ def supported_indices(
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
     sample = bin_sample(ties(ordered).spread(), BINNED)
-    parts = [_intervals(fit, sample, lsl, usl, _within(fit, fits, confidence)) for fit in candidates]
+    limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}
+    cut = {
+        name for name, is_cut in zip(("ppl", "ppu"), abrupt_ends(ordered), strict=True) if is_cut and name in limited
+    }
+    parts = [
+        _without_ends(_intervals(fit, sample, lsl, usl, _within(fit, fits, confidence)), cut, limited.keys())
+        for fit in candidates
+    ]
     ppm = _union(part["ppm"] for part in parts)
     results = []
     for point in points:
@@ -69,7 +84,8 @@ def supported_indices(
             f"{name}_interval": _open(_union(part[f"{point.method} {name}"] for part in parts)) for name in names
         }
         ends = [interval[1] for interval in over_all.values() if interval is not None]
-        notes = (*point.notes, _ENDS_BEFORE) if None in ends else point.notes
+        said = (_CUT,) if cut and point.method == "z_score" else (_ENDS_BEFORE,) if None in ends else ()
+        notes = (*point.notes, *said)
         notes = (*notes, _UNDEFINED) if len(ends) < len(names) else notes
         results.append(replace(point, **found, **over_all, ppm_expected_interval=ppm, notes=notes))
     return tuple(results)
@@ -119,10 +135,34 @@ def _intervals(
         for method in METHODS:
             sides = [drawn[f"{method} {name}"] for name in ("ppl", "ppu") if f"{method} {name}" in drawn]
             drawn |= {f"{method} ppk": np.minimum(sides[0], sides[-1])} if sides else {}
-        shares = [of.cdf([low])[..., 0]] if low is not None else []
-        shares += [of.sf([high])[..., 0]] if high is not None else []
-        drawn["ppm"] = PPM * np.asarray(sum(shares))
+        shares = {"ppl": of.cdf([low])[..., 0]} if low is not None else {}
+        shares |= {"ppu": of.sf([high])[..., 0]} if high is not None else {}
+        drawn |= {f"ppm {side}": PPM * np.asarray(share) for side, share in shares.items()}
+        drawn["ppm"] = PPM * np.asarray(sum(shares.values()))
     return {name: _interval(values, weights, confidence) for name, values in drawn.items()}
+
+
+def _without_ends(
+    found: dict[str, Interval | None], cut: Collection[str], sides: Collection[str]
+) -> dict[str, Interval | None]:
+    """Return intervals by Z-scores without the ends that a distribution cut at these sides could exceed."""
+    if not cut:
+        return found
+
+    def end(name: str) -> float:
+        interval = found[f"z_score {name}"]
+        return math.inf if name in cut or interval is None else interval[1]
+
+    kept = [found[f"ppm {side}"] for side in sides if side not in cut]
+    least = min((interval[0] for interval in kept if interval is not None), default=0.0)
+    changed = dict(found)
+    ends = {**dict.fromkeys(("pp", *cut), math.inf), "ppk": min(end(side) for side in sides)}
+    for name, high in ends.items():
+        if (interval := found.get(f"z_score {name}")) is not None:
+            changed[f"z_score {name}"] = interval[0], max(interval[1], high)
+    if (share := found["ppm"]) is not None:
+        changed["ppm"] = min(share[0], least), share[1]
+    return changed
 
 
 def _of_known_shares(z: Array) -> Array:
