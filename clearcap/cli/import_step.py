@@ -10,6 +10,7 @@ import typer
 from clearcap.cli.output import Json, print_json, print_text
 
 if TYPE_CHECKING:
+    from engine.cad import CadAssembly
     from engine.cad_import.found_geometry import FoundGeometry
     from engine.cad_import.updated_proposal import UpdatedProposal
 
@@ -46,6 +47,7 @@ def import_step(
     from campaign.spec.write import proposed_campaign
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad import RECOGNITION
+    from engine.cad_import.found_geometry import find_geometry
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
     from engine.cad_import.proposed_text import open_questions
@@ -65,7 +67,7 @@ def import_step(
     for each in drawn:
         _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
     asked = RECOGNITION if recognition is None else recognition
-    found = found_in_step(step_file, asked, accept_damage=accept_damage)
+    found = find_geometry(assembly_in_step(step_file, asked, accept_damage=accept_damage))
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
@@ -117,12 +119,15 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
         "parts": [
             {
                 "name": part.name,
-                "body": found.bodies[part.name],
+                "body": found.bodies[found.whole(part.name)],
                 "path": list(part.path),
                 "volume": sum(solid.volume for solid in part.solids),
                 "material": part.material.name if part.material else None,
             }
-            for part in found.assembly.parts
+            for part in found.drawn.parts
+        ],
+        "groups": [
+            {"body": found.bodies[group.name], "parts": list(group.parts), "why": group.why} for group in found.groups
         ],
         "joints": [
             {
@@ -170,32 +175,32 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 def _print_found(found: "FoundGeometry") -> None:
     """Print the found geometry."""
-    from engine.cad_import.found_features import found_features, part_text
+    from engine.cad_import.found_features import found_features, group_text, part_text
 
-    for part in found.assembly.parts:
+    for part in found.drawn.parts:
         print_text(part_text(part))
+    for group in found.groups:
+        print_text(group_text(found, group))
     for place in found_features(found):
         print_text(place.text)
     for text in found.assembly.cautions:
         print_text(f"left out: {text}")
 
 
-def found_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "FoundGeometry":
-    """Read a STEP file and find its joints; SpecError if it yields no mechanism, or if it is damaged."""
+def assembly_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "CadAssembly":
+    """Read a STEP file; SpecError if it yields no mechanism, or if it is damaged."""
     from campaign.errors import SpecError
     from engine.cad import read_step
-    from engine.cad_import.found_geometry import find_geometry
 
     assembly = read_step(step_file, recognition)
     if assembly.damage and not accept_damage:
         raise SpecError(f"{step_file}: {assembly.damage}, or take what is left with --accept-damage")
-    found = find_geometry(assembly)
-    if (parts := len(found.assembly.parts)) < 2:
+    if (parts := len(assembly.parts)) < 2:
         raise SpecError(
             f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
             " the assembly, not a single part"
         )
-    return found
+    return assembly
 
 
 def picture_files(mechanism: Path) -> list[Path]:
@@ -242,19 +247,23 @@ def bring_to_revision(
     """
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts
+    from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts, revised_groups
+    from engine.cad_import.proposed_groups import groups_of_bodies, listed_groups
     from engine.cad_import.proposed_mechanism import proposed_mechanism
     from engine.cad_import.proposed_text import open_questions
     from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
 
     check_output("--update", path, (".toml",))
     earlier = earlier_revision(path)
-    before = named_as_written(find_geometry(earlier.assembly), earlier.text)
+    written_for, listed = groups_of_bodies(earlier.text), listed_groups(earlier.text)
+    before = named_as_written(find_geometry(earlier.assembly, written_for), earlier.text)
     asked = earlier.assembly.recognition if recognition is None else recognition
-    found = named_as_before(found_in_step(step_file, asked, accept_damage=accept_damage), before)
+    assembly = assembly_in_step(step_file, asked, accept_damage=accept_damage)
+    groups = revised_groups(listed or [], earlier.assembly, assembly)
+    found = named_as_before(find_geometry(assembly, groups), before)
     proposed = (
-        proposed_mechanism(before, earlier.file, earlier.name),
-        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name),
+        proposed_mechanism(before, earlier.file, earlier.name, listed=listed or []),
+        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name, listed=groups),
     )
     files = {path: (earlier.text, updated_proposal(earlier.text, *proposed))} | _campaign_texts(path, before, found)
     changes = {file: _changes(file, *each) for file, each in files.items()}

@@ -106,6 +106,8 @@ class CadPart:
     """The product's name in the file; empty if it has none."""
     path: tuple[str, ...]
     """Names of the instances from the root of the assembly to this part, as in the file."""
+    branch: tuple[int, ...] = ()
+    """Index of the instance in each assembly around it, from the root."""
     placement: Placement
     material: CadMaterial | None
     solids: tuple[Solid, ...]

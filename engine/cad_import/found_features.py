@@ -9,6 +9,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import NearMiss
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import least_clearance, side
 from engine.cad_import.proposed_text import value
 
@@ -47,6 +48,11 @@ def part_text(part: CadPart) -> str:
     """Return the description of a part."""
     volume = sum(solid.volume for solid in part.solids)
     return f"part {part.name}: {volume:.6g} mm3, {part.material.name if part.material else 'no material'}"
+
+
+def group_text(found: FoundGeometry, group: PartGroup) -> str:
+    """Return the description of a group of parts."""
+    return f"group {found.bodies[group.name]}: {', '.join(group.parts)}{f' ({group.why})' if group.why else ''}"
 
 
 def found_features(found: FoundGeometry) -> list[FoundFeature]:

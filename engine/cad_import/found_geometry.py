@@ -2,7 +2,8 @@
 
 import re
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from engine.cad.findings import (
     thrust_faces,
 )
 from engine.cad.findings.facing_planes import triangles_by_face
+from engine.cad.joined_parts import with_joined_parts
+from engine.cad_import.proposed_groups import PartGroup, proposed_groups, usable
 
 _LONGEST = 40  # letters in a body's name
 _LETTERS = str.maketrans(
@@ -76,12 +79,18 @@ class FoundStop:
 class FoundGeometry:
     """The features found in an assembly; lengths in mm."""
 
-    assembly: CadAssembly
+    assembly: CadAssembly  # in which each group of parts is one part
     bodies: dict[str, str]  # part name -> name of the body that it becomes
     joints: tuple[FoundJoint, ...]
     balls: tuple[FoundBall, ...]
     refused: tuple[NearMiss, ...]  # pins and holes, balls and sockets that are not joints
     stops: tuple[FoundStop, ...]  # faces that face each other and are not flanges: first planes, then round ones
+    drawn: CadAssembly  # with each part by itself
+    groups: tuple[PartGroup, ...] = ()  # each is a part of `assembly` with the name of the group
+
+    def whole(self, part: str) -> str:
+        """Return the name of the part of `assembly` that a part as drawn belongs to."""
+        return next((group.name for group in self.groups if part in group.parts), part)
 
     def face(self, number: int) -> CadFace:
         """Return a face by its number."""
@@ -93,9 +102,19 @@ class FoundGeometry:
         return np.asarray(placement.rotation.T @ (point - placement.translation))
 
 
-def find_geometry(assembly: CadAssembly) -> FoundGeometry:
-    """Find joints and candidates for stops in an assembly in mm, and name them."""
-    triangles = triangles_by_face(assembly)
+def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None) -> FoundGeometry:
+    """Find joints and candidates for stops in an assembly in mm, and name them.
+
+    The parts of each group are one part; without `groups`, those that are proposed.
+    """
+    triangles = triangles_by_face(drawn)
+    planes = facing_planes(drawn, triangles)
+    if groups is None:
+        proposed = proposed_groups(drawn, _jointed(drawn, triangles), planes)
+        names = _names([group.name for group in proposed], "group", _LONGEST)
+        groups = [replace(group, name=name) for group, name in zip(proposed, names, strict=True)]
+    groups = _named_apart(usable(groups, [part.name for part in drawn.parts]), drawn)
+    assembly = with_joined_parts(drawn, {group.name: group.parts for group in groups}) if groups else drawn
     parts = [part.name for part in assembly.parts]
     bodies = dict(zip(parts, _names(parts, "part", _LONGEST), strict=True))
     pins, refused = pins_in_holes(assembly)
@@ -108,12 +127,43 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     refused += [*pins_in_slots(assembly), *balls_refused]
     taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
     facing: list[FacingPlanes | FacingRound] = [
-        pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken
+        pair for pair in _between(planes, groups) if frozenset(pair.faces) not in taken
     ]
     held = [frozenset((seat.hole, seat.pin)) for pin in pins for seat in pin.seats]
-    facing += facing_rounds(assembly, triangles, held + [frozenset((ball.socket, ball.ball)) for ball in balls])
+    held += [frozenset((ball.socket, ball.ball)) for ball in balls]
+    facing += facing_rounds(assembly, triangles, held)
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
-    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), stops)
+    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), stops, drawn, tuple(groups))
+
+
+def _jointed(assembly: CadAssembly, triangles: dict[int, Array]) -> list[frozenset[str]]:
+    """Return the pairs of parts with a joint between them, or with what may be one."""
+    pins, refused = pins_in_holes(assembly)
+    balls, balls_refused = balls_in_sockets(assembly, triangles)
+    loose = [miss for miss in (*refused, *balls_refused) if miss.may_be_one]
+    part = {face.number: face.part for face in assembly.faces}
+    return [
+        *(frozenset((pin.bearing, pin.journal)) for pin in pins),
+        *(frozenset((ball.socket_part, ball.ball_part)) for ball in balls),
+        *(frozenset((part[miss.hole], part[miss.pin])) for miss in (*loose, *pins_in_slots(assembly))),
+    ]
+
+
+def _named_apart(groups: Sequence[PartGroup], assembly: CadAssembly) -> list[PartGroup]:
+    """Return groups with names that no part outside them has."""
+    alone = {part.name for part in assembly.parts} - {part for group in groups for part in group.parts}
+    return [replace(each, name=f"{each.name}-group") if each.name in alone else each for each in groups]
+
+
+def _between(planes: Sequence[FacingPlanes], groups: Sequence[PartGroup]) -> list[FacingPlanes]:
+    """Return the planes of different groups that face each other, with the groups in place of the parts."""
+    whole = {part: group.name for group in groups for part in group.parts}
+    found = []
+    for pair in planes:
+        first, second = (whole.get(part, part) for part in pair.parts)
+        if first != second:
+            found.append(replace(pair, parts=(first, second)))
+    return found
 
 
 def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list[str]:

@@ -17,9 +17,11 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadPart
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop, find_geometry
+from engine.cad_import.proposed_groups import PartGroup, updated_groups
 from engine.cad_import.proposed_stops import stop_sides
 from engine.cad_import.proposed_text import entries_of
+from engine.mechanism.geometry.part_bodies import parts_of_body
 
 _FAR = 5.0  # mm between two positions of the same stop
 _ALIKE = 1e-6  # relative difference of the volumes and inertias of a renamed part
@@ -81,6 +83,20 @@ def _former_products(now: CadAssembly, before: CadAssembly) -> dict[str, str]:
         for former in before.parts
         if former.product in gone and _is_same(part, former)
     }
+
+
+def revised_groups(listed: Sequence[PartGroup], before: CadAssembly, now: CadAssembly) -> list[PartGroup]:
+    """Return the groups of a new revision: as a person listed them for the earlier one, with new parts as proposed."""
+    former = _former_products(now, before)
+    products = {former.get(part.name, part.product): part.product for part in now.parts}
+    stays = {part.name for part in now.parts}
+    names = {part.name: part.name for part in before.parts if part.name in stays}
+    for part in before.parts:
+        again = [new.name for new in now.parts if new.product == products.get(part.product) and _is_same(new, part)]
+        if part.name not in names and again:
+            names[part.name] = again[0]
+    proposed = find_geometry(now).groups if set(stays) - set(names.values()) else ()
+    return updated_groups(listed, proposed, names, [part.name for part in now.parts])
 
 
 def _is_same(part: CadPart, former: CadPart) -> bool:
@@ -161,7 +177,8 @@ def renamed(found: Sequence[_Found], names: list[str]) -> tuple[_Found, ...]:
 def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
     """Return the features of a mechanism file's CAD file with their names in its text, marked tables included."""
     tables = _tables(text)
-    bodies = {table.get("part"): name for kind, name, table in tables if kind == "bodies"}
+    of_parts = [(name, parts_of_body(table)) for kind, name, table in tables if kind == "bodies"]
+    bodies = {found.whole(parts[0]): name for name, parts in of_parts if parts}
     found = replace(found, bodies={part: bodies.get(part, name) for part, name in found.bodies.items()})
     written = [place for kind, name, table in tables if kind == "joints" for place in _joint(name, table)]
     names = matched(places_of_joints(found), written)

@@ -11,11 +11,14 @@ from engine.cad.cad_model import CadFace, SizeLimits
 from engine.cad.findings import PinInHole
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
 from engine.cad_import.proposed_text import key_line, question, value
-from engine.mechanism.geometry.cad_table import AS_DRAWN
-from engine.mechanism.geometry.face_search import axis_of
+from engine.mechanism.geometry.cad_table import AS_DRAWN, RoundFace
+from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, axis_of
 
 LAW = "contact"
 """The material pair of all proposed joints and contacts."""
+
+NEARER = None, 0.1, 0.01, 1e-3
+"""Distances of a point from its face [mm]: half a millimetre, or less if others are as near."""
 
 _ALIKE = 1e-6  # mm
 _LEAST_PLAY = 1e-6  # mm
@@ -162,7 +165,19 @@ def side(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
 
 
 def _selector(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
-    return {"radius": round(face.radius, 9), "near": np.round(found.to_body(face.part, face.point), 6)}
+    """Return what selects a hole or a pin; in a body of several parts, such that no other face fits."""
+    near = np.round(found.to_body(face.part, face.point), 6)
+    wanted: dict[str, Any] = {"radius": round(face.radius, 9), "near": near}
+    if any(group.name == face.part for group in found.groups):
+        search = PartSearch(found.assembly, face.part, 1.0)
+        for within in NEARER:
+            closer = wanted if within is None else {**wanted, "within": within}
+            try:
+                search.round_face(RoundFace.model_validate({**closer, "near": near.tolist()}), hollow=face.hollow)
+            except NotOneFace:
+                continue
+            return closer
+    return wanted
 
 
 def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) -> list[str]:

@@ -3,8 +3,10 @@
 Motions that no load acts on yet are named in it: gravity and loads will have to act on them.
 """
 
+import re
 import time
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +14,12 @@ import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart, Solid
 from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import LAW, all_diameters, ball_lines, joint_lines
 from engine.cad_import.proposed_stops import stop_tables
-from engine.cad_import.proposed_text import key_line, marked, question
+from engine.cad_import.proposed_text import key_line, marked, question, value
 from engine.errors import EngineError
+from engine.faults.fault import some
 from engine.mechanism import mechanism_from
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, without_selectors
 from engine.preflight.cautions import MOST_BODIES
@@ -43,10 +47,17 @@ class UnloadedMotions:
 NOT_SOUGHT = UnloadedMotions()
 
 
-def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: UnloadedMotions = NOT_SOUGHT) -> str:
+def proposed_mechanism(
+    found: FoundGeometry,
+    file: str,
+    name: str,
+    unloaded: UnloadedMotions = NOT_SOUGHT,
+    listed: Sequence[PartGroup] | None = None,
+) -> str:
     """Return the text of a mechanism file; `file` is the path of the CAD file relative to it.
 
-    `unloaded` is the result of `unloaded_directions` for the text without it.
+    `unloaded` is the result of `unloaded_directions` for the text without it. `listed` are the groups in its
+    ``[groups]``; without them, those of which its bodies are made.
     """
     assembly = found.assembly
     lines = [
@@ -56,6 +67,7 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Unl
         'units = "mm-g-ms"',
         *_gravity(found),
         "",
+        *_groups(found.groups if listed is None else listed),
         *_parameters(found),
         "[cad]",
         key_line("file", file),
@@ -77,6 +89,23 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Unl
     for ball in found.balls:
         lines += ball_lines(found, ball)
     return "\n".join([*lines, *stop_tables(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
+
+
+def _groups(groups: Sequence[PartGroup]) -> list[str]:
+    """Return the table of the groups, in which a person edits them."""
+    if not groups:
+        return []
+    text = (
+        "is each of these one rigid body, and is no other? Edit the lists, and clearcap mechanism import with the STEP"
+        " file and --update with this file brings bodies, joints and stops to them"
+    )
+    lines = [key_line(_bare(group.name), list(group.parts), group.why) for group in groups]
+    return ["[groups]", question("groups", text), *lines, ""]
+
+
+def _bare(name: str) -> str:
+    """Return a key of TOML, in quotes where it needs them."""
+    return name if re.fullmatch(r"[A-Za-z_][\w-]*", name, re.ASCII) else value(name)
 
 
 def largest_part(assembly: CadAssembly) -> CadPart:
@@ -119,7 +148,12 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
     """Return the table of a body."""
     name = found.bodies[part.name]
     path = " / ".join(filter(None, part.path))
-    lines = [f"[bodies.{name}]", key_line("part", part.name, path if path != part.name else "")]
+    group = next((each for each in found.groups if each.name == part.name), None)
+    lines = [f"[bodies.{name}]"]
+    if group is None:
+        lines.append(key_line("part", part.name, path if path != part.name else ""))
+    else:
+        lines.append(key_line("parts", list(group.parts)))
     if is_largest:
         lines += [question("bodies", "which part is fixed? This is the largest"), "# fixed = true"]
     without = [solid for solid in part.solids if not _density(part, solid)]
@@ -127,10 +161,13 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
         text = "it has surfaces only, no solid: what are its mass, center_of_mass and inertia?"
         lines.append(question(f"bodies.{name}.mass", text))
     elif without:
-        one = len(part.solids) == 1
+        one = len(part.solids) == 1 or group is not None
         text = "the CAD file has none; which is it, in g/mm3?"
         several = f"{len(part.solids)} solids, of {', '.join(f'{s.volume:.4g}' for s in part.solids)} mm3"
-        lines.append(question(f"bodies.{name}.density", text if one else f"{text} {several}"))
+        if group is not None:
+            several = f"of {some([solid.name for solid in without])}"
+        said = text if one and group is None else f"{text} {several}"
+        lines.append(question(f"bodies.{name}.density", said))
         lines.append(f"# density = {'7.85e-3' if one else '[' + ', '.join(['7.85e-3'] * len(part.solids)) + ']'}")
     return [*lines, ""]
 
@@ -180,7 +217,7 @@ def unloaded_directions(found: FoundGeometry, text: str, seconds: float = _UNLOA
 
     motions: list[str] = []
     try:
-        plain, _ = without_selectors(_answered(found, tomllib.loads(text)), found.assembly)
+        plain, _ = without_selectors(_answered(found, tomllib.loads(text)), found.drawn)
         mechanism = mechanism_from(plain, "proposal")
         small = small_motions(assemble(mechanism))
         end = time.process_time() + seconds  # what comes before may compile
@@ -197,7 +234,7 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
     """Return the tables of a proposed file with arbitrary answers to its questions about bodies and joints."""
     fixed = found.bodies[largest_part(found.assembly).name]
     for name, body in tables["bodies"].items():
-        body.update({"fixed": True} if name == fixed else {"density": _SOME_DENSITY})
+        body.update({"fixed": True} if name == fixed else {"density": _SOME_DENSITY})  # of all solids
     for part in found.assembly.parts:
         if not part.solids:
             tables["bodies"][found.bodies[part.name]] |= _SOME_BODY

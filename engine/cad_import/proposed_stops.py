@@ -9,13 +9,12 @@ from engine.cad import CadFace
 from engine.cad.findings import ExtrudedProfile, FacingPlanes, FacingRound
 from engine.cad.findings.facing_rounds import WHOLE
 from engine.cad_import.found_geometry import FoundGeometry, FoundStop
-from engine.cad_import.proposed_joints import LAW, side
+from engine.cad_import.proposed_joints import LAW, NEARER, side
 from engine.cad_import.proposed_text import key_line, marked, question
 from engine.mechanism.geometry.cad_table import NearPlace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 
 _DIGITS = 9
-_WITHIN = None, 0.1, 0.01, 1e-3  # mm from a point to its face: half a millimetre, or less if others are as near
 _CENTRED = 1e-6  # mm
 Side = dict[str, Any]
 
@@ -65,7 +64,7 @@ def _near_side(found: FoundGeometry, face: CadFace, at: Array) -> Side:
     search, near = PartSearch(found.assembly, face.part, 1.0), np.round(found.to_body(face.part, at), 6) + 0.0
     searched = search.plane if face.kind == "plane" else search.face
     wanted: Side = {"near": near}
-    for within in _WITHIN:
+    for within in NEARER:
         wanted = {"near": near} if within is None else {"near": near, "within": within}
         try:
             searched(NearPlace.model_validate({**wanted, "near": near.tolist()}))

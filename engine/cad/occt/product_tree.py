@@ -30,6 +30,8 @@ class Instance:
     """Of the product; empty if it has none."""
     path: tuple[str, ...]
     placement: Placement
+    branch: tuple[int, ...] = ()
+    """Index in each assembly around it, from the root."""
     solid: int = -1
     """Index of the solid of the product that it is; -1 if it is all of the product."""
 
@@ -55,8 +57,8 @@ def instances(shapes: Any) -> list[Instance]:
     Raises UnreadableStep if there are too many or none, or if one is scaled.
     """
     found: list[Instance] = []
-    for root in listed(shapes.GetFreeShapes):
-        for instance in _below(root, given_name(root), (given_name(root),), gp_Trsf()):
+    for number, root in enumerate(listed(shapes.GetFreeShapes)):
+        for instance in _below(root, given_name(root), (given_name(root),), (number,), gp_Trsf()):
             if not ShapeMap(ShapeTool.GetShape_s(instance.label), FACE):
                 continue
             found.append(instance)
@@ -79,12 +81,12 @@ def _solids_of(instance: Instance) -> list[Instance]:
     return each if len(each) > 1 else [instance]
 
 
-def _below(label: Any, name: str, path: tuple[str, ...], move: gp_Trsf) -> Iterator[Instance]:
+def _below(label: Any, name: str, path: tuple[str, ...], branch: tuple[int, ...], move: gp_Trsf) -> Iterator[Instance]:
     """Yield the instances in an assembly, or the product itself."""
     if len(path) > _DEEPEST:
         raise UnreadableStep(f"has assemblies inside each other, more than {_DEEPEST} deep")
     if not ShapeTool.IsAssembly_s(label):
-        yield Instance(label, name, path, _placement(move, path))
+        yield Instance(label, name, path, _placement(move, path), branch)
         return
     components = list[tuple[Any, Any]]()
     for component in listed(ShapeTool.GetComponents_s, label):
@@ -93,13 +95,13 @@ def _below(label: Any, name: str, path: tuple[str, ...], move: gp_Trsf) -> Itera
             components.append((component, product))
     # several shapes of one product, such as a solid and datum curves, are components that OCCT has named
     is_product = all(is_shape_of_product(component) and not given_name(product) for component, product in components)
-    for component, product in components:
+    for number, (component, product) in enumerate(components):
         here = move.Multiplied(ShapeTool.GetLocation_s(component).Transformation())
         if is_product:
-            yield from _below(product, name, path, here)
+            yield from _below(product, name, path, branch, here)
         else:
             own = given_name(product)
-            yield from _below(product, own, (*path, given_name(component) or own), here)
+            yield from _below(product, own, (*path, given_name(component) or own), (*branch, number), here)
 
 
 def _placement(move: gp_Trsf, path: tuple[str, ...]) -> Placement:

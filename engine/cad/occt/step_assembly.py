@@ -109,6 +109,7 @@ def _part(instance: Instance, name: str, product: _Product, here: ProductGeometr
         name=name,
         product=product.name,
         path=instance.path,
+        branch=instance.branch,
         placement=instance.placement,
         material=product.material,
         solids=here.solids,

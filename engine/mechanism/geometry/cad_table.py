@@ -12,6 +12,8 @@ from engine.mechanism.base import Number, Point, PositiveLength, TableModel
 
 AS_DRAWN = "as drawn"
 DENSITY = "the density of the part, or a list with that of each of its solids; default: as the CAD file has it"
+PARTS = "parts of the CAD file that are one rigid body; its frame is that of the first"
+GROUPS = "which parts mechanism import makes one body; each list must be the parts of a body"
 PART = "the part of the CAD file that the body is: pose, mass, centre, inertia and outline come from it"
 
 

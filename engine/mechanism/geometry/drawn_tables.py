@@ -14,7 +14,7 @@ from engine.cad.step_reader import MeasuredShape, ShapePair, drawn_distances
 from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.base import is_number
-from engine.mechanism.faults import as_table, did_you_mean, faults_of
+from engine.mechanism.faults import as_table, faults_of
 from engine.mechanism.geometry.cad_table import (
     AS_DRAWN,
     SELECTORS,
@@ -45,7 +45,14 @@ from engine.mechanism.geometry.face_search import (
     length,
     line_side,
 )
-from engine.mechanism.geometry.part_bodies import POSE, NoDensity, body_of_part, mass_properties
+from engine.mechanism.geometry.part_bodies import (
+    POSE,
+    NoDensity,
+    NoPart,
+    body_of_part,
+    mass_properties,
+    part_of_body,
+)
 from engine.mechanism.quantities import UnitSystem
 
 TOUCHING = 1e-7
@@ -62,6 +69,7 @@ class DrawnTables:
 
     assembly: CadAssembly  # in the mechanism's unit of length
     units: UnitSystem
+    joined: frozenset[str] = frozenset()  # names of the parts that several parts of one body become
     parts: dict[str, str] = field(default_factory=dict)  # body -> part, for each body that is a part
     moved: set[str] = field(default_factory=set)  # bodies whose pose is not that in the CAD file
     faults: list[Fault] = field(default_factory=list)
@@ -83,13 +91,12 @@ class DrawnTables:
 
     def body(self, keys: Keys, body: Mapping[str, Any]) -> dict[str, Any]:
         """Return the table of a body with plain numbers."""
-        if "part" not in body:
+        if not body.keys() & {"part", "parts"}:
             return dict(body)
-        names = [part.name for part in self.assembly.parts]
-        name = body["part"]
-        if name not in names:
-            text = f"no such part; allowed: {', '.join(names)}{did_you_mean(str(name), names)}; correct it"
-            self.faults.append(Fault((*keys, "part"), text, name))
+        try:
+            name = part_of_body(body, [part.name for part in self.assembly.parts if part.name not in self.joined])
+        except NoPart as error:
+            self.faults.append(Fault((*keys, error.key), str(error), error.value))
             return {}
         part = self.assembly.part(name)
         self.parts[keys[-1]] = name
@@ -296,16 +303,22 @@ def _primitive(side: Any) -> str:
     return next((key for key in as_table(side) if key not in ("body", "within")), "")
 
 
-def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:
+def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape | None:
     """Return a face or an edge of a part as one end of a distance; a flat face includes all faces coplanar with it."""
     if isinstance(feature, CadEdge):
-        return MeasuredShape(_place(search), edges=feature.places)
+        return MeasuredShape(_place(search, feature.faces[0]), edges=feature.places)
     return measured_surface(search, search.pieces(feature))
 
 
-def measured_surface(search: PartSearch, faces: Sequence[CadFace]) -> MeasuredShape:
-    """Return faces of a part as one end of a distance, without other faces on their planes."""
-    return MeasuredShape(_place(search), faces=tuple(place for face in faces for place in face.places))
+def measured_surface(search: PartSearch, faces: Sequence[CadFace]) -> MeasuredShape | None:
+    """Return faces of a part as one end of a distance, without other faces on their planes.
+
+    None if they are of several parts of one body: the distance is measured from one part.
+    """
+    places = {_place(search, face.number) for face in faces}
+    if len(places) > 1:
+        return None
+    return MeasuredShape(places.pop(), faces=tuple(place for face in faces for place in face.places))
 
 
 def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape | None:
@@ -316,9 +329,10 @@ def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape
     return MeasuredShape(point=tuple(float(x) / search.millimetre for x in search.to_assembly(point)))
 
 
-def _place(search: PartSearch) -> int:
-    """Return the index of a part in the assembly."""
-    return [each.name for each in search.assembly.parts].index(search.part)
+def _place(search: PartSearch, face: int) -> int:
+    """Return the index in the assembly of the part, as drawn, that a face belongs to."""
+    part = next(each.part for each in search.assembly.faces if each.number == face)  # parts as drawn come first
+    return [each.name for each in search.assembly.parts].index(part)
 
 
 def drawn_gaps(

@@ -1,4 +1,7 @@
-"""Bodies that are parts of a CAD file: pose, mass, centre and inertia from the solids, unless the file gives them."""
+"""Bodies that are parts of a CAD file: pose, mass, centre and inertia from the solids, unless the file gives them.
+
+A body is one part, or several that are rigidly joined; its frame is that of the first.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +12,47 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad import CadPart
 from engine.mechanism.base import is_number
+from engine.mechanism.faults import did_you_mean
 from engine.mechanism.geometry.face_search import direction, lengths, significant
 
 POSE = {"origin", "axis", "angle"}
 """The keys of a body's pose: the file gives either all of them or none, and then the pose is that of the part."""
+
+
+class NoPart(Exception):
+    """The parts of a body are not parts of the CAD file; the message says why, about a key and its value."""
+
+    def __init__(self, key: str, text: str, value: object) -> None:
+        super().__init__(text)
+        self.key, self.value = key, value
+
+
+def joined_name(parts: Sequence[str]) -> str:
+    """Return the name of the part that several parts become in one body."""
+    return " + ".join(parts)
+
+
+def parts_of_body(body: Mapping[str, Any]) -> list[str]:
+    """Return the names in the `part` or the `parts` of a body; empty if it has neither, or no texts."""
+    given = [body["part"]] if "part" in body else body.get("parts")
+    return list(given) if isinstance(given, list) and all(isinstance(name, str) for name in given) else []
+
+
+def part_of_body(body: Mapping[str, Any], known: Sequence[str]) -> str:
+    """Return the name of the part that a body is, or of that which its parts become; raise NoPart if there is none."""
+    if "part" in body and "parts" in body:
+        raise NoPart("parts", "not beside part; allowed: one of the two; remove one of them", body["parts"])
+    key = "part" if "part" in body else "parts"
+    names = parts_of_body(body)
+    if not names:
+        raise NoPart(key, f"no list of parts; allowed: one or more of {', '.join(known)}; correct it", body[key])
+    for name in names:
+        if name not in known:
+            text = f"no such part; allowed: {', '.join(known)}{did_you_mean(name, known)}; correct it"
+            raise NoPart(key, text, name)
+        if names.count(name) > 1:
+            raise NoPart(key, "named twice; allowed: each part once; remove one of them", name)
+    return names[0] if len(names) == 1 else joined_name(names)
 
 
 class NoDensity(Exception):
@@ -90,8 +130,8 @@ def body_of_part(
 ) -> dict[str, Any]:
     """Return the table of a body completed with the numbers of its part; existing entries are kept.
 
-    ``part`` and ``density`` are removed. ``masses`` is None for a fixed body, and ``millimetre`` the length of one in
-    the mechanism's unit.
+    ``part``, ``parts`` and ``density`` are removed. ``masses`` is None for a fixed body, and ``millimetre`` the length
+    of one in the mechanism's unit.
     """
     from scipy.spatial.transform import Rotation
 
@@ -111,7 +151,7 @@ def body_of_part(
             "center_of_mass": lengths(R.T @ (masses.centre - placement.translation), millimetre),
             "inertia": significant((inertia + inertia.T) / 2).tolist(),
         }
-    written = {key: value for key, value in body.items() if key not in ("part", "density")}
+    written = {key: value for key, value in body.items() if key not in ("part", "parts", "density")}
     if written.keys() & POSE:
         numbers = {key: value for key, value in numbers.items() if key not in POSE}
     return numbers | written

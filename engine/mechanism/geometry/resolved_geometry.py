@@ -8,11 +8,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine.cad import CadAssembly, in_unit, read_step
+from engine.cad.joined_parts import with_joined_parts
 from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.faults import as_table, faults_of, named_tables, sub_table
 from engine.mechanism.geometry.cad_table import CadTable, GeometryCertificate
 from engine.mechanism.geometry.drawn_tables import DrawnTables, drawn_gaps
+from engine.mechanism.geometry.part_bodies import joined_name, parts_of_body
 from engine.mechanism.quantities import UnitSystem
 
 
@@ -48,7 +50,7 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
             f" {quote(str(folder / table.file))} --update {quote(source)}"
         )
         raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
-    used = [body.get("part") for body in named_tables(data, "bodies").values()]
+    used = [part for body in named_tables(data, "bodies").values() for part in parts_of_body(body)]
     damaged = [part for part in assembly.damaged if part in used]
     if damaged and not table.accept_damage:
         text = f"{assembly.damage}, or take what is left with accept_damage = true beside it"
@@ -77,14 +79,50 @@ def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[d
     places.
     """
     units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
-    tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)
-    plain = _plain({key: value for key, value in data.items() if key != "cad"}, (), tables)
+    joined = _joined_parts(data, assembly)
+    assembly = with_joined_parts(assembly, joined, beside=True)
+    drawn = assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0)
+    tables = DrawnTables(drawn, units, frozenset(joined))
+    tables.faults.extend(_group_faults(data))
+    plain = _plain({key: value for key, value in data.items() if key not in ("cad", "groups")}, (), tables)
     if "benches" in plain:
         benches = named_tables(data, "benches")
         plain["benches"] = {name: _plain(bench, ("benches", name), tables) for name, bench in benches.items()}
     if tables.faults:
         raise UnresolvedGeometry(tables.faults)
     return plain, tables
+
+
+def _joined_parts(data: Mapping[str, Any], assembly: CadAssembly) -> dict[str, list[str]]:
+    """Return the parts of each body that is made of several, by the name of the part that they become."""
+    known = [part.name for part in assembly.parts]
+    tables = [data, *named_tables(data, "benches").values()]
+    bodies = [body for table in tables for body in named_tables(table, "bodies").values() if "parts" in body]
+    joined = {}
+    for body in bodies:
+        parts = parts_of_body(body)
+        if len(parts) > 1 and len(set(parts)) == len(parts) and set(parts) <= set(known):
+            joined[joined_name(parts)] = parts
+    return joined
+
+
+def _group_faults(data: Mapping[str, Any]) -> list[Fault]:
+    """Return a fault for each group with other parts than the body of its parts."""
+    bodies = {name: parts_of_body(body) for name, body in named_tables(data, "bodies").items()}
+    faults = []
+    for group, parts in as_table(data.get("groups", {})).items():
+        if not isinstance(parts, list) or not all(isinstance(part, str) for part in parts):
+            faults.append(Fault(("groups", group), "no list of parts; allowed: names of parts; correct it", parts))
+            continue
+        other = [name for name, own in bodies.items() if set(own) & set(parts) and set(own) != set(parts)]
+        if other:
+            text = (
+                f"not the parts of {', '.join(f'bodies.{name}' for name in other)}; allowed: the parts of one body; if"
+                " this group is right, clearcap mechanism import with the STEP file and --update with this file brings"
+                " bodies and joints to it"
+            )
+            faults.append(Fault(("groups", group), text, parts))
+    return faults
 
 
 def _plain(data: Mapping[str, Any], keys: tuple[str, ...], tables: DrawnTables) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 from engine.mechanism.base import TableModel
 from engine.mechanism.expression import LONGEST
-from engine.mechanism.geometry.cad_table import AS_DRAWN, DENSITY, GEOMETRY_OF, PART, SELECTORS, CadTable
+from engine.mechanism.geometry.cad_table import AS_DRAWN, DENSITY, GEOMETRY_OF, GROUPS, PART, PARTS, SELECTORS, CadTable
 from engine.mechanism.models import Mechanism
 
 EXPRESSION = {
@@ -35,10 +35,13 @@ def _add_geometry(schema: dict[str, Any]) -> None:
     """Add the keys that name geometry of a CAD file in place of other keys."""
     tables = schema["$defs"]
     schema["properties"]["cad"] = _table_of(CadTable, tables)
+    of_parts = {"type": "array", "items": {"type": "string"}}
+    schema["properties"]["groups"] = {"type": "object", "additionalProperties": of_parts, "description": GROUPS}
     as_drawn = {"type": "string", "const": AS_DRAWN}
     number = {"type": "number", "exclusiveMinimum": 0}
     tables["Body"]["properties"] |= {
         "part": {"type": "string", "description": PART},
+        "parts": {"type": "array", "items": {"type": "string"}, "minItems": 1, "description": PARTS},
         "density": {"anyOf": [number, {"type": "array", "items": number}], "description": DENSITY},
     }
     for kind, model in SELECTORS.items():
