@@ -61,12 +61,33 @@ class PoseAtRest:
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
         # the length of the step is 1, because state.r holds forces here, not impulses; at rest a mean is the force
-        responses = model.responses._replace(averaged_over=np.zeros(len(self.reported)))
-        measure(responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
+        at_rest = model._replace(responses=model.responses._replace(averaged_over=np.zeros(len(self.reported))))
+        if model.bilateral.read[0]:
+            work.bilateral.force[:] = math.nan if self.forces is None else self._forces_of_rows(self.forces, phase, t)
+        measure(at_rest, state, work.sites, work.bilateral, work.values, work.vectors, (t, 1.0))
+        read = model.responses
         # speeds keep their values, and so do responses that were read at the end of an earlier phase
-        forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == phase)
+        forces_at_end = (read.at == END) & (read.kind >= CONTACT_FORCE) & (read.to_phase == phase)
         self.reported[forces_at_end] = work.values[forces_at_end]
         work.at_impact[forces_at_end] = False
+
+    def _forces_of_rows(self, forces: Array, phase: int, t: float) -> Array:
+        """Return the forces, or torques, with which ideal joints and motions hold the loads and the contact forces."""
+        model, state, work, problem = self.assembly.arrays
+        bodies, wrench, n = model.bodies, np.zeros_like(work.wrench), problem.w.size
+        apply_loads(bodies, model.loads, model.time_laws, state, phase, t, wrench, work.vectors)
+        load = np.zeros(n)
+        for body, node in enumerate(bodies.node):
+            k = ROW * node
+            load[k : k + 3] = wrench[body, :3] / np.sqrt(bodies.mass[body])
+            load[k + 3 : k + 6] = bodies.inverse_root[body] @ (state.R[body].T @ wrench[body, 3:])
+        touching = _touching(self.assembly)
+        effect = np.zeros((3 * touching.size, n))
+        effect_on_bodies(problem.rows, np.arange(touching.size), effect)
+        load += effect.T @ forces[touching].ravel()
+        with one_thread():
+            J = dense_rows(problem.bilateral.node, problem.bilateral.J[:, None], n)[:, 0]
+            return np.asarray(model.bilateral.arm * np.linalg.lstsq(J.T, -load, rcond=None)[0])
 
     def hand_over(self, run: Assembly) -> None:
         """Let a run go on with these forces: as reported ones, and as those at the beginning of the next phase."""

@@ -75,6 +75,8 @@ def _measured(
     if response.type == "spring_torque":
         torsion: Any = mechanism.springs[response.spring]
         return _turn(mechanism, torsion.b, torsion.a, torsion.axis, f"torque on {torsion.b}")
+    if response.type.startswith("motion_"):
+        return _of_motion(mechanism, response)
     if response.type in ("angle", "angular_velocity"):
         against = response.relative_to
         what = "rotation" if response.type == "angle" else "angular velocity"
@@ -122,6 +124,18 @@ def _turn(
     at = _world(mechanism, body, between[0][0].point if between else mechanism.bodies[body].center_of_mass)
     turned = (start_rotation(mechanism, against) if against else np.eye(3)) @ np.asarray(axis)
     return "turn", at, at + turned, at, value
+
+
+def _of_motion(mechanism: Mechanism, response: Any) -> tuple[str, Array, Array, Array, str]:
+    """Return the travel, force, torque or work of a prescribed motion, at the point or axis that it leads."""
+    motion: Any = mechanism.motions[response.motion]
+    value = f"{response.type.removeprefix('motion_')} of motion {response.motion}"
+    if "about" in type(motion).model_fields:
+        return _turn(mechanism, motion.body, motion.relative_to, motion.about.axis, value)
+    at, way = _world(mechanism, motion.body, motion.along.point), np.asarray(motion.along.direction)
+    if motion.relative_to:
+        way = start_rotation(mechanism, motion.relative_to) @ way
+    return "arrow", at, at + way, at, value
 
 
 def _without_place(response: Any) -> str:

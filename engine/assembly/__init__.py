@@ -10,7 +10,7 @@ from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import load_arrays, phase_arrays, time_law_arrays
-from engine.assembly.responses import response_arrays
+from engine.assembly.responses import reads_motions, response_arrays
 from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
@@ -93,10 +93,10 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         metric=rank_metric(bodies, rows),
         contacts=contacts,
         laws=laws,
-        bilateral=bilateral_arrays(rows, len(mechanism.phases)),
+        bilateral=bilateral_arrays(rows, len(mechanism.phases), reads_motions(mechanism)),
         time_laws=time_laws,
         loads=load_arrays(mechanism, frames, law_numbers),
-        responses=response_arrays(mechanism, frames, state, pairs),
+        responses=response_arrays(mechanism, frames, state, pairs, [row.name for row in rows]),
         phases=phase_arrays(mechanism),
     )
     nc = len(pairs)
@@ -134,7 +134,12 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
         bilateral=BilateralState(
-            np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3)), np.zeros(nt, bool)
+            np.zeros((3, nt)),
+            np.zeros(nt),
+            np.zeros((nt, 3)),
+            np.zeros((nt, 3)),
+            np.zeros(nt, bool),
+            *np.zeros((4, nt)),
         ),
         start=StepStart(np.zeros((nb + 1, 16)), bodies[2], contacts[3], contacts[4]),
         sites=ContactSites(contacts[0], np.zeros((nc, 3, 3))),

@@ -38,8 +38,8 @@ def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
     return float(min(np.sqrt(np.trace(np.array(b.inertia, float)) / (2 * (b.mass or 0.0))) for b in moving))
 
 
-def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows:
-    """Return the rows as arrays, for a run of ``phases`` phases."""
+def bilateral_arrays(rows: list[BilateralRow], phases: int = 1, read: bool = False) -> BilateralRows:
+    """Return the rows as arrays, for a run of ``phases`` phases; ``read``: forces or work of motions are read."""
     acts = np.array([np.full(phases, True) if row.phases is None else row.phases for row in rows], bool)
     acts = acts.reshape(-1, phases)
     return BilateralRows(
@@ -53,6 +53,7 @@ def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows
         offset=np.zeros(len(rows)),
         acts=acts[:, 0].copy(),
         closed=np.array([_close_loops(rows)]),
+        read=np.array([read]),
     )
 
 

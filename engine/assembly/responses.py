@@ -28,23 +28,37 @@ KINDS = {
     "joint_force": model.JOINT_FORCE,
     "spring_force": model.SPRING_FORCE,
     "spring_torque": model.SPRING_TORQUE,
+    "motion_travel": model.MOTION_TRAVEL,
+    "motion_work": model.MOTION_WORK,
+    "motion_force": model.MOTION_FORCE,
+    "motion_torque": model.MOTION_FORCE,
     "time": model.TIME,
     "difference": model.DERIVED,
     "condition": model.DERIVED,
     "formula": model.DERIVED,
 }
-MOTION = ("position", "angle", "gap")
+MOTION = ("position", "angle", "gap", "motion_travel")
 
 
-def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]) -> Responses:
-    """Return the responses: what is measured, and when it is reported; ``pairs`` are all contacts.
+def reads_motions(mechanism: Mechanism) -> bool:
+    """Return whether a response reads the force or the work of a prescribed motion."""
+    kinds = [KINDS[response.type] for response in mechanism.responses.values()]
+    return model.MOTION_WORK in kinds or model.MOTION_FORCE in kinds
+
+
+def response_arrays(
+    mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, pairs: list[Pair], rows: list[str]
+) -> Responses:
+    """Return the responses: what is measured, and when it is reported.
+
+    ``pairs`` are all contacts, and ``rows`` the names of all bilateral rows.
 
     Raise MechanismError if a response names a contact that its joint does not have, or the force of a joint without
     contacts.
     """
     items = mechanism.responses.items()
     _refuse_missing_contacts(mechanism, [pair.name for pair in pairs])
-    what = [_measured(mechanism, response, frames, state, pairs) for _, response in items]
+    what = [_measured(mechanism, response, frames, state, pairs, rows) for _, response in items]
     when = [_reported(mechanism, response) for _, response in items]
     return Responses(
         kind=np.array([kind for kind, _, _ in what], np.int64),
@@ -62,9 +76,14 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: S
 
 
 def _measured(
-    mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]
+    mechanism: Mechanism,
+    response: Any,
+    frames: dict[str, BodyFrame],
+    state: State,
+    pairs: list[Pair],
+    rows: list[str],
 ) -> tuple[int, tuple[int, int, int], Array]:
-    """Return the kind, the bodies (or contacts, or spring) and the geometry of a response."""
+    """Return the kind, the bodies (or contacts, spring, or row) and the geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
     if response.type in ("position", "velocity"):
         body = _way(response, frames, point)
@@ -73,6 +92,8 @@ def _measured(
     elif response.type in ("spring_force", "spring_torque"):
         alike = [name for name, s in mechanism.springs.items() if s.type == mechanism.springs[response.spring].type]
         body = (alike.index(response.spring), 0, 0)
+    elif response.type.startswith("motion_"):
+        body = (rows.index(response.motion), 0, 0)
     elif response.type == "joint_force":
         body = _joint(mechanism, response, frames, pairs, point)
     elif kind not in (model.TIME, model.DERIVED):

@@ -17,7 +17,7 @@ from engine.friction.blocks import BODY, ROW
 from engine.friction.redundancy import mark_redundant
 from engine.jit import inner, kernel
 from engine.kernels.contacts import add_whitened
-from engine.kernels.loads import time_law, time_law_rate
+from engine.kernels.loads import smooth_change, time_law, time_law_rate
 from engine.kernels.model import SLIDE
 from engine.kernels.motion import NOTHING
 from engine.kernels.vectors import to_world, turn_to_world
@@ -25,6 +25,7 @@ from engine.kernels.vectors import to_world, turn_to_world
 # Share of a row's length that the others must leave for it to count: ten times what joints may be off at the start, in
 # rad, see `engine.assembly.start`. Axes of a closed linkage that agree to within that hold no more than exact ones.
 REDUNDANT = 1e-4
+JUMP = 1e-6  # share of the speed of a motion beyond which a sudden change is an impact
 
 
 @kernel
@@ -110,15 +111,21 @@ def slack(metric, rows, at_pose, i):
 
 @inner
 def begin_rows(rows, state, at_pose, phase):
-    """Activate the rows that act in ``phase``; a motion that begins with it starts from the current coordinate."""
+    """Activate the rows that act in ``phase``; a motion that begins with it starts from the current coordinate.
+
+    If motions are read, ``speed`` gets the rate of those that begin.
+    """
     violation, target = at_pose.violation, at_pose.target[1]
     # with target 0 the violation is the coordinate; only the motions that begin need it
     for i in range(violation.shape[0]):
         begins = phase > 0 and rows.phase[i, phase] and not rows.phase[i, phase - 1]
-        rows.acts[i], target[i] = begins, 0.0
+        rows.acts[i], target[i] = begins or (phase == 0 and rows.read[0] and rows.phase[i, 0]), 0.0
     row_violations(rows, state.x, state.R, target, violation, at_pose.point, at_pose.direction)
     for i in range(violation.shape[0]):
-        if rows.acts[i]:
+        if rows.acts[i] and rows.read[0]:
+            rate = row_velocity(rows, state.x, state.R, at_pose.point, at_pose.direction, state.v, i)
+            at_pose.speed[i] = rate / rows.arm[i]
+        if rows.acts[i] and phase > 0:
             rows.offset[i] = violation[i] / rows.arm[i]
         rows.acts[i] = rows.phase[i, phase]
         if not rows.acts[i]:
@@ -211,6 +218,14 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
     factorise_bilateral(problem.system, problem.bilateral)
     hold_bilateral(problem.system, problem.bilateral, c, problem.w)
     add_whitened(bodies, problem.w, twist)
+    if rows.read[0]:
+        for i in range(c.shape[0]):
+            impulse = _impulse(problem, i)
+            if h > 0.0:
+                at_pose.impulse[i] = impulse
+            else:
+                at_pose.impulse[i] += impulse
+                at_pose.work[i] += impulse * (rows.arm[i] * at_pose.target[2, i] + 0.5 * c[i])
     if h > 0.0:
         return 0.0
     driven = False
@@ -224,3 +239,49 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
         for k in range(BODY):
             removed += 0.5 * problem.w[ROW * bodies.node[body] + k] ** 2
     return removed
+
+
+# -- forces of prescribed motions --------------------------------------------------------------------------------------
+#
+# The impulse of a row in a step is the sum of those of the two joint stages and of the friction problem, in which the
+# rows are held. The first and the last act along the displacement of the step, the second one at its end, between the
+# velocities before and after it. So the work of all loads, contacts, joints and motions is the change of energy.
+
+
+@inner
+def _impulse(problem, i):
+    """Return the impulse on row i's body b that belongs to the unknowns ``w`` of a problem with bilateral rows."""
+    rows = problem.bilateral
+    return -problem.w[rows.at[i]] / rows.length[i] if rows.length[i] > 0.0 else 0.0
+
+
+@inner
+def add_contact_part(rows, at_pose, problem, nc, h, share):
+    """Add what holds the rows against ``nc`` contacts, and write the work along the displacement of the step ``h``.
+
+    Forces act during the whole step, of which drag leaves the ``share``.
+    """
+    for i in range(at_pose.impulse.shape[0]):
+        if nc > 0:
+            at_pose.impulse[i] += _impulse(problem, i)
+        at_pose.impulse[i] /= share
+        at_pose.work[i] = at_pose.impulse[i] * rows.arm[i] * (at_pose.target[1, i] - at_pose.target[0, i]) / h
+
+
+@inner
+def read_motions(rows, time_laws, at_pose, t, h):
+    """Write the force or torque of each motion in the step of length ``h`` that ended at time ``t``.
+
+    Where the speed of a motion jumps, as at the beginning of a ramp, the impulse is no force: it keeps its value.
+    """
+    for i in range(rows.kind.shape[0]):
+        if rows.law[i] < 0:
+            continue
+        if not rows.acts[i]:
+            at_pose.force[i] = at_pose.work[i] = 0.0
+            continue
+        rate, before = at_pose.target[2, i], at_pose.speed[i]
+        jump = rate - before - smooth_change(time_laws, rows.law[i], t - h, h)
+        if abs(jump) <= JUMP * (abs(rate) + abs(before)) + NOTHING:
+            at_pose.force[i] = at_pose.impulse[i] * rows.arm[i] / h
+        at_pose.speed[i] = rate

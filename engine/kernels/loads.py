@@ -37,6 +37,24 @@ def time_law_rate(laws, i, t):
 
 
 @inner
+def smooth_change(laws, i, t, h):
+    """Return the change of law i's rate from t to t + h without its jumps: the integral of its second derivative."""
+    t = _since(laws, i, t)
+    if t == -np.inf:
+        return 0.0
+    a, w, phi = laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
+    change, last = a * w * (np.cos(w * (t + h) + phi) - np.cos(w * t + phi)), laws.first[i + 1] - 1
+    for k in range(_piece(laws, i, t), last):  # the law is constant from its last piece on
+        c, start = laws.piece[k], laws.time[k]
+        first, end = max(t, start) - start, min(t + h, laws.time[k + 1]) - start
+        if end > first:
+            change += (end - first) * (2 * c[2] + 3 * c[3] * (first + end))
+        if t + h <= laws.time[k + 1]:
+            break
+    return change
+
+
+@inner
 def _since(laws, i, t):
     """Return the time since law i's phase began; -inf before it has begun."""
     return t - laws.begun[laws.since[i]]

@@ -14,8 +14,10 @@ from engine.jit import by_address
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(9, 12)  # impulses of a whole step, divided by its length
-DERIVED = 12  # computed from other responses, after the run
+MOTION_TRAVEL, MOTION_WORK = range(9, 11)
+# impulses of a whole step, divided by its length
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(11, 15)
+DERIVED = 15  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -99,6 +101,7 @@ class BilateralRows(NamedTuple):
     offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; start of the motion; written by the run
     acts: np.ndarray  # (nt,) bool, in the current phase; written by the run
     closed: np.ndarray  # (1,) bool, whether joints and motions close loops; otherwise no row is redundant
+    read: np.ndarray  # (1,) bool, whether forces or work of motions are read; otherwise no step computes them
 
 
 @by_address
@@ -198,6 +201,10 @@ class BilateralState(NamedTuple):
     point: np.ndarray  # (nt, 3)
     direction: np.ndarray  # (nt, 3)
     redundant: np.ndarray  # (nt,) bool, others hold it already, see `engine.friction.redundancy`
+    impulse: np.ndarray  # (nt,) on b along the direction, in the last step
+    work: np.ndarray  # (nt,) of that impulse
+    force: np.ndarray  # (nt,) of a motion in the last step in which its speed did not jump; the torque of a TURN
+    speed: np.ndarray  # (nt,) rate of a motion at the start of the step
 
 
 @by_address

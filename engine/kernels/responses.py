@@ -15,6 +15,9 @@ DERIVED           NaN here
 CONTACT_IMPULSE   contact; normal impulse so far
 CONTACT_FORCE     contact
 FRICTION_FORCE    contact
+MOTION_TRAVEL     bilateral row
+MOTION_WORK       bilateral row; work so far
+MOTION_FORCE      bilateral row; the torque of a rotation
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
 """
@@ -34,6 +37,9 @@ from engine.kernels.model import (
     FRICTION_FORCE,
     GAP,
     JOINT_FORCE,
+    MOTION_FORCE,
+    MOTION_TRAVEL,
+    MOTION_WORK,
     PEAK,
     SPRING_FORCE,
     SPRING_TORQUE,
@@ -47,14 +53,15 @@ SHORT = 0.1  # share of the time of a mean, below which a step resolves it
 
 
 @kernel
-def measure(responses, contacts, loads, state, sites, values, vectors, instant):
+def measure(model, state, sites, rows, values, vectors, instant):
     """Write every response at the end of a step into ``values``, (nr,).
 
     On entry, ``values`` holds those of the previous step, or the offsets at the start: an angle counts its full turns
     from there, an impulse is added up, and a mean force follows the force like a load cell behind a filter of first
     order. ``sites`` are written where a gap is measured, ``vectors``, (2, 3), is workspace, and
-    ``instant`` holds the time at the end of the step and its length.
+    ``instant`` holds the time at the end of the step and its length; ``rows`` is the state of the bilateral rows.
     """
+    responses, contacts, loads = model.responses, model.contacts, model.loads
     t, h = instant
     frame, p, q = sites.frame, vectors[0], vectors[1]
     for i in range(values.shape[0]):
@@ -75,6 +82,13 @@ def measure(responses, contacts, loads, state, sites, values, vectors, instant):
             value = state.r[body[0], 0] / h
         elif kind == FRICTION_FORCE:
             value = np.hypot(state.r[body[0], 1], state.r[body[0], 2]) / h
+        elif kind == MOTION_FORCE:
+            value = rows.force[body[0]]
+        elif kind == MOTION_WORK:
+            value = values[i] + rows.work[body[0]]
+        elif kind == MOTION_TRAVEL:
+            acts = model.bilateral.acts[body[0]]  # afterwards it stays as it was
+            value = rows.target[1, body[0]] - model.bilateral.offset[body[0]] if acts else values[i]
         elif kind == JOINT_FORCE:
             value = _joint_impulse(body, row, state, frame, p, q) / h
         elif kind in (ANGLE, ANGULAR_VELOCITY):

@@ -6,10 +6,10 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.jit import by_address, inner, kernel
-from engine.kernels.bilateral import begin_rows
+from engine.kernels.bilateral import begin_rows, read_motions
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.impacts import largest_impact
-from engine.kernels.model import CONTACT_FORCE, CONTACT_IMPULSE, DERIVED, END, Control, StepContext
+from engine.kernels.model import CONTACT_FORCE, CONTACT_IMPULSE, DERIVED, END, MOTION_WORK, Control, StepContext
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported
@@ -123,6 +123,8 @@ def run_to_end(arrays, control, course, rows, every, stop):
             n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
         if n[STATUS] != OK:
             return
+        if model.bilateral.read[0]:
+            read_motions(model.bilateral, model.time_laws, work.bilateral, now[TIME], now[STEP])
         _measure(model, state, work, course)
         if hits:
             work.impact[1] = work.impact[0]
@@ -146,7 +148,7 @@ def _measure(model, state, work, course):
     for i in range(work.values.shape[0]):
         work.previous[i] = work.values[i]
     instant = course.reals[TIME], course.reals[STEP]
-    measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, instant)
+    measure(model, state, work.sites, work.bilateral, work.values, work.vectors, instant)
 
 
 @inner
@@ -154,8 +156,9 @@ def _next_phase(model, state, work, control, course):
     """Enter the next phase: its clock and its motions begin."""
     n, now = course.counts, course.reals
     n[PHASE] += 1
-    for i in range(work.values.shape[0]):  # an impulse counts from the phase with which it begins
-        if model.responses.kind[i] == CONTACT_IMPULSE and model.responses.from_phase[i] == n[PHASE]:
+    for i in range(work.values.shape[0]):  # an impulse or work counts from the phase with which it begins
+        adds_up = model.responses.kind[i] in (CONTACT_IMPULSE, MOTION_WORK)
+        if adds_up and model.responses.from_phase[i] == n[PHASE]:
             work.values[i] = 0.0
     if n[PHASE] < model.phases.duration.shape[0]:
         model.time_laws.begun[n[PHASE]] = now[TIME]

@@ -60,12 +60,13 @@ from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import (
     Derived,
     Formula,
+    MotionTravel,
     Response,
     ResponseDifference,
     in_formulas,
     order_of_derived,
 )
-from engine.mechanism.time_laws import Motion
+from engine.mechanism.time_laws import Motion, Rotation
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -424,6 +425,8 @@ class Mechanism(TableModel):
                 return self._quantity_of_formula(response)
             except ExpressionFault:
                 return Quantity("number")
+        if isinstance(response, MotionTravel) and isinstance(self.motions[response.motion], Rotation):
+            return Quantity("angle")
         return response.quantity
 
     def _quantity_of_formula(self, response: Formula) -> Quantity:

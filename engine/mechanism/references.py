@@ -87,6 +87,8 @@ def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Ref
     yield "joint", (*key, "joint"), entry.get("joint")
     spring = "torsion spring" if entry.get("type") == "spring_torque" else "linear spring"
     yield spring, (*key, "spring"), entry.get("spring")
+    motion = {"motion_force": "translation", "motion_torque": "rotation"}.get(str(entry.get("type")), "motion")
+    yield motion, (*key, "motion"), entry.get("motion")
     for end in ("from_phase", "to_phase"):
         yield "phase", (*key, end), entry.get(end)
     for part in list_under(entry, "of"):
@@ -99,7 +101,7 @@ def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Ref
 
 
 def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
-    springs = named_tables(data, "springs")
+    springs, motions = named_tables(data, "springs"), named_tables(data, "motions")
     defined = {
         "body": list(sub_table(data, "bodies")),
         "material": list(sub_table(data, "materials")),
@@ -107,6 +109,9 @@ def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
         "joint": list(sub_table(data, "joints")),
         "response": list(sub_table(data, "responses")),
         "phase": phase_names(data),
+        "motion": list(motions),
+        "translation": [name for name, motion in motions.items() if "along" in motion],
+        "rotation": [name for name, motion in motions.items() if "about" in motion],
         "linear spring": [name for name, spring in springs.items() if spring.get("type") == "linear"],
         "torsion spring": [name for name, spring in springs.items() if spring.get("type") == "torsion"],
     }

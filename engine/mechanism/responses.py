@@ -321,6 +321,43 @@ class SpringTorque(Measured):
     spring: Name = Field(description="the spring, one with type torsion")
 
 
+class OfMotion(TableModel):
+    """Base class of what is measured of a prescribed motion."""
+
+    motion: Name = Field(description="the motion, a table of [motions]")
+
+
+class MotionTravel(Measured, OfMotion):
+    """How far a prescribed motion has come since it began: a length, or for a rotation an angle."""
+
+    measures = Quantity("length")
+
+    type: Literal["motion_travel"] = Field(description="the kind of response")
+
+
+class MotionForce(Force, OfMotion):
+    """The force with which a translation moves its body, positive along its direction."""
+
+    type: Literal["motion_force"] = Field(description="the kind of response")
+
+
+class MotionTorque(Force, OfMotion):
+    """The torque with which a rotation moves its body, positive about its axis."""
+
+    measures = Quantity("torque")
+
+    type: Literal["motion_torque"] = Field(description="the kind of response")
+
+
+class MotionWork(Measured, OfMotion):
+    """The work that a prescribed motion does on its body, added up over time."""
+
+    measures = Quantity("energy")
+    adds_up = True
+
+    type: Literal["motion_work"] = Field(description="the kind of response")
+
+
 class Time(Measured):
     """The time from the start of the run to its end or to an event."""
 
@@ -350,6 +387,10 @@ Response = Annotated[
     | JointForce
     | SpringForce
     | SpringTorque
+    | MotionTravel
+    | MotionForce
+    | MotionTorque
+    | MotionWork
     | Time
     | ResponseDifference
     | ConditionMet

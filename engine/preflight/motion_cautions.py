@@ -125,7 +125,7 @@ def values_at(small: SmallMotions, pose: State) -> Array:
     """Return all responses at a pose, as measured at one instant."""
     model, work = small.assembly.model, small.assembly.work
     values = model.responses.offset.copy()
-    measure(model.responses, model.contacts, model.loads, pose, work.sites, values, work.vectors, (0.0, 1.0))
+    measure(model, pose, work.sites, work.bilateral, values, work.vectors, (0.0, 1.0))
     return np.asarray(np.nan_to_num(values))
 
 

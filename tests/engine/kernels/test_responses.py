@@ -39,7 +39,7 @@ def index(assembly: Assembly, name: str) -> int:
 def read(assembly: Assembly, t: float = 0.0) -> np.ndarray:
     """Measure all responses at the present pose, with the impulses of a step of length H."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, H))
+    measure(model, state, work.sites, work.bilateral, work.values, work.vectors, (t, H))
     return work.values.copy()
 
 
