@@ -74,6 +74,7 @@ def proposed_mechanism(
         key_line("sha256", assembly.sha256),
         key_line("recognition", assembly.recognition),
         *([key_line("accept_damage", True)] if assembly.damage else []),
+        *_default_density(found.drawn),
         "",
         *_simulation(),
         f"[materials.{LAW}]",
@@ -132,6 +133,18 @@ def _parameters(found: FoundGeometry) -> list[str]:
     return ["[parameters]", *lines, ""]
 
 
+def _default_density(assembly: CadAssembly) -> list[str]:
+    """Return the question about the density of all parts of which the CAD file has none."""
+    without = [part.name for part in assembly.parts if any(not _density(part, solid) for solid in part.solids)]
+    if not without:
+        return []
+    text = (
+        f"the CAD file has no density of {some(without)}; which is it, in g/mm3, or of which material are they? One"
+        " that has another density gets it in the table of its body"
+    )
+    return [question("cad.density", text), '# density = "steel"']
+
+
 def _simulation() -> list[str]:
     return [
         "[simulation]",
@@ -156,19 +169,9 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
         lines.append(key_line("parts", list(group.parts)))
     if is_largest:
         lines += [question("bodies", "which part is fixed? This is the largest"), "# fixed = true"]
-    without = [solid for solid in part.solids if not _density(part, solid)]
     if not part.solids:
         text = "it has surfaces only, no solid: what are its mass, center_of_mass and inertia?"
         lines.append(question(f"bodies.{name}.mass", text))
-    elif without:
-        one = len(part.solids) == 1 or group is not None
-        text = "the CAD file has none; which is it, in g/mm3?"
-        several = f"{len(part.solids)} solids, of {', '.join(f'{s.volume:.4g}' for s in part.solids)} mm3"
-        if group is not None:
-            several = f"of {some([solid.name for solid in without])}"
-        said = text if one and group is None else f"{text} {several}"
-        lines.append(question(f"bodies.{name}.density", said))
-        lines.append(f"# density = {'7.85e-3' if one else '[' + ', '.join(['7.85e-3'] * len(part.solids)) + ']'}")
     return [*lines, ""]
 
 

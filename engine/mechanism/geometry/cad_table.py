@@ -4,17 +4,31 @@ The keys name the file, its parts, and faces by position. The certificate says h
 with the CAD file they were taken from.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints, WithJsonSchema
 
-from engine.mechanism.base import Number, Point, PositiveLength, TableModel
+from engine.mechanism.base import Number, Point, PositiveLength, TableModel, is_number, refuse
+from engine.mechanism.geometry.densities import density_of, unknown_material
 
 AS_DRAWN = "as drawn"
-DENSITY = "the density of the part, or a list with that of each of its solids; default: as the CAD file has it"
+DENSITY = (
+    "the density of the body, as a number or by the name of its material; or a list with that of each solid, or a table"
+    " with that of some of its parts; default: as the CAD file has it, or density in [cad]"
+)
+ONE_DENSITY: dict[str, Any] = {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}
 PARTS = "parts of the CAD file that are one rigid body; its frame is that of the first"
 GROUPS = "which parts mechanism import makes one body; each list must be the parts of a body"
 PART = "the part of the CAD file that the body is: pose, mass, centre, inertia and outline come from it"
+
+
+def _density(value: Any) -> Any:
+    """Read a density: a number, or the name of a material."""
+    if isinstance(value, str) and density_of(value) is None:
+        raise refuse(unknown_material(value))
+    if not isinstance(value, str) and not (is_number(value) and value > 0):
+        raise refuse("no density; allowed: a number > 0, or the name of a material; correct it")
+    return value
 
 
 class CadTable(TableModel):
@@ -28,6 +42,10 @@ class CadTable(TableModel):
     )
     recognition: Annotated[Number, Field(ge=0)] = Field(
         default=1e-4, description="the largest gap between a spline and what it is taken for, in mm, a number >= 0"
+    )
+    density: Annotated[Any, BeforeValidator(_density), WithJsonSchema(ONE_DENSITY)] = Field(
+        default=None,
+        description="the density of all solids of which the CAD file has none: a number > 0, or the name of a material",
     )
     accept_damage: bool = Field(
         default=False, strict=True, description="true if what can be read of a damaged file is enough"

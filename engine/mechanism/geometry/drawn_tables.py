@@ -47,11 +47,13 @@ from engine.mechanism.geometry.face_search import (
 )
 from engine.mechanism.geometry.part_bodies import (
     POSE,
+    DensityRules,
     NoDensity,
     NoPart,
     body_of_part,
     mass_properties,
     part_of_body,
+    parts_of_body,
 )
 from engine.mechanism.quantities import UnitSystem
 
@@ -70,6 +72,7 @@ class DrawnTables:
     assembly: CadAssembly  # in the mechanism's unit of length
     units: UnitSystem
     joined: frozenset[str] = frozenset()  # names of the parts that several parts of one body become
+    density: float | str | None = None  # of solids of which neither a body nor the CAD file has one
     parts: dict[str, str] = field(default_factory=dict)  # body -> part, for each body that is a part
     moved: set[str] = field(default_factory=set)  # bodies whose pose is not that in the CAD file
     faults: list[Fault] = field(default_factory=list)
@@ -105,7 +108,9 @@ class DrawnTables:
         masses = None
         if body.get("fixed") is not True and not body.keys() >= WEIGHS:
             try:
-                masses = mass_properties(part, body, 1.0 if self.units == "mm-g-ms" else 1000.0)
+                rules = DensityRules(1.0 if self.units == "mm-g-ms" else 1000.0, self.millimetre, self.density)
+                members = [self.assembly.part(each) for each in parts_of_body(body)]
+                masses = mass_properties(members, body, rules)
             except NoDensity as error:
                 self.faults.append(Fault((*keys, "density"), str(error), body.get("density")))
                 return {}

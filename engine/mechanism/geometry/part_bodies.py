@@ -11,8 +11,10 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadPart
+from engine.faults.fault import some
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import did_you_mean
+from engine.mechanism.geometry.densities import density_of, unknown_material
 from engine.mechanism.geometry.face_search import direction, lengths, significant
 
 POSE = {"origin", "axis", "angle"}
@@ -70,59 +72,120 @@ class MassProperties:
     source: str  # of the density
 
 
-def mass_properties(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> MassProperties:
-    """Return the mass properties of a part; ``mass_unit`` is the mechanism's unit of mass [g].
+@dataclass(frozen=True)
+class DensityRules:
+    """How densities are found: the units of the mechanism, and what holds where neither file has one of a solid."""
 
-    The ``density`` of the body's table, a number or one per solid, overrides that of the CAD file; without any density,
-    its ``mass`` is divided among the solids in proportion to their volumes. Raise NoDensity if neither file gives the
-    mass.
+    mass_unit: float  # the mechanism's unit of mass [g]
+    millimetre: float  # the length of one in the mechanism's unit
+    default: float | str | None = None  # a density, or the name of a material
+
+    def named(self, density: float | str) -> float | None:
+        """Return a density in the mechanism's unit; None if it is the name of no known material."""
+        if not isinstance(density, str):
+            return float(density)
+        known = density_of(density)
+        return None if known is None else known / (self.millimetre**3 * self.mass_unit)
+
+
+def mass_properties(parts: Sequence[CadPart], body: Mapping[str, Any], rules: DensityRules) -> MassProperties:
+    """Return the mass properties of parts that are one body.
+
+    The ``density`` of the body's table, as a number or the name of a material, overrides that of the CAD file: one for
+    all solids, one per solid, or one per part. Without any density, its ``mass`` is divided among the solids in
+    proportion to their volumes. Raise NoDensity if neither file gives the mass.
     """
-    volumes = np.array([solid.volume for solid in part.solids])
+    solids = [(part, solid) for part in parts for solid in part.solids]
+    volumes = np.array([solid.volume for _, solid in solids])
     if not len(volumes):
         raise NoDensity(
-            f"the part {part.name} holds no solid, only surfaces; allowed: a part with solids; give mass, "
+            f"the part {parts[0].name} holds no solid, only surfaces; allowed: a part with solids; give mass, "
             "center_of_mass and inertia, or export it as a solid"
         )
-    densities, source = _densities(part, body, mass_unit)
+    densities, source = _densities(parts, body, rules)
     masses = densities * volumes
-    centres = np.array([solid.centre for solid in part.solids])
+    centres = np.array([solid.centre for _, solid in solids])
     centre = masses @ centres / masses.sum()
     inertia = np.zeros((3, 3))
-    for density, own, solid in zip(densities, masses, part.solids, strict=True):
+    for density, own, (_, solid) in zip(densities, masses, solids, strict=True):
         r = solid.centre - centre
         inertia += density * solid.inertia + own * (r @ r * np.eye(3) - np.outer(r, r))
     return MassProperties(float(volumes.sum()), float(masses.sum()), centre, inertia, source)
 
 
-def _densities(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> tuple[Array, str]:
-    """Return the density of each solid, and its origin."""
-    given, count = body.get("density"), len(part.solids)
-    if given is not None:
-        each = [given] * count if is_number(given) else given
-        sound = isinstance(each, Sequence) and len(each) == count and all(is_number(rho) and rho > 0 for rho in each)
-        if not sound:
-            listed = f", or a list of {count}, one for each of its solids ({_solids(part)})" if count > 1 else ""
-            raise NoDensity(f"no density of {part.name}; allowed: a number > 0{listed}; correct it")
-        return np.array(each, float), "this file"
-    materials = [solid.material or part.material for solid in part.solids]
-    known = [material.density / mass_unit for material in materials if material and material.density]
-    if len(known) == count:
-        names = dict.fromkeys(material.name for material in materials if material)
-        return np.array(known), f"the CAD file ({', '.join(names)})"
+def _densities(parts: Sequence[CadPart], body: Mapping[str, Any], rules: DensityRules) -> tuple[Array, str]:
+    """Return the density of each solid, and their origin."""
+    given = _given(parts, body.get("density"))
+    materials = [solid.material or part.material for part in parts for solid in part.solids]
+    found: list[float | None] = []
+    sources: dict[str, list[str]] = {}
+    for own, material in zip(given, materials, strict=True):
+        if own is not None:
+            if (density := rules.named(own)) is None:
+                raise NoDensity(unknown_material(str(own)))
+            sources.setdefault("this file", []).extend([own] if isinstance(own, str) else [])
+        elif material and material.density:
+            density = material.density / rules.mass_unit
+            sources.setdefault("the CAD file", []).append(material.name)
+        elif rules.default is not None:
+            density = rules.named(rules.default)
+            sources.setdefault("[cad]", []).extend([rules.default] if isinstance(rules.default, str) else [])
+        else:
+            density = None
+        found.append(density)
+    known = [density for density in found if density is not None]
+    if len(known) == len(found):
+        named = {source: ", ".join(dict.fromkeys(names)) for source, names in sources.items()}
+        return np.array(known), " and ".join(f"{each} ({names})" if names else each for each, names in named.items())
+    volumes = [solid.volume for part in parts for solid in part.solids]
     if is_number(body.get("mass")) and not known:
-        return np.full(count, body["mass"] / sum(solid.volume for solid in part.solids)), "the mass in this file"
-    several = f"; its solids, in order: {_solids(part)}" if count > 1 else ""
+        return np.full(len(found), body["mass"] / sum(volumes)), "the mass in this file"
+    without = [part.name for part in parts if any(not (solid.material or part.material) for solid in part.solids)]
+    several = f"; its solids, in order: {_solids(parts)}" if len(found) > 1 else ""
     raise NoDensity(
-        f"missing; the CAD file has no density of {part.name}{several}; allowed: density, a number > 0"
-        f"{' or one for each solid' if count > 1 else ''}, or mass; add one of them"
+        f"missing; the CAD file has no density of {some(without or [part.name for part in parts])}{several}; allowed:"
+        f" density, a number > 0 or the name of a material{', or one for each solid' if len(found) > 1 else ''}, or"
+        " mass;"
+        " add one of them, or density to [cad], for all that have none"
     )
 
 
-def _solids(part: CadPart) -> str:
-    """Return a phrase for the number of solids of a part."""
-    names = [solid.name or f"solid {i}" for i, solid in enumerate(part.solids)]
-    volumes = [f"of volume {solid.volume:.6g}" for solid in part.solids]
-    return ", ".join(" ".join(each) for each in zip(names, volumes, strict=True))
+def _given(parts: Sequence[CadPart], given: Any) -> list[float | str | None]:
+    """Return the densities that a body's table gives to its solids; None where it gives none."""
+    count = sum(len(part.solids) for part in parts)
+    if given is None:
+        return [None] * count
+    if isinstance(given, Mapping):
+        names = [part.name for part in parts]
+        if strange := [name for name in given if name not in names]:
+            raise NoDensity(
+                f"{strange[0]!r} is no part of this body; allowed: {some(names)}{did_you_mean(strange[0], names)};"
+                " correct it"
+            )
+        given = [given.get(part.name) for part in parts for _ in part.solids]
+        sound = all(each is None or _is_density(each) for each in given)
+    else:
+        given = [given] * count if _is_density(given) else given
+        sound = isinstance(given, Sequence) and len(given) == count and all(map(_is_density, given))
+    if not sound:
+        listed = f", or a list of {count}, one for each of its solids ({_solids(parts)})" if count > 1 else ""
+        whose = some([part.name for part in parts])
+        raise NoDensity(f"no density of {whose}; allowed: a number > 0, or the name of a material{listed}; correct it")
+    return list(given)
+
+
+def _is_density(value: Any) -> bool:
+    return isinstance(value, str) or (is_number(value) and value > 0)
+
+
+def _solids(parts: Sequence[CadPart]) -> str:
+    """Return a phrase for the solids of parts."""
+    solids = [
+        (solid.name or f"solid {i}" if len(parts) == 1 else part.name, solid.volume)
+        for part in parts
+        for i, solid in enumerate(part.solids)
+    ]
+    return some([f"{name} of volume {volume:.6g}" for name, volume in solids])
 
 
 def body_of_part(

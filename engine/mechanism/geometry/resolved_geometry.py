@@ -82,7 +82,7 @@ def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[d
     joined = _joined_parts(data, assembly)
     assembly = with_joined_parts(assembly, joined, beside=True)
     drawn = assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0)
-    tables = DrawnTables(drawn, units, frozenset(joined))
+    tables = DrawnTables(drawn, units, frozenset(joined), sub_table(data, "cad").get("density"))
     tables.faults.extend(_group_faults(data))
     plain = _plain({key: value for key, value in data.items() if key not in ("cad", "groups")}, (), tables)
     if "benches" in plain:

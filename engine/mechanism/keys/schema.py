@@ -4,7 +4,17 @@ from typing import Any
 
 from engine.mechanism.base import TableModel
 from engine.mechanism.expression import LONGEST
-from engine.mechanism.geometry.cad_table import AS_DRAWN, DENSITY, GEOMETRY_OF, GROUPS, PART, PARTS, SELECTORS, CadTable
+from engine.mechanism.geometry.cad_table import (
+    AS_DRAWN,
+    DENSITY,
+    GEOMETRY_OF,
+    GROUPS,
+    ONE_DENSITY,
+    PART,
+    PARTS,
+    SELECTORS,
+    CadTable,
+)
 from engine.mechanism.models import Mechanism
 
 EXPRESSION = {
@@ -38,11 +48,17 @@ def _add_geometry(schema: dict[str, Any]) -> None:
     of_parts = {"type": "array", "items": {"type": "string"}}
     schema["properties"]["groups"] = {"type": "object", "additionalProperties": of_parts, "description": GROUPS}
     as_drawn = {"type": "string", "const": AS_DRAWN}
-    number = {"type": "number", "exclusiveMinimum": 0}
     tables["Body"]["properties"] |= {
         "part": {"type": "string", "description": PART},
         "parts": {"type": "array", "items": {"type": "string"}, "minItems": 1, "description": PARTS},
-        "density": {"anyOf": [number, {"type": "array", "items": number}], "description": DENSITY},
+        "density": {
+            "anyOf": [
+                *ONE_DENSITY["anyOf"],
+                {"type": "array", "items": ONE_DENSITY},
+                {"type": "object", "additionalProperties": ONE_DENSITY},
+            ],
+            "description": DENSITY,
+        },
     }
     for kind, model in SELECTORS.items():
         selector = _table_of(model, tables)["properties"][kind]
