@@ -23,7 +23,7 @@ from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
 from engine.mechanism.conditions import Event
-from engine.mechanism.responses import Formula, in_formulas
+from engine.mechanism.responses import Formula, Mean, in_formulas
 from engine.platform.linear_algebra import one_thread
 from engine.run import Status
 
@@ -148,6 +148,8 @@ def judge(
     missing = [name for name, value in measured.items() if math.isnan(value)]
     for name in missing:
         response = mechanism.responses[name]
+        if isinstance(response, Mean) and response.window and response.at == "end":
+            return "invalid", f"{name}: the run ended before its window began, {response.window[0]:g} after from_phase"
         if isinstance(response, Formula) and not set(missing) & {known.get(part) for part in response.sources}:
             at = ", ".join(f"{part} = {measured[known[part]]:g}" for part in response.sources if part in known)
             return "invalid", f"{name}: its formula, {response.formula}, has no finite value at {at}"

@@ -144,6 +144,10 @@ def _without_place(response: Any) -> str:
         return f"{response.of[0]} minus {response.of[1]}"
     if response.type == "condition":
         return f"1 if {response.condition}, else 0"
+    if response.type in ("impulse", "mean"):
+        return f"{response.type} of {response.response}"
+    if response.type == "bounces":
+        return f"bounces of contact {response.contact}"
     if response.type == "formula":
         return str(response.formula)
     return "a time" if response.type == "time" else str(response.type).replace("_", " ")

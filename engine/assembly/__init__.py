@@ -159,5 +159,6 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         at_impact=np.zeros(offset.size, bool),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
+        touched=np.zeros(offset.size, bool),
         vectors=np.zeros((2, 3)),
     )

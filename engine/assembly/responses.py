@@ -32,6 +32,9 @@ KINDS = {
     "motion_work": model.MOTION_WORK,
     "motion_force": model.MOTION_FORCE,
     "motion_torque": model.MOTION_FORCE,
+    "impulse": model.IMPULSE,
+    "mean": model.MEAN,
+    "bounces": model.BOUNCES,
     "time": model.TIME,
     "difference": model.DERIVED,
     "condition": model.DERIVED,
@@ -66,6 +69,7 @@ def response_arrays(
         point=np.array([point for _, _, point in what], float).reshape(-1, 12),
         offset=np.array([getattr(response, "offset", 0.0) for _, response in items], float),
         averaged_over=np.array([getattr(r, "averaged_over", None) or 0.0 for _, r in items], float),
+        window=np.array([getattr(r, "window", None) or (0.0, np.inf) for _, r in items], float).reshape(-1, 2),
         measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),  # in every phase
         at=np.array([at for at, _, _ in when], np.int64),
         from_phase=np.array([_phase(mechanism, r.from_phase, 0) for _, r in items], np.int64),
@@ -94,10 +98,14 @@ def _measured(
         body = (alike.index(response.spring), 0, 0)
     elif response.type.startswith("motion_"):
         body = (rows.index(response.motion), 0, 0)
+    elif response.type in ("impulse", "mean"):
+        body = (list(mechanism.responses).index(response.response), 0, 0)
     elif response.type == "joint_force":
         body = _joint(mechanism, response, frames, pairs, point)
     elif kind not in (model.TIME, model.DERIVED):
         body = ([pair.name for pair in pairs].index(response.contact), 0, 0)
+        if response.type == "bounces":
+            point[0] = mechanism.simulation.penetration if response.opening is None else response.opening
         if response.type == "contact_force" and response.bound is not None:
             kind = model.DERIVED
         elif response.type == "contact_force" and response.component == "friction":

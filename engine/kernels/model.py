@@ -14,10 +14,10 @@ from engine.jit import by_address
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
-MOTION_TRAVEL, MOTION_WORK = range(9, 11)
+MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES = range(9, 14)
 # impulses of a whole step, divided by its length
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(11, 15)
-DERIVED = 15  # computed from other responses, after the run
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(14, 18)
+DERIVED = 18  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -135,6 +135,7 @@ class Responses(NamedTuple):
     point: np.ndarray  # (nr, 12)
     offset: np.ndarray  # (nr,)
     averaged_over: np.ndarray  # (nr,) time constant of the mean of a force; 0: the force of the last step
+    window: np.ndarray  # (nr, 2) of an IMPULSE or a MEAN: begin and end, since from_phase began
     measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run, which is constant at rest
     at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
     from_phase: np.ndarray  # (nr,) int64, the phase at whose start the search for peaks and events begins
@@ -249,6 +250,7 @@ class Scratch(NamedTuple):
     at_impact: np.ndarray  # (nr,) bool, whether the reported value is a force at an impact
     anchor: np.ndarray  # (nr,) values at the start of the current pause
     travel: np.ndarray  # (nc,) slip since then
+    touched: np.ndarray  # (nr,) bool, whether the contact of BOUNCES has carried load since it was last open
     vectors: np.ndarray  # (2, 3)
 
 

@@ -18,6 +18,9 @@ FRICTION_FORCE    contact
 MOTION_TRAVEL     bilateral row
 MOTION_WORK       bilateral row; work so far
 MOTION_FORCE      bilateral row; the torque of a rotation
+IMPULSE           response, a force; its integral so far
+MEAN              response; its mean so far
+BOUNCES           contact; how often it opened so far          gap from which it is open (0)
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
 """
@@ -30,13 +33,16 @@ from engine.kernels.loads import speed_along, spin_along, spring_force, spring_t
 from engine.kernels.model import (
     ANGLE,
     ANGULAR_VELOCITY,
+    BOUNCES,
     CONTACT_FORCE,
     CONTACT_IMPULSE,
     DERIVED,
     END,
     FRICTION_FORCE,
     GAP,
+    IMPULSE,
     JOINT_FORCE,
+    MEAN,
     MOTION_FORCE,
     MOTION_TRAVEL,
     MOTION_WORK,
@@ -49,6 +55,7 @@ from engine.kernels.model import (
 from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
 
 SHARE = 0.1  # of a force, from which an impact counts
+ROUNDING = 1e-9  # share of a step by which a window may begin before it
 SHORT = 0.1  # share of the time of a mean, below which a step resolves it
 
 
@@ -89,6 +96,8 @@ def measure(model, state, sites, rows, values, vectors, instant):
         elif kind == MOTION_TRAVEL:
             acts = model.bilateral.acts[body[0]]  # afterwards it stays as it was
             value = rows.target[1, body[0]] - model.bilateral.offset[body[0]] if acts else values[i]
+        elif kind in (IMPULSE, MEAN, BOUNCES):
+            value = values[i]  # see `accumulate`
         elif kind == JOINT_FORCE:
             value = _joint_impulse(body, row, state, frame, p, q) / h
         elif kind in (ANGLE, ANGULAR_VELOCITY):
@@ -98,6 +107,41 @@ def measure(model, state, sites, rows, values, vectors, instant):
         if responses.averaged_over[i] > 0.0:
             value = values[i] - (value - values[i]) * np.expm1(-h / responses.averaged_over[i])
         values[i] = value + responses.offset[i]
+
+
+@inner
+def accumulate(model, state, work, t, h):
+    """Add the step of length ``h`` that ended at time ``t`` to the impulses, means and counts, in ``work.values``.
+
+    A force is constant in a step, and anything else changes linearly from its value at the start of the step.
+    """
+    responses, values, previous, begun = model.responses, work.values, work.previous, model.time_laws.begun
+    for i in range(values.shape[0]):
+        kind, j = responses.kind[i], responses.body[i, 0]
+        if kind == BOUNCES:
+            gap = find_contact(model.contacts, state.x, state.R, j, work.sites.point, work.sites.frame)
+            work.touched[i] = work.touched[i] or state.r[j, 0] > 0.0
+            if work.touched[i] and gap > responses.point[i, 0]:
+                work.touched[i] = False
+                values[i] += 1.0
+        elif kind in (IMPULSE, MEAN):
+            first = begun[responses.from_phase[i]] + responses.window[i, 0]
+            last = begun[responses.from_phase[i]] + responses.window[i, 1]
+            a, b = max(t - h, first), min(t, last)
+            if not a < b:
+                if kind == MEAN and not t > first:
+                    values[i] = np.nan  # there is none before its window
+                continue
+            value = values[j]
+            if responses.kind[j] < CONTACT_FORCE:
+                value = previous[j] + (values[j] - previous[j]) * (0.5 * (a + b) - t + h) / h
+            if kind == IMPULSE:
+                values[i] += value * (b - a)
+            else:
+                before = a - first
+                values[i] = (
+                    value if not before > ROUNDING * h else values[i] + (value - values[i]) * (b - a) / (b - first)
+                )
 
 
 @inner

@@ -9,10 +9,21 @@ from engine.jit import by_address, inner, kernel
 from engine.kernels.bilateral import begin_rows, read_motions
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.impacts import largest_impact
-from engine.kernels.model import CONTACT_FORCE, CONTACT_IMPULSE, DERIVED, END, MOTION_WORK, Control, StepContext
+from engine.kernels.model import (
+    BOUNCES,
+    CONTACT_FORCE,
+    CONTACT_IMPULSE,
+    DERIVED,
+    END,
+    IMPULSE,
+    MEAN,
+    MOTION_WORK,
+    Control,
+    StepContext,
+)
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
-from engine.kernels.responses import measure, update_reported
+from engine.kernels.responses import accumulate, measure, update_reported
 from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
 from engine.run import LARGEST_TURN
@@ -84,7 +95,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
     restitution = 0.0
     for i in range(model.laws.restitution.shape[0]):
         restitution = max(restitution, model.laws.restitution[i])
-    hits = _reads_forces_in_motion(model.responses)
+    hits, adds = _reads_forces_in_motion(model.responses), _adds_up(model.responses)
     n[STATUS] = OK
     if n[PHASE] < 0:
         now[PEAK_KINETIC] = 0.5 * np.sum(model.bodies.mass) * control.slow**2
@@ -126,6 +137,8 @@ def run_to_end(arrays, control, course, rows, every, stop):
         if model.bilateral.read[0]:
             read_motions(model.bilateral, model.time_laws, work.bilateral, now[TIME], now[STEP])
         _measure(model, state, work, course)
+        if adds:
+            accumulate(model, state, work, now[TIME], now[STEP])
         if hits:
             work.impact[1] = work.impact[0]
             work.impact[0] = largest_impact(model.bodies, model.contacts, state, work) / now[STEP]
@@ -156,10 +169,10 @@ def _next_phase(model, state, work, control, course):
     """Enter the next phase: its clock and its motions begin."""
     n, now = course.counts, course.reals
     n[PHASE] += 1
-    for i in range(work.values.shape[0]):  # an impulse or work counts from the phase with which it begins
-        adds_up = model.responses.kind[i] in (CONTACT_IMPULSE, MOTION_WORK)
+    for i in range(work.values.shape[0]):  # a sum or count begins with the phase with which it begins
+        adds_up = model.responses.kind[i] in (CONTACT_IMPULSE, MOTION_WORK, IMPULSE, BOUNCES)
         if adds_up and model.responses.from_phase[i] == n[PHASE]:
-            work.values[i] = 0.0
+            work.values[i], work.touched[i] = 0.0, False
     if n[PHASE] < model.phases.duration.shape[0]:
         model.time_laws.begun[n[PHASE]] = now[TIME]
         begin_rows(model.bilateral, state, work.bilateral, n[PHASE])
@@ -187,6 +200,15 @@ def _reads_forces_in_motion(responses):
         if kind >= CONTACT_FORCE and kind != DERIVED:
             return True
     return False
+
+
+@inner
+def _adds_up(responses):
+    """Return whether an impulse, a mean or a count is read, see `kernels.responses.accumulate`."""
+    found = False
+    for i in range(responses.kind.shape[0]):
+        found = found or responses.kind[i] in (IMPULSE, MEAN, BOUNCES)
+    return found
 
 
 @inner

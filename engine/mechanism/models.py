@@ -60,6 +60,8 @@ from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import (
     Derived,
     Formula,
+    Impulse,
+    Mean,
     MotionTravel,
     Response,
     ResponseDifference,
@@ -425,6 +427,8 @@ class Mechanism(TableModel):
                 return self._quantity_of_formula(response)
             except ExpressionFault:
                 return Quantity("number")
+        if isinstance(response, Mean):
+            return self._quantity(response.response)
         if isinstance(response, MotionTravel) and isinstance(self.motions[response.motion], Rotation):
             return Quantity("angle")
         return response.quantity
@@ -447,6 +451,10 @@ class Mechanism(TableModel):
     def quantity_faults(self) -> list[Fault]:
         """Return the faults in what formulas and differences measure, such as a force less a length."""
         known, faults, wrong = in_formulas(self.responses), [], set[str]()
+        for name, response in self.responses.items():
+            if isinstance(response, Impulse) and self._quantity(response.response).name != "force":
+                text = f"of a response in {self._quantity(response.response).unit(self.units)}; allowed: a force"
+                faults.append(Fault(("responses", name, "response"), text, response.response))
         for name in order_of_derived(self.responses):
             response = self.responses[name]
             if isinstance(response, Derived) and wrong.intersection(known.get(part, "") for part in response.sources):

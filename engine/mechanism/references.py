@@ -18,6 +18,7 @@ _PAIRED = {
     "motions": (("body", "relative_to"),),
 }
 
+_ADDED_UP = ("impulse", "mean")
 _DERIVED = ("difference", "condition", "formula")
 
 Reference = tuple[str, tuple[str, ...], Any]
@@ -89,6 +90,7 @@ def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Ref
     yield spring, (*key, "spring"), entry.get("spring")
     motion = {"motion_force": "translation", "motion_torque": "rotation"}.get(str(entry.get("type")), "motion")
     yield motion, (*key, "motion"), entry.get("motion")
+    yield "response", (*key, "response"), entry.get("response")
     for end in ("from_phase", "to_phase"):
         yield "phase", (*key, end), entry.get(end)
     for part in list_under(entry, "of"):
@@ -261,11 +263,12 @@ def _unknown_in_formula(
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield faults where an event or peak refers to a response without a value at each step."""
+    """Yield faults where an event, peak, impulse or mean refers to a response without a value at each step."""
     responses = named_tables(data, "responses")
     watching: list[tuple[tuple[str, ...], Any]] = [
         (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
     ]
+    watching += [(("responses", name, "response"), entry) for name, entry in responses.items()]
     for i, phase in enumerate(list_under(data, "phases")):
         watching.append((("phases", str(i), "until", "response"), sub_table(phase, "until")))
     for key, at in watching:
@@ -274,6 +277,11 @@ def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
             text = (
                 f"responses.{watched} is itself read at a peak or an event; allowed: responses with "
                 'at = "end"; watch one of the same kind without at'
+            )
+            yield Fault(key, text, watched)
+        elif isinstance(watched, str) and "type" in at and sub_table(responses, watched).get("type") in _ADDED_UP:
+            text = (
+                f"responses.{watched} is itself added up; allowed: what is measured in each step; name what it adds up"
             )
             yield Fault(key, text, watched)
         elif isinstance(watched, str) and _follows(sub_table(responses, watched)):

@@ -358,6 +358,52 @@ class MotionWork(Measured, OfMotion):
     type: Literal["motion_work"] = Field(description="the kind of response")
 
 
+def _window(value: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Refuse a window that ends before it begins."""
+    if value is not None and not 0 <= value[0] < value[1]:
+        raise refuse("not a window of time; allowed: [begin, end] with 0 <= begin < end; correct it")
+    return value
+
+
+class Accumulated(Measured):
+    """Base class of what is added up over the time of another response, from the beginning of ``from_phase``."""
+
+    adds_up = True
+
+    response: Name = Field(description="the response, measured in each step, a table of [responses]")
+    window: Annotated[tuple[Number, Number] | None, Quantity("time"), AfterValidator(_window)] = Field(
+        default=None,
+        description="[begin, end] of the time that counts, since the beginning of from_phase; default: all of it",
+    )
+
+
+class Impulse(Accumulated):
+    """The integral of a force over time."""
+
+    measures = Quantity("impulse")
+
+    type: Literal["impulse"] = Field(description="the kind of response")
+
+
+class Mean(Accumulated):
+    """The mean of a response over time."""
+
+    type: Literal["mean"] = Field(description="the kind of response")
+
+
+class Bounces(Measured):
+    """How often a contact that has carried load opens again."""
+
+    measures = Quantity("number")
+    adds_up = True
+
+    type: Literal["bounces"] = Field(description="the kind of response")
+    contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
+    opening: Annotated[Number | None, Field(ge=0), Quantity("length")] = Field(
+        default=None, description="the gap from which it counts as open; default: the penetration of [simulation]"
+    )
+
+
 class Time(Measured):
     """The time from the start of the run to its end or to an event."""
 
@@ -391,6 +437,9 @@ Response = Annotated[
     | MotionForce
     | MotionTorque
     | MotionWork
+    | Impulse
+    | Mean
+    | Bounces
     | Time
     | ResponseDifference
     | ConditionMet

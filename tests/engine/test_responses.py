@@ -130,3 +130,87 @@ def test_a_formula_without_a_value_is_named():
     run = simulate(thrown(ratio={"type": "formula", "formula": "z / x"}))
     assert run.status == "invalid"
     assert run.message == "ratio: its formula, z / x, has no finite value at z = -0.22625, x = 0"
+
+
+def test_impulses_and_means_over_windows_of_time():
+    """Thrown with SPEED: z = v t - g t^2 / 2, so its mean over [a, b] is v (b + a) / 2 - g (a^2 + ab + b^2) / 6.
+
+    Windows begin and end within steps.
+    """
+    a, b, c = 0.1 + 0.3e-3, 0.25 + 0.7e-3, 0.3
+    mechanism = thrown(
+        all={"type": "mean", "response": "z"},
+        some={"type": "mean", "response": "z", "window": [a, b]},
+        later={"type": "mean", "response": "z", "from_phase": "down", "window": [0.05, 9.0]},
+        up={"type": "mean", "response": "z", "to_phase": "up"},
+        crossing={"type": "mean", "response": "z", "at": {"response": "z", "above": TOP / 2}},
+    )
+    run = simulate(mechanism)
+    assert run.status == "ok", run.message
+
+    def mean(a: float, b: float) -> float:
+        return SPEED * (a + b) / 2 - GRAVITY * (a * a + a * b + b * b) / 6
+
+    risen = SPEED / GRAVITY * (1 - np.sqrt(0.5))
+    expected = {"all": (0.0, 0.5), "some": (a, b), "later": (c + 0.05, 0.5), "up": (0.0, c), "crossing": (0.0, risen)}
+    for name, window in expected.items():
+        assert run.responses[name] == pytest.approx(mean(*window), abs=2e-6), name
+    assert run.units["all"] == "m"
+
+
+def test_a_mean_whose_window_never_begins_is_named():
+    """The run ends before."""
+    run = simulate(thrown(late={"type": "mean", "response": "z", "window": [0.6, 0.7]}))
+    assert run.status == "invalid"
+    assert run.message.startswith("late: the run ended before its window began")
+
+
+def test_impulses_of_forces_are_the_momentum_they_give():
+    """A block falls on a floor: what the floor gives it in 0.6 s is m g t; the mean at rest is its weight."""
+    data = block_on_floor(mass=2.0, origin=[0, 0, 0.1 + 0.05])
+    data["phases"] = [{"name": "fall", "duration": 0.4}, {"name": "lie", "duration": 0.2}]
+    corners = [f"corner_{i}" for i in range(8)]
+    data["responses"] |= {f"f_{c}": {"type": "contact_force", "contact": c} for c in corners}
+    data["responses"] |= {f"i_{c}": {"type": "impulse", "response": f"f_{c}"} for c in corners}
+    rests = {"from_phase": "lie", "window": [0.05, 0.15]}
+    data["responses"] |= {f"m_{c}": {"type": "mean", "response": f"f_{c}", **rests} for c in corners}
+    data["responses"]["one"] = {"type": "contact_impulse", "contact": "corner_0"}
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert sum(run.responses[f"i_{c}"] for c in corners) == pytest.approx(2.0 * GRAVITY * 0.6, rel=1e-9)
+    assert sum(run.responses[f"m_{c}"] for c in corners) == pytest.approx(2.0 * GRAVITY, rel=1e-6)
+    assert run.responses["one"] == pytest.approx(run.responses["i_corner_0"], rel=1e-12)
+    assert not {name for name in run.at_impact if name.startswith(("i_", "m_"))}
+
+
+@pytest.mark.parametrize(("opening", "expected"), [(0.02, 2), (0.004, 4), (0.001, 6)])
+def test_bounces_are_counted_by_how_far_the_contact_opens(opening, expected):
+    """Dropped from 0.1 m, each bounce is e^2 = 0.49 as high: 0.049, 0.024, 0.012, 0.0058, 0.0028, 0.0014, ... m.
+
+    Impacts are at t0 (1 + 2e + 2e^2 + ...), t0 = 0.1428 s; the sixth is at 0.697 s.
+    """
+    data = small(
+        gravity=[0, 0, -GRAVITY],
+        phases=[{"name": "run", "duration": 0.72}],
+        bodies={"ground": {"fixed": True}, "ball": {"mass": 1.0, "inertia": [1, 1, 1], "origin": [0, 0, 0.2]}},
+        contacts={
+            "floor": {
+                "a": {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": 0.1}},
+                "b": {"body": "ground", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+                "friction": 0.0,
+                "restitution": 0.7,
+            }
+        },
+        responses={
+            "n": {"type": "bounces", "contact": "floor", "opening": opening},
+            "second": {"type": "time", "at": {"response": "n", "above": 1.5}},
+        },
+    )
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["n"] == expected
+    fall = np.sqrt(2 * 0.1 / GRAVITY)
+    if opening == 0.004:
+        rising = 0.7**2 * np.sqrt(2 * GRAVITY * 0.1)
+        passed = (rising - np.sqrt(rising**2 - 2 * GRAVITY * opening)) / GRAVITY
+        assert run.responses["second"] == pytest.approx(fall * (1 + 2 * 0.7) + passed, abs=3e-3)
