@@ -26,7 +26,7 @@ from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import MechanismError, check, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
-from engine.mechanism import Mechanism, full_key, get_value, library_names
+from engine.mechanism import Mechanism, full_key, get_value, library_names, unit_of
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
 from engine.mechanism.keys.key_paths import SETTINGS, following
@@ -296,7 +296,17 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
                 f"{PREFIX}{first}; keep one of them, or add a parameter of its own to the expression",
             )
         else:
-            yield from _faults_of(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
+            found = list(_faults_of(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism))
+            yield from found or _drawing_faults(name, target, variable, mechanism)
+
+
+def _drawing_faults(name: str, target: str, variable: Distribution, mechanism: Mechanism) -> Iterator[SpecFault]:
+    """Yield the fault of a variable whose drawing is in millimetres, but whose target is not."""
+    drawn = next((key for key in ("dimension", "fit") if getattr(variable, key, None)), None)
+    if drawn is None or (unit := unit_of(mechanism, target)) in ("mm", "1"):  # a parameter may show no unit
+        return
+    text = f"is in mm, as drawings are, but {target} is in {unit}; give mean and std in {unit}"
+    yield fault(["variables", name, drawn], getattr(variable, drawn), text)
 
 
 def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:

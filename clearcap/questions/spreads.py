@@ -32,7 +32,7 @@ _GRID, _WIDEST = 2001, 12.0  # points and half width [standard deviations] of a 
 _DIGITS = 7  # of a number for users to write into a file
 
 # Parameters that a distribution may have in place of mean and std.
-_NATURAL = ("alpha", "beta", "shape", "scale", "log_mean", "log_std")
+_NATURAL = ("dimension", "fit", "cpk", "alpha", "beta", "shape", "scale", "log_mean", "log_std")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ValidationError
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Constant, Distribution
 from campaign.inputs.distributions.bounded import Triangular, Uniform
+from campaign.inputs.distributions.normal import TruncatedNormal
 from campaign.inputs.distributions.skewed import Exponential
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
@@ -148,9 +149,10 @@ def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | No
 # -- settings become distributions ----------------------------------------------------------------------------------
 
 # Alternative sets of parameters; a distribution is given by one of them.
+_DRAWN = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"))
 _PARAMETERS = (
     ("mean", "std"),
-    ("nominal", "tolerance", "cpk"),
+    *_DRAWN,
     ("alpha", "beta"),
     ("shape", "scale"),
     ("log_mean", "log_std"),
@@ -237,14 +239,17 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str
 def _completed(table: dict[str, Any], old: Distribution, written: set[str]) -> tuple[dict[str, Any], str]:
     """Return a variable's table with the missing values added, and a description of values taken and dropped."""
     model = DISTRIBUTIONS.get(str(table.get("distribution")))
-    chosen = None if model is None else next((keys for keys in _parameters(model) if written & set(keys)), None)
+    sets = [] if model is None else [keys for keys in _parameters(model) if written & set(keys)]
+    chosen = max(sets, key=lambda keys: len(table.keys() & set(keys)), default=None)  # cpk belongs to several
     if model is None or (type(old) is model and chosen is None):
         return table, ""
     another = type(old) is not model
     gone = {key for key in table if another and key not in model.model_fields}
     if chosen or another:  # except for mean and std, a key has another meaning in another kind of distribution
-        same = set() if chosen or model is Exponential else {"mean", "std", "nominal", "tolerance", "cpk"}
+        same = set() if chosen or model is Exponential else {"mean", "std", *(key for keys in _DRAWN for key in keys)}
         gone |= {key for keys in _PARAMETERS for key in keys} & table.keys() - same - set(chosen or ())
+    if model is TruncatedNormal and written & {"dimension", "fit"}:
+        gone |= {"lower", "upper"}  # those of the new drawing
     kept = {key: value for key, value in table.items() if key in written or key not in gone}
     taken = {key: value for key, value in _missing(model, kept, old, chosen).items() if key not in written}
     stays = [key for key in kept if another and key not in written and isinstance(kept[key], float | int)]
@@ -288,7 +293,9 @@ def _missing(
 def _ends(model: type[Distribution], table: Mapping[str, Any], old: Distribution) -> dict[str, float]:
     """Return the required but missing ends of a distribution: the old ends, or ends that keep the old mean and std."""
     lacking = [end for end in ("lower", "upper") if end in model.model_fields and end not in table]
-    lacking = [end for end in lacking if model.model_fields[end].is_required()]
+    lacking = [
+        end for end in lacking if model.model_fields[end].is_required() and not {"dimension", "fit"} & table.keys()
+    ]
     ends = dict(zip(("lower", "upper"), old.support(), strict=True))
     if not all(map(isfinite, ends.values())):
         if model not in _HALF_WIDTH:

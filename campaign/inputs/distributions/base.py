@@ -109,12 +109,15 @@ def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: st
     choices = " or ".join(" and ".join(group) for group in groups)
     if not given:
         raise ValueError(f"its parameters are missing; give {choices}{hint}")
-    group = next(group for group in groups if given[0] in group)
+    group = max(groups, key=lambda group: len(set(group) & set(given)))
     other = [key for key in given if key not in group]
     if other:
+        own = next(key for key in given if key in group)
         raise ValueError(
-            f"{given[0]} and {other[0]} cannot be given together, because each defines the distribution; give {choices}"
+            f"{own} and {other[0]} cannot be given together, because each defines the distribution; give {choices}"
         )
     missing = [key for key in group if key not in given]
     if missing:
-        raise ValueError(f"{given[0]} is given without {' and '.join(missing)}; give {choices}")
+        raise ValueError(
+            f"{next(key for key in group if key in given)} is given without {' and '.join(missing)}; give {choices}"
+        )

@@ -135,6 +135,16 @@ FAULTS = {
         '"joints.J1.radial_clearance"',
         ["J1 and preload both set joints.J1"],
     ),
+    "drawing of a force": (
+        'distribution = "uniform"\nlower = 0.9\nupper = 1.0',
+        'dimension = "1 ±0.1"\ncpk = 1.0',
+        ['variables.preload.dimension = "1 ±0.1": is in mm, as drawings are, but springs.A3.preload is in N'],
+    ),
+    "no such class": (
+        "mean = 0.07\nstd = 0.0175",
+        'fit = "12 H7/g66"\ncpk = 1.0',
+        ["variables.J1: g66 at 12 mm: ISO 286 has no grade 66"],
+    ),
     "column name taken": (
         "[variables.preload]",
         "[variables.status]",

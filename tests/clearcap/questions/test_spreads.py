@@ -59,6 +59,7 @@ def test_a_uniform_variable_fills_its_bounds(campaign):
 KINDS = {
     "truncated": {"distribution": "truncated_normal", "mean": 0.06, "std": 0.02, "lower": 0.01, "upper": 0.13},
     "toleranced": {"distribution": "normal", "nominal": 0.06, "tolerance": 0.03, "cpk": 1.0},
+    "drawn": {"distribution": "truncated_normal", "fit": "25 F8/h9", "cpk": 1.0},
     "triangular": {"distribution": "triangular", "lower": 0.02, "upper": 0.1, "mode": 0.03, "within": [0.03, 0.09]},
     "beta": {"distribution": "beta", "lower": 0.0, "upper": 0.1, "alpha": 3.0, "beta": 4.0},
     "lognormal": {"distribution": "lognormal", "log_mean": -2.8, "log_std": 0.3, "upper": 0.2},

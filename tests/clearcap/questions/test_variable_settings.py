@@ -56,6 +56,11 @@ def test_another_set_of_parameters_replaces_the_old_one(campaign):
     found = changed_variables(campaign.spec, ["J1.nominal=0.07", "J1.tolerance=0.05", "J1.cpk=1.25"])
     assert found.variables["J1"].scale == pytest.approx(0.05 / 3.75)
     assert "no longer used: mean, std" in found.assumptions[0]
+    drawn = changed_variables(campaign.spec, ["J1.fit=100 F8/h9", "J1.cpk=1.25"])  # no clearance of its old bounds
+    assert drawn.variables["J1"].support() == pytest.approx((0.018, 0.0885))
+    spec = campaign.spec.model_copy(update={"variables": {**campaign.spec.variables, **drawn.variables}})
+    better = changed_variables(spec, ["J1.cpk=1.67"]).variables["J1"]
+    assert (better.fit, better.support()) == ("100 F8/h9", drawn.variables["J1"].support())
     given = {"distribution": "gamma", "shape": 16.0, "scale": 0.004375}
     spec = changed_variables(campaign.spec, [f"J1.{key}={x}" for key, x in given.items()]).variables["J1"]
     gamma = campaign.spec.model_copy(update={"variables": {"J1": spec}})

@@ -29,6 +29,9 @@ def entry(distribution, **keys):
 PARENTS = [
     (entry("normal", mean=-2.0, std=3.0), stats.norm(-2.0, 3.0)),
     (entry("normal", nominal=5.0, tolerance=0.3, cpk=1.25), stats.norm(5.0, 0.08)),
+    (entry("normal", dimension="20 +0.05/-0.01", cpk=1.25), stats.norm(20.02, 0.008)),
+    # hole 0 to 18, shaft -17 to -6 micrometres: radial 3 to 17.5, and sigma^2 = ((18 / 6)^2 + (11 / 6)^2) / 4
+    (entry("normal", fit="12 H7/g6", cpk=1.0), stats.norm(0.01025, 1e-3 * np.hypot(18, 11) / 12)),
     (entry("uniform", lower=2.0, upper=5.0), stats.uniform(2.0, 3.0)),
     (entry("triangular", lower=0.0, mode=1.0, upper=4.0), stats.triang(0.25, 0.0, 4.0)),
     (entry("triangular", lower=0.0, mode=0.0, upper=1.0), stats.triang(0.0, 0.0, 1.0)),
@@ -54,6 +57,7 @@ CUTS = [
     (entry("truncated_normal", mean=0.0, std=1.0), stats.norm(), -9.0, -3.0),
     (entry("truncated_normal", mean=0.0, std=1.0), stats.norm(), 30.0, 31.0),
     (entry("truncated_normal", nominal=1.0, tolerance=0.3, cpk=1.0), stats.norm(1.0, 0.1), 0.9, 1.3),
+    (entry("truncated_normal", dimension="1 ±0.3", cpk=1.0), stats.norm(1.0, 0.1), 0.9, 1.2),
     (entry("normal", mean=0.0, std=1.0), stats.norm(), -0.5, np.inf),
     (entry("triangular", lower=0.0, mode=1.0, upper=4.0), stats.triang(0.25, 0.0, 4.0), 0.5, 3.0),
     (entry("beta", lower=1.0, upper=3.0, alpha=2.0, beta=5.0), stats.beta(2.0, 5.0, 1.0, 2.0), 1.2, 2.5),
@@ -418,3 +422,24 @@ def test_a_distribution_is_described_as_it_was_asked_for(name):
     """Who gives mean and std reads mean and sd, and not the parameters that follow from them."""
     made = make(entry(name, mean=0.05, std=0.01))
     assert made.text().lower().startswith(f"{name}, mean 0.05, sd 0.01")
+
+
+def test_a_drawing_says_the_bounds():
+    """Where a distribution has to have some, and none are given."""
+    adapter = TypeAdapter(Variable)
+    fit = adapter.validate_python({"distribution": "truncated_normal", "fit": "12 H7/g6", "cpk": 1.33})
+    assert fit.support() == pytest.approx((0.003, 0.0175), abs=1e-12)
+    assert "12 H7/g6" in fit.text()
+    assert adapter.validate_python(fit.model_dump(exclude_none=True)) == fit
+    given = {"distribution": "truncated_normal", "dimension": "12 ±0.1", "cpk": 1.0, "upper": 12.05}
+    assert adapter.validate_python(given).support() == (11.9, 12.05)
+    for wrong in (
+        {"dimension": "12 H99", "cpk": 1.0},
+        {"dimension": "12 H7"},
+        {"fit": "12 H7/g6", "dimension": "12 H7", "cpk": 1.0},
+        {"fit": "12 H7/g6", "mean": 1.0, "cpk": 1.0},
+        {"fit": 12, "cpk": 1.0},
+        {"nominal": 12.0, "tolerance": 0.1, "cpk": 1.0},
+    ):
+        with pytest.raises(ValidationError):
+            adapter.validate_python({"distribution": "truncated_normal", **wrong})
