@@ -138,7 +138,7 @@ FAULTS = {
     "drawing of a force": (
         'distribution = "uniform"\nlower = 0.9\nupper = 1.0',
         'dimension = "1 ±0.1"\ncpk = 1.0',
-        ['variables.preload.dimension = "1 ±0.1": is in mm, as drawings are, but springs.A3.preload is in N'],
+        ['variables.preload.dimension = "1 ±0.1": is in mm, as drawings are, but springs.A3.preload is in rad'],
     ),
     "no such class": (
         "mean = 0.07\nstd = 0.0175",
