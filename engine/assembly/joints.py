@@ -1,4 +1,4 @@
-"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1), and ideal joints as bilateral rows."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1), and ideal joints as rows and stops."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -55,9 +55,13 @@ def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
 
 
 def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
-    """Yield the contacts of the joints with play; R, (nb + 1, 3, 3), holds the rotations at the start."""
+    """Yield the contacts of the joints with play, and the stops of ideal ones.
+
+    R, (nb + 1, 3, 3), holds the rotations at the start.
+    """
     for name, joint in mechanism.joints.items():
         if joint.ideal:
+            yield from _stops(name, joint, mate(joint, frames, R))
             continue
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
@@ -73,6 +77,27 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 law=law,
                 play=(name, joint.face_clearance(face)),
             )
+
+
+def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
+    """Yield the stops of an ideal joint: a point of the second side against a plane of the first.
+
+    For a rotation the point lies at a radius of 1 from the axis, so that the number of its force is that of the torque.
+    The gap is then the sine of the angle to the stop, which is why the stops are less than half a turn apart.
+    """
+    limits = getattr(joint, "limits", None)
+    if limits is None:
+        return
+    way, other = _directions(joint, place)
+    for face, side, limit in (("lower", 1.0, limits.lower), ("upper", -1.0, limits.upper)):
+        if limit is None:
+            continue
+        point, plane = place.point_b, _plane(place.point_a + limit * way["n"], side * way["n"])
+        if isinstance(joint, Revolute):
+            point = point + other["e"]
+            plane = _plane(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
+        law = 0.0, limits.restitution
+        yield Pair(f"{name}.{face}", POINT_PLANE, place.b.index, place.a.index, _point(point), plane, 0.0, law)
 
 
 FaceRow = tuple[str, int, tuple[BodyFrame, BodyFrame], Array, Array]

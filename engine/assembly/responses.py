@@ -175,7 +175,9 @@ def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
             names = ", ".join(own) or "it has none, as an ideal joint"
             text = f"no such contact of the joint; allowed: {names}{did_you_mean(contact, own)}"
             faults.append(Fault(("responses", name, "contact"), text, contact))
-        elif joint is not None and not any(c.startswith(f"{joint}.") for c in contacts):
+        elif joint is not None and (
+            mechanism.joints[joint].ideal or not any(c.startswith(f"{joint}.") for c in contacts)
+        ):
             text = (
                 "the joint has no contacts; allowed: joints with clearance; give it clearance, or remove the response"
             )

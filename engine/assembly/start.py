@@ -30,8 +30,8 @@ def refuse_long_step(mechanism: Mechanism) -> None:
 def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str], state: State, work: Scratch) -> None:
     """Write the gaps at the start into the state.
 
-    Raise MechanismError if a gap is below minus the allowed penetration: one line for each contact, or clearance of a
-    joint.
+    Raise MechanismError if a gap is below minus the allowed penetration: one line for each contact, or clearance or
+    limit of a joint.
     """
     gap = state.gap
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
@@ -50,6 +50,8 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str
 def _clearance_key(mechanism: Mechanism, name: str) -> str:
     """Return the key of the clearance at a contact of a joint, or the key of another contact."""
     joint, _, face = name.partition(".")
+    if face and mechanism.joints[joint].ideal:
+        return f"joints.{joint}.limits.{face}"
     return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
 
 
@@ -59,6 +61,11 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
     clearance = get_value(mechanism, key)
+    if ".limits." in key:
+        return (
+            f"{key} = {clearance:.6g} {unit}: the joint is {-gap:.6g} {unit} beyond it at the start; "
+            "allowed: limits on both sides of the start; widen them, or move the bodies"
+        )
     return (
         f"{key} = {clearance:.6g} {unit}: {name.partition('.')[2]} is {clearance - gap:.6g} {unit} off its centred "
         f"place at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"

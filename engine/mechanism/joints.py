@@ -17,6 +17,7 @@ from engine.mechanism.base import (
     Number,
     PairLaw,
     PositiveLength,
+    Restitution,
     TableModel,
     check_perpendicular,
     is_number,
@@ -24,6 +25,9 @@ from engine.mechanism.base import (
 )
 from engine.mechanism.components import Each
 from engine.mechanism.quantities import Quantity
+
+WIDEST = 3.0  # rad between the stops of a rotation: a little less than half a turn
+LIMITS = "the stops of an ideal joint: { lower, upper, restitution }"
 
 
 class Line(BodyPoint):
@@ -65,7 +69,7 @@ class Joint(PairLaw):
 
     def acts(self, keys: Sequence[str]) -> bool:
         """Return whether what stands under these keys has an effect: of an ideal joint only its points and axes."""
-        if not self.ideal or not keys:
+        if not self.ideal or not keys or keys[0] == "limits":
             return True
         return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION))
 
@@ -80,6 +84,12 @@ class Joint(PairLaw):
     def _loose(self) -> Self:
         if not self.ideal:
             self._check_play()
+            if getattr(self, "limits", None) is not None:
+                text = (
+                    "a joint with play meets its stops somewhere; allowed: in an ideal joint; "
+                    "remove it, and write each stop as a contact"
+                )
+                raise refuse(text, key="limits")
         return self
 
     def _need(self, *keys: str) -> None:
@@ -92,6 +102,49 @@ class Joint(PairLaw):
             if getattr(node, last) is None:
                 what = type(node).model_fields[last].description
                 raise refuse(f"missing; it is {what}; add it, or make the joint an ideal one", key=key)
+
+
+# How far an ideal joint goes.
+
+
+class TravelLimits(TableModel):
+    """The stops of a displacement: of the second side's point along the axis, from the first side's point."""
+
+    lower: Length | None = Field(default=None, description="the smallest displacement; default: none")
+    upper: Length | None = Field(default=None, description="the largest displacement; default: none")
+    restitution: Annotated[Restitution, Quantity("number")] = Field(
+        default=0.0, description="the coefficient of restitution of both stops"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.lower is None and self.upper is None:
+            raise refuse("no stop; allowed: lower, upper or both; give one")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise refuse("allowed: lower < upper; correct one of the two", key="lower", value=self.lower)
+        return self
+
+
+class AngleLimits(TableModel):
+    """The stops of a rotation: of the second side about the first side's axis, 0 at the start."""
+
+    lower: Annotated[Number, Field(le=0), Quantity("angle")] = Field(description="the smallest angle, <= 0")
+    upper: Annotated[Number, Field(ge=0), Quantity("angle")] = Field(description="the largest angle, >= 0")
+    restitution: Annotated[Restitution, Quantity("number")] = Field(
+        default=0.0, description="the coefficient of restitution of both stops"
+    )
+
+    @model_validator(mode="after")
+    def _less_than_half_a_turn(self) -> Self:
+        if not 0 < self.upper - self.lower <= WIDEST:
+            text = f"{self.upper - self.lower:.6g} rad apart; allowed: 0 < upper - lower <= {WIDEST:g}; "
+            raise refuse(f"{text}for more, write the two stops as contacts", key="upper", value=self.upper)
+        return self
+
+
+def _no_limits(value: Any) -> bool:
+    """Return whether there are none; the digests of earlier mechanisms stay."""
+    return value is None
 
 
 def stations(value: Any) -> tuple[float, ...] | None:
@@ -212,6 +265,7 @@ class Prismatic(Joint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
 
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
+    limits: TravelLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
     guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")
     slider: Slideway = Field(description="the block or shaft: { body, point, axis, normal }")
     block: Block | None = Field(default=None, description="a block: { half_length, half_height, half_width }")
@@ -351,6 +405,7 @@ class Cylindrical(JournalJoint):
     """A journal that turns and slides in its bearing."""
 
     type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
+    limits: TravelLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
 
 
 class Revolute(JournalJoint):
@@ -359,6 +414,7 @@ class Revolute(JournalJoint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "axial_clearance")
 
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
+    limits: AngleLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
     flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")
     axial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None, description="the play at each flange when the journal is centred, a number > 0"
