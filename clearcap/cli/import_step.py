@@ -119,13 +119,15 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
         "parts": [
             {
                 "name": part.name,
-                "body": found.bodies[found.whole(part.name)],
+                "body": found.bodies.get(found.whole(part.name)),
                 "path": list(part.path),
                 "volume": sum(solid.volume for solid in part.solids),
                 "material": part.material.name if part.material else None,
             }
             for part in found.drawn.parts
         ],
+        "standard": [{"part": each.part, "kind": each.kind, "by": each.said} for each in found.standard],
+        "springs": [{"name": each.name, "part": each.part, "ends": list(each.ends)} for each in found.springs],
         "groups": [
             {"body": found.bodies[group.name], "parts": list(group.parts), "why": group.why} for group in found.groups
         ],
@@ -175,10 +177,16 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 def _print_found(found: "FoundGeometry") -> None:
     """Print the found geometry."""
-    from engine.cad_import.found_features import found_features, group_text, part_text
+    from engine.cad_import.found_features import found_features, group_text, part_text, spring_text, standard_texts
 
+    listed = {each.part for each in found.standard}
     for part in found.drawn.parts:
-        print_text(part_text(part))
+        if part.name not in listed:
+            print_text(part_text(part))
+    for text in standard_texts(found):
+        print_text(text)
+    for spring in found.springs:
+        print_text(spring_text(spring))
     for group in found.groups:
         print_text(group_text(found, group))
     for place in found_features(found):

@@ -1,5 +1,6 @@
 """The features found in a CAD file with their places: parts, joints, candidates for stops, pins that are not joints."""
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
@@ -8,7 +9,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import NearMiss
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundSpring, FoundStop
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import least_clearance, side
 from engine.cad_import.proposed_text import value
@@ -48,6 +49,22 @@ def part_text(part: CadPart) -> str:
     """Return the description of a part."""
     volume = sum(solid.volume for solid in part.solids)
     return f"part {part.name}: {volume:.6g} mm3, {part.material.name if part.material else 'no material'}"
+
+
+def standard_texts(found: FoundGeometry) -> list[str]:
+    """Return a line for each kind of parts that are bought: how many of which product."""
+    lines = []
+    for kind in dict.fromkeys(each.kind for each in found.standard):
+        parts = [(each, found.drawn.part(each.part)) for each in found.standard if each.kind == kind]
+        counts = Counter(f"{part.product or part.name} ({each.said})" for each, part in parts)
+        listed = ", ".join(f"{count} {name}" if count > 1 else name for name, count in counts.items())
+        lines.append(f"{len(parts)} {kind}{'s' if len(parts) > 1 else ''}: {listed}")
+    return lines
+
+
+def spring_text(spring: FoundSpring) -> str:
+    """Return the description of a coil."""
+    return f"spring {spring.name}: between {spring.ends[0]} and {spring.ends[1]}"
 
 
 def group_text(found: FoundGeometry, group: PartGroup) -> str:

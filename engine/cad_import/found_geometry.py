@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,19 +11,23 @@ from engine.arrays import Array
 from engine.cad import CadAssembly, CadFace
 from engine.cad.findings import (
     BallInSocket,
+    Coil,
     FacingPlanes,
     FacingRound,
     NearMiss,
     PinInHole,
+    StandardPart,
     ThrustFaces,
     balls_in_sockets,
     facing_planes,
     facing_rounds,
     pins_in_holes,
     pins_in_slots,
+    standard_parts,
     thrust_faces,
 )
 from engine.cad.findings.facing_planes import triangles_by_face
+from engine.cad.geometry import distance_to_triangles, perpendicular
 from engine.cad.joined_parts import with_joined_parts
 from engine.cad_import.proposed_groups import PartGroup, proposed_groups, usable
 
@@ -76,6 +80,16 @@ class FoundStop:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundSpring:
+    """A coil spring between two parts, with a unique name."""
+
+    name: str
+    part: str
+    coil: Coil
+    ends: tuple[str, str]  # the part that is nearest to each end of the coil
+
+
+@dataclass(frozen=True, eq=False)
 class FoundGeometry:
     """The features found in an assembly; lengths in mm."""
 
@@ -87,6 +101,8 @@ class FoundGeometry:
     stops: tuple[FoundStop, ...]  # faces that face each other and are not flanges: first planes, then round ones
     drawn: CadAssembly  # with each part by itself
     groups: tuple[PartGroup, ...] = ()  # each is a part of `assembly` with the name of the group
+    standard: tuple[StandardPart, ...] = ()  # the parts as drawn that are bought
+    springs: tuple[FoundSpring, ...] = ()  # coils, which are no parts of `assembly`
 
     def whole(self, part: str) -> str:
         """Return the name of the part of `assembly` that a part as drawn belongs to."""
@@ -109,12 +125,16 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     """
     triangles = triangles_by_face(drawn)
     planes = facing_planes(drawn, triangles)
+    standard = standard_parts(drawn)
+    coils = {each.part for each in standard if each.coil is not None}
+    rigid = _without(drawn, coils) if 0 < len(coils) < len(drawn.parts) else drawn
+    planes = [pair for pair in planes if not coils & set(pair.parts)]
     if groups is None:
-        proposed = proposed_groups(drawn, _jointed(drawn, triangles), planes)
+        proposed = proposed_groups(rigid, _jointed(rigid, triangles), planes, standard)
         names = _names([group.name for group in proposed], "group", _LONGEST)
         groups = [replace(group, name=name) for group, name in zip(proposed, names, strict=True)]
-    groups = _named_apart(usable(groups, [part.name for part in drawn.parts]), drawn)
-    assembly = with_joined_parts(drawn, {group.name: group.parts for group in groups}) if groups else drawn
+    groups = _named_apart(usable(groups, [part.name for part in rigid.parts]), drawn)
+    assembly = with_joined_parts(rigid, {group.name: group.parts for group in groups}) if groups else rigid
     parts = [part.name for part in assembly.parts]
     bodies = dict(zip(parts, _names(parts, "part", _LONGEST), strict=True))
     pins, refused = pins_in_holes(assembly)
@@ -133,7 +153,54 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     held += [frozenset((ball.socket, ball.ball)) for ball in balls]
     facing += facing_rounds(assembly, triangles, held)
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
-    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), stops, drawn, tuple(groups))
+    springs = tuple(_springs(assembly, standard, triangles))
+    return FoundGeometry(
+        assembly,
+        bodies,
+        tuple(joints),
+        found_balls,
+        tuple(refused),
+        stops,
+        drawn,
+        tuple(groups),
+        tuple(standard),
+        springs,
+    )
+
+
+def _without(assembly: CadAssembly, names: set[str]) -> CadAssembly:
+    """Return an assembly without some of its parts."""
+    return replace(
+        assembly,
+        parts=tuple(part for part in assembly.parts if part.name not in names),
+        faces=tuple(face for face in assembly.faces if face.part not in names),
+        edges=tuple(edge for edge in assembly.edges if edge.part not in names),
+        meshes=tuple(mesh for mesh in assembly.meshes if mesh.part not in names),
+    )
+
+
+def _springs(
+    assembly: CadAssembly, standard: Sequence[StandardPart], triangles: dict[int, Array]
+) -> Iterator[FoundSpring]:
+    """Yield the coils, each with the parts at its ends."""
+    coils = [(each.part, each.coil) for each in standard if each.coil is not None]
+    corners = {
+        part.name: np.concatenate(
+            [np.zeros((0, 3, 3)), *(triangles[f.number] for f in assembly.faces_of(part.name) if f.number in triangles)]
+        )
+        for part in assembly.parts
+        if coils
+    }
+    names = _names([part for part, _ in coils], "spring", _LONGEST)
+    for name, (part, coil) in zip(names, coils, strict=True):
+        axis = (coil.ends[1] - coil.ends[0]) / coil.length
+        around = perpendicular(axis) * coil.diameter / 2
+        near = []
+        for end in coil.ends:
+            ring = end + np.concatenate([around, -around])
+            far = {each: sum(distance_to_triangles(p, of) for p in ring) for each, of in corners.items() if len(of)}
+            near.append(min(far, key=lambda each: far[each], default=""))
+        yield FoundSpring(name, part, coil, (near[0], near[1]))
 
 
 def _jointed(assembly: CadAssembly, triangles: dict[int, Array]) -> list[frozenset[str]]:

@@ -1,20 +1,27 @@
-"""Parts that move as one body: proposed from subassemblies and touching faces, or as a mechanism file lists them.
+"""Parts that move as one body: proposed from fasteners, subassemblies and touching faces, or as a file lists them.
 
-A subassembly is one body unless a joint with pin or ball is drawn in it. A part that no joint holds is one body with
-the part that it lies against, without play, over most of the area in which it touches others at all.
+Screws, nuts and washers on one axis join the only part that they hold, or two parts that are held on two axes; on a
+single axis between two parts they may be a pivot, and join the part that they are screwed into. A bearing joins the
+part in which it sits. A subassembly is one body unless a joint with pin or ball is drawn in it. A part that no joint
+holds is one body with the part that it lies against, without play, over most of the area in which it touches others.
 """
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
-from engine.cad.cad_model import CadAssembly, CadPart
-from engine.cad.findings import FacingPlanes
+import numpy as np
+
+from engine.cad.cad_model import CadAssembly, CadFace, CadPart
+from engine.cad.findings import FacingPlanes, StandardPart, coaxial_fits
 from engine.mechanism.faults import as_table, named_tables, sub_table
 from engine.mechanism.geometry.part_bodies import parts_of_body
 
 _TOUCHING = 1e-3  # mm between two planes without play
+_ONE_AXIS = 0.5  # mm between the axes of screws, nuts and washers that are one stack
+_TIGHT = 1e-3  # mm between the radii of a thread or a press fit, as drawn
 _LEAST_SHARE = 0.03  # of a part's surface that lies against another part
 _MOST_OF_IT = 0.6  # of the area in which a part touches others
 
@@ -56,27 +63,99 @@ class _Groups:
 
 
 def proposed_groups(
-    assembly: CadAssembly, jointed: Sequence[frozenset[str]], planes: Sequence[FacingPlanes]
+    assembly: CadAssembly,
+    jointed: Sequence[frozenset[str]],
+    planes: Sequence[FacingPlanes],
+    standard: Sequence[StandardPart] = (),
 ) -> list[PartGroup]:
     """Return the groups of parts of an assembly; none if all of its parts would be one body.
 
-    `jointed` are the pairs of parts with a joint between them, `planes` the flat faces that face each other.
+    `jointed` are the pairs of parts with a joint between them, `planes` the flat faces that face each other, `standard`
+    the parts that are bought.
     """
+    kinds = {each.part: each.kind for each in standard}
+    jointed = [pair for pair in jointed if not pair & set(kinds)]
     groups = _Groups(part.name for part in assembly.parts)
+    fits = coaxial_fits(assembly) if kinds else []
+    _join_bearings(groups, kinds, fits)
+    jointed = [*jointed, *_join_fasteners(assembly, groups, kinds, fits, planes)]
     for parts in _rigid_subassemblies(assembly.parts, jointed):
         groups.join(parts, "by subassembly")
     _join_touching(assembly, groups, jointed, planes)
     sets = groups.sets()
     if len(sets) == 1 and len(sets[0][0]) == len(assembly.parts):
         return []
-    volumes = {part.name: sum(solid.volume for solid in part.solids) for part in assembly.parts}
     order = [part.name for part in assembly.parts]
     found: list[PartGroup] = []
     for parts, why in sets:
-        main = max(parts, key=lambda name: volumes[name])
+        main = max(parts, key=lambda name: _volume(assembly, name))
         others = sorted((name for name in parts if name != main), key=order.index)
         found.append(PartGroup(main, (main, *others), why))
     return sorted(found, key=lambda group: order.index(group.parts[0]))
+
+
+Fits = Sequence[tuple[CadFace, CadFace]]
+
+
+def _join_bearings(groups: _Groups, kinds: Mapping[str, str], fits: Fits) -> None:
+    """Join each bearing, or ring of one, to the part in which it sits; without one, to the shaft in it."""
+    for part, kind in kinds.items():
+        if kind != "bearing":
+            continue
+        seats = [(hole, pin) for hole, pin in fits if pin.part == part and hole.part not in kinds]
+        shafts = [(hole, pin) for hole, pin in fits if hole.part == part and pin.part not in kinds]
+        if seats:
+            groups.join([min(seats, key=_play)[0].part, part], "by bearing")
+        elif shafts:
+            groups.join([min(shafts, key=_play)[1].part, part], "by bearing")
+
+
+def _play(fit: tuple[CadFace, CadFace]) -> float:
+    return abs(fit[0].radius - fit[1].radius)
+
+
+def _join_fasteners(
+    assembly: CadAssembly, groups: _Groups, kinds: Mapping[str, str], fits: Fits, planes: Sequence[FacingPlanes]
+) -> list[frozenset[str]]:
+    """Join the fasteners on each axis to what they hold, and what fasteners on two axes hold.
+
+    Return the pairs of parts with fasteners on one axis: these may be a pivot.
+    """
+    touching = [pair.parts for pair in planes if abs(pair.gap) <= _TOUCHING]
+    stacks = _Groups(part for part, kind in kinds.items() if kind == "fastener")
+    for one, other in [*((hole.part, pin.part) for hole, pin in fits), *touching]:
+        if one in stacks.of and other in stacks.of:
+            stacks.join([one, other], "")
+    axes: dict[frozenset[str], list[CadFace]] = {}
+    for stack in {id(each): each for each in stacks.of.values()}.values():
+        groups.join(stack, "by fastener")
+        own = [fit for fit in fits if (fit[0].part in stack) != (fit[1].part in stack)]
+        beside = {face.part for fit in own for face in fit}
+        beside |= {part for pair in touching if set(pair) & set(stack) for part in pair}
+        held = sorted(part for part in beside if kinds.get(part) != "fastener")
+        if not own or not held:
+            continue
+        tight = [fit for fit in own if fit[0].radius - fit[1].radius <= _TIGHT]
+        threaded = sorted({face.part for fit in tight for face in fit} & set(held))
+        groups.join([max(threaded or held, key=lambda part: _volume(assembly, part)), *stack], "by fastener")
+        for both in combinations(held, 2):
+            axes.setdefault(frozenset(both), []).append(own[0][0])
+    pivots = []
+    for parts, faces in axes.items():
+        if any(_apart(faces[0], face) > _ONE_AXIS for face in faces[1:]):
+            groups.join(sorted(parts), "by fastener")
+        else:
+            pivots.append(parts)
+    return pivots
+
+
+def _volume(assembly: CadAssembly, part: str) -> float:
+    return sum(solid.volume for solid in assembly.part(part).solids)
+
+
+def _apart(first: CadFace, other: CadFace) -> float:
+    """Return the distance of a cylinder from the axis of another [mm]."""
+    return float(np.linalg.norm(np.cross(other.point - first.point, first.axis)))
 
 
 def _rigid_subassemblies(parts: Sequence[CadPart], jointed: Sequence[frozenset[str]]) -> list[list[str]]:

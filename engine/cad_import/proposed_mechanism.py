@@ -31,6 +31,7 @@ _HEAD = """\
 """
 
 _SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
+_SHEAR_MODULUS = 81_500.0  # N/mm2, of spring wire, EN 13906-1
 _UNLOADED_SECONDS = 10.0  # of the processor
 _SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
 
@@ -89,7 +90,10 @@ def proposed_mechanism(
         lines += joint_lines(found, joint)
     for ball in found.balls:
         lines += ball_lines(found, ball)
-    return "\n".join([*lines, *stop_tables(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
+    return (
+        "\n".join([*lines, *stop_tables(found), *_springs(found), *_loads(unloaded), *_responses(found)]).rstrip("\n")
+        + "\n"
+    )
 
 
 def _groups(groups: Sequence[PartGroup]) -> list[str]:
@@ -179,6 +183,35 @@ def _density(part: CadPart, solid: Solid) -> float | None:
     """Return the density of a solid according to the CAD file."""
     material = solid.material or part.material
     return material.density if material else None
+
+
+def _springs(found: FoundGeometry) -> list[str]:
+    """Return the tables of the coils, marked, below a question; empty if there are none."""
+    if not found.springs:
+        return []
+    text = (
+        "is each coil a spring between the bodies at its ends? Its stiffness is that of steel wire, and free_length is"
+        " as drawn, so without a force: correct both"
+    )
+    lines = [question("springs", text)]
+    for spring in found.springs:
+        coil = spring.coil
+        wire = f"{coil.turns:.3g} turns of {coil.wire:.3g} mm wire"
+        ends = [
+            {"body": found.bodies[part], "point": np.round(found.to_body(part, end), 6) + 0.0}
+            for part, end in zip(spring.ends, coil.ends, strict=True)
+        ]
+        stiffness = _SHEAR_MODULUS * coil.wire**4 / (8 * coil.diameter**3 * coil.turns)
+        table = [
+            f"[springs.{spring.name}]".ljust(36) + f" # {wire}",
+            'type = "linear"',
+            key_line("a", ends[0]),
+            key_line("b", ends[1]),
+            key_line("stiffness", float(f"{stiffness:.3g}"), "N/mm"),
+            key_line("free_length", round(coil.length, 6), "mm"),
+        ]
+        lines += [*marked(table), ""]
+    return lines
 
 
 def _loads(unloaded: UnloadedMotions) -> list[str]:

@@ -181,6 +181,17 @@ def pin_in_hole(hole: CadFace, pin: CadFace) -> PinInHole:
     return _joint([_pair(hole, pin)])
 
 
+def coaxial_fits(assembly: CadAssembly) -> list[tuple[CadFace, CadFace]]:
+    """Return the holes and pins of two parts that share a stretch of one axis, whatever their radii.
+
+    Besides joints, these are screws in clearance holes, threads drawn as cylinders, and press fits.
+    """
+    cylinders = [face for face in assembly.faces if face.kind == "cylinder" and face.span > LEAST_SPAN]
+    holes, pins = [f for f in cylinders if f.hollow], [f for f in cylinders if not f.hollow]
+    pairs = [pair for pair in _near_pairs(holes, pins) if pair.end > pair.start]
+    return [(pair.hole, pair.pin) for pair in pairs if pair.offset <= max(pair.clearance, 0.0) + MOST_EXCESS]
+
+
 def _near_pairs(holes: list[CadFace], pins: list[CadFace]) -> list[_Pair]:
     """Return all pairs of a hole and a pin of two parts whose radii and axes differ little."""
     if not holes or not pins:

@@ -13,6 +13,7 @@ from engine.cad import read_step
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_groups import PartGroup, groups_of_bodies, listed_groups, updated_groups
 from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+from tests.engine.cad.bought import COIL, gearbox
 from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PLAY, WEIGHT, crane
 
 pytestmark = pytest.mark.processes
@@ -176,6 +177,21 @@ def test_listed_groups_come_first():
     found = updated_groups(listed, proposed, names, list("abcdenm"))
     assert found == [PartGroup("base", ("a", "b")), PartGroup("n", ("n", "m"))]
     assert listed_groups("a = 1\n") is None
+
+
+def test_a_coil_is_a_spring(tmp_path):
+    """It is no body, and its proposed table has the stiffness G d^4 / (8 D^3 n) of its wire, between its two ends."""
+    drawing = gearbox(bolts=2).write(tmp_path / "gearbox.step")
+    path = tmp_path / "gearbox.toml"
+    said = imported(tmp_path, drawing, "-o", path, "--no-pictures")
+    assert "\n4 fasteners: 2 BOLT (by its name), 2 NUT (by its name)\n" in said
+    assert "\nspring coil: between shelf and lid\n" in said
+    lines = path.read_text().partition("# [springs.coil]")[2].splitlines()[1:6]
+    spring = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))
+    exact = 81500 * COIL["wire"] ** 4 / (8 * (2 * COIL["radius"]) ** 3 * COIL["turns"])
+    assert spring["stiffness"] == pytest.approx(exact, rel=0.02)
+    assert (spring["a"]["body"], spring["b"]["body"]) == ("shelf", "lid")
+    np.testing.assert_allclose(np.subtract(spring["b"]["point"], spring["a"]["point"]), [0, 0, 13], atol=0.05)
 
 
 def test_one_body_is_no_mechanism(drawn):
