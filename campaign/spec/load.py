@@ -342,7 +342,8 @@ def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism)
         text = f"{target} says how a run is computed, and is the same for all; allowed: numbers of the mechanism; "
         yield fault(keys, None, f"{text}give {setting} in [simulation] of the campaign, or in the mechanism file")
         return
-    if target.startswith(PREFIX) and not following(mechanism.formulas, [target.removeprefix(PREFIX)]):
+    formulas = {**mechanism.formulas, **mechanism.response_formulas()}
+    if target.startswith(PREFIX) and not following(formulas, [target.removeprefix(PREFIX)]):
         on_bench = f" on bench {mechanism.bench}" if mechanism.bench else ""
         yield fault(keys, None, f"nothing of {mechanism.name}{on_bench} follows from {target}; remove the variable")
         return

@@ -14,7 +14,7 @@ from campaign.spec.load import campaign_names, load_campaign
 from campaign.worker.row import compute_row, sample_inputs
 from engine import simulate
 from engine.loop import Cancel
-from engine.mechanism import get_value, set_values
+from engine.mechanism import get_value, load_mechanism, set_values
 from tests.campaign.conftest import SPEC
 from tests.each import each
 
@@ -574,6 +574,15 @@ def test_two_components_of_one_point_do_not_overlap():
     """Nor a parameter and a number that does not follow from it."""
     variables = {f"b{axis}": (f"joints.pin.bearing.point.{axis}", -0.01, 0.01) for axis in "xy"}
     load_campaign(campaign(arm=("parameters.long", 29, 31), **variables))
+
+
+def test_a_parameter_that_only_a_formula_of_a_response_uses_may_vary(tmp_path):
+    """What the variable changes is the response."""
+    text = (Path(__file__).parents[3] / "engine/mechanism/library/lever.toml").read_text()
+    response = next(iter(load_mechanism("lever").responses))
+    scaled = f'\n[responses.scaled]\ntype = "formula"\nformula = "scale * {response}"\n'
+    (tmp_path / "own.toml").write_text(text.replace("\nlong = ", "\nscale = 2.0\nlong = ") + scaled)
+    load_campaign(campaign(scale=("parameters.scale", 1.0, 3.0)) | {"mechanism": str(tmp_path / "own.toml")})
 
 
 def test_a_parameter_from_which_nothing_follows_on_a_bench_is_refused(tmp_path):
