@@ -114,6 +114,8 @@ def _name(stem: str) -> str:
 
 def _document(found: "FoundGeometry") -> dict[str, Any]:
     """Return the found geometry as plain data; lengths in mm."""
+    from engine.cad_import.found_features import pivot_text
+
     face = {f.number: f for f in found.assembly.faces}
     return {
         "parts": [
@@ -167,6 +169,7 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             }
             for stop in found.stops
         ],
+        "pivots": [{"name": each.name, "text": pivot_text(found, each)} for each in found.pivots],
         "refused": [
             {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}
             for miss in found.refused
@@ -177,7 +180,15 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 def _print_found(found: "FoundGeometry") -> None:
     """Print the found geometry."""
-    from engine.cad_import.found_features import found_features, group_text, part_text, spring_text, standard_texts
+    from engine.cad_import.found_features import (
+        folded_features,
+        found_features,
+        group_text,
+        part_text,
+        pivot_text,
+        spring_text,
+        standard_texts,
+    )
 
     listed = {each.part for each in found.standard}
     for part in found.drawn.parts:
@@ -189,8 +200,10 @@ def _print_found(found: "FoundGeometry") -> None:
         print_text(spring_text(spring))
     for group in found.groups:
         print_text(group_text(found, group))
-    for place in found_features(found):
-        print_text(place.text)
+    for line in folded_features(found, found_features(found)):
+        print_text(line)
+    for pivot in found.pivots:
+        print_text(pivot_text(found, pivot))
     for text in found.assembly.cautions:
         print_text(f"left out: {text}")
 

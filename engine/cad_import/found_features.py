@@ -1,18 +1,23 @@
 """The features found in a CAD file with their places: parts, joints, candidates for stops, pins that are not joints."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import degrees
 from typing import Literal
 
 import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
-from engine.cad.findings import NearMiss
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundSpring, FoundStop
+from engine.cad.findings import FacingPlanes, NearMiss, UndrawnPin
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundPivot, FoundSpring, FoundStop
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import least_clearance, side
 from engine.cad_import.proposed_text import value
+
+MOST_LISTED = 10
+"""Pairs that are no joints, and candidates for stops, that are described one by one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,6 +65,45 @@ def standard_texts(found: FoundGeometry) -> list[str]:
         listed = ", ".join(f"{count} {name}" if count > 1 else name for name, count in counts.items())
         lines.append(f"{len(parts)} {kind}{'s' if len(parts) > 1 else ''}: {listed}")
     return lines
+
+
+def folded_features(found: FoundGeometry, features: Sequence[FoundFeature]) -> list[str]:
+    """Return the descriptions of features: all joints, and of the others the most plausible, alike ones in one line."""
+    lines = [each.text for each in features if each.kind == "joint"]
+    refused = [each for each in features if each.kind == "no joint"]
+    counts = Counter((each.between, each.sizes) for each in refused)
+    alike = [next(each for each in refused if (each.between, each.sizes) == key) for key in counts]
+    lines += [f"{each.text}{_times(counts[each.between, each.sizes])}" for each in alike[:MOST_LISTED]]
+    if len(alike) > MOST_LISTED:
+        left = len(refused) - sum(counts[each.between, each.sizes] for each in alike[:MOST_LISTED])
+        lines.append(f"no joint: {left} more pins and holes, less likely ones; --json lists all")
+    order = {stop.name: _unlikely(stop) for stop in found.stops}
+    facing = sorted((each for each in features if each.kind == "facing"), key=lambda each: order[each.name])
+    lines += [each.text for each in facing[:MOST_LISTED]]
+    if len(facing) > MOST_LISTED:
+        lines.append(f"facing: {len(facing) - MOST_LISTED} more, less likely ones; the mechanism file lists all")
+    return lines
+
+
+def _unlikely(stop: FoundStop) -> tuple[float, float]:
+    """Return a rank of a candidate for a stop: the nearest come first, and among equally near ones the largest."""
+    size = stop.pair.area if isinstance(stop.pair, FacingPlanes) else stop.pair.length
+    return round(max(stop.pair.gap, 0.0), 2), -size
+
+
+def _times(count: int) -> str:
+    return f" ({count} times)" if count > 1 else ""
+
+
+def pivot_text(found: FoundGeometry, pivot: FoundPivot) -> str:
+    """Return the description of a joint that may be there."""
+    if isinstance(pivot.pin, UndrawnPin):
+        first, second = pivot.pin.parts
+        radii = " and ".join(f"{radius:.6g}" for radius in pivot.pin.radii)
+        return f"undrawn pin {pivot.name}: coaxial holes of {first} and {second}, radii {radii}, and nothing in them"
+    hole, pin = found.face(pivot.pin.hole), found.face(pivot.pin.pin)
+    sizes = f"radii {hole.radius:.6g} and {pin.radius:.6g}, {degrees(hole.span):.0f} degrees of the hole are there"
+    return f"snap-in {pivot.name}: pin of {pin.part} in {hole.part}, {sizes}"
 
 
 def spring_text(spring: FoundSpring) -> str:

@@ -18,6 +18,7 @@ from engine.cad.findings import (
     PinInHole,
     StandardPart,
     ThrustFaces,
+    UndrawnPin,
     balls_in_sockets,
     facing_planes,
     facing_rounds,
@@ -25,12 +26,15 @@ from engine.cad.findings import (
     pins_in_slots,
     standard_parts,
     thrust_faces,
+    undrawn_pins,
 )
 from engine.cad.findings.facing_planes import triangles_by_face
+from engine.cad.findings.pins_in_holes import MOST_EXCESS
 from engine.cad.geometry import distance_to_triangles, perpendicular
 from engine.cad.joined_parts import with_joined_parts
 from engine.cad_import.proposed_groups import PartGroup, proposed_groups, usable
 
+_NOTHING = 1e-9  # mm, of rounding
 _LONGEST = 40  # letters in a body's name
 _LETTERS = str.maketrans(
     {
@@ -73,7 +77,7 @@ class FoundStop:
     def sizes(self) -> str:
         """A description of their distance, and of the size of what they share."""
         gap, about = self.pair.gap, "about " if isinstance(self.pair, FacingRound) and self.pair.is_estimate else ""
-        apart = f"{about}{gap:.4g} mm apart" if gap >= 0 else f"overlapping by {about}{-gap:.4g} mm"
+        apart = f"{about}{max(gap, 0.0):.4g} mm apart" if gap > -_NOTHING else f"overlapping by {about}{-gap:.4g} mm"
         if isinstance(self.pair, FacingPlanes):
             return f"{apart}, {self.pair.area:.4g} mm2 face each other"
         return f"{apart}, along {self.pair.length:.4g} mm" if self.pair.length else apart
@@ -90,6 +94,14 @@ class FoundSpring:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundPivot:
+    """A joint that may be there, with a unique name: a pin that is not drawn, or one that snaps into its bearing."""
+
+    name: str
+    pin: UndrawnPin | NearMiss
+
+
+@dataclass(frozen=True, eq=False)
 class FoundGeometry:
     """The features found in an assembly; lengths in mm."""
 
@@ -103,6 +115,7 @@ class FoundGeometry:
     groups: tuple[PartGroup, ...] = ()  # each is a part of `assembly` with the name of the group
     standard: tuple[StandardPart, ...] = ()  # the parts as drawn that are bought
     springs: tuple[FoundSpring, ...] = ()  # coils, which are no parts of `assembly`
+    pivots: tuple[FoundPivot, ...] = ()  # joints that may be there
 
     def whole(self, part: str) -> str:
         """Return the name of the part of `assembly` that a part as drawn belongs to."""
@@ -130,7 +143,7 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     rigid = _without(drawn, coils) if 0 < len(coils) < len(drawn.parts) else drawn
     planes = [pair for pair in planes if not coils & set(pair.parts)]
     if groups is None:
-        proposed = proposed_groups(rigid, _jointed(rigid, triangles), planes, standard)
+        proposed = proposed_groups(rigid, _jointed(rigid, triangles), planes, standard, undrawn_pins(rigid))
         names = _names([group.name for group in proposed], "group", _LONGEST)
         groups = [replace(group, name=name) for group, name in zip(proposed, names, strict=True)]
     groups = _named_apart(usable(groups, [part.name for part in rigid.parts]), drawn)
@@ -153,6 +166,8 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     held += [frozenset((ball.socket, ball.ball)) for ball in balls]
     facing += facing_rounds(assembly, triangles, held)
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
+    pivots = _pivots(assembly, refused, bodies, names)
+    refused = sorted((miss for miss in refused if not miss.snaps), key=lambda miss: miss.unlikely)
     springs = tuple(_springs(assembly, standard, triangles))
     return FoundGeometry(
         assembly,
@@ -165,6 +180,7 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
         tuple(groups),
         tuple(standard),
         springs,
+        pivots,
     )
 
 
@@ -177,6 +193,29 @@ def _without(assembly: CadAssembly, names: set[str]) -> CadAssembly:
         edges=tuple(edge for edge in assembly.edges if edge.part not in names),
         meshes=tuple(mesh for mesh in assembly.meshes if mesh.part not in names),
     )
+
+
+def _pivots(
+    assembly: CadAssembly, refused: Sequence[NearMiss], bodies: dict[str, str], taken: list[str]
+) -> tuple[FoundPivot, ...]:
+    """Return the joints that may be there, one for each two parts and axis."""
+    part = {face.number: face for face in assembly.faces}
+    snaps: list[NearMiss] = []
+    for miss in refused:
+        here = part[miss.hole], part[miss.pin]
+        alike = [(part[other.hole], part[other.pin]) for other in snaps]
+        if miss.snaps and not any(_is_same_pair(here, each) for each in alike):
+            snaps.append(miss)
+    pins: list[UndrawnPin | NearMiss] = [*undrawn_pins(assembly), *snaps]
+    pairs = [pin.parts if isinstance(pin, UndrawnPin) else (part[pin.pin].part, part[pin.hole].part) for pin in pins]
+    names = _names([*taken, *(f"{bodies[inner]}-{bodies[outer]}" for inner, outer in pairs)], "joint")
+    return tuple(FoundPivot(*each) for each in zip(names[len(taken) :], pins, strict=True))
+
+
+def _is_same_pair(one: tuple[CadFace, CadFace], other: tuple[CadFace, CadFace]) -> bool:
+    """Return whether two holes with their pins are of the same parts and about the same axis."""
+    apart = float(np.linalg.norm(np.cross(one[0].point - other[0].point, one[0].axis)))
+    return [face.part for face in one] == [face.part for face in other] and apart <= MOST_EXCESS
 
 
 def _springs(
@@ -207,7 +246,7 @@ def _jointed(assembly: CadAssembly, triangles: dict[int, Array]) -> list[frozens
     """Return the pairs of parts with a joint between them, or with what may be one."""
     pins, refused = pins_in_holes(assembly)
     balls, balls_refused = balls_in_sockets(assembly, triangles)
-    loose = [miss for miss in (*refused, *balls_refused) if miss.may_be_one]
+    loose = [miss for miss in (*refused, *balls_refused) if miss.may_be_one or miss.snaps]
     part = {face.number: face.part for face in assembly.faces}
     return [
         *(frozenset((pin.bearing, pin.journal)) for pin in pins),

@@ -7,6 +7,7 @@ holds is one body with the part that it lies against, without play, over most of
 """
 
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadFace, CadPart
-from engine.cad.findings import FacingPlanes, StandardPart, coaxial_fits
+from engine.cad.findings import FacingPlanes, StandardPart, UndrawnPin, coaxial_fits
 from engine.mechanism.faults import as_table, named_tables, sub_table
 from engine.mechanism.geometry.part_bodies import parts_of_body
 
@@ -67,11 +68,12 @@ def proposed_groups(
     jointed: Sequence[frozenset[str]],
     planes: Sequence[FacingPlanes],
     standard: Sequence[StandardPart] = (),
+    undrawn: Sequence[UndrawnPin] = (),
 ) -> list[PartGroup]:
     """Return the groups of parts of an assembly; none if all of its parts would be one body.
 
     `jointed` are the pairs of parts with a joint between them, `planes` the flat faces that face each other, `standard`
-    the parts that are bought.
+    the parts that are bought, `undrawn` the holes for pins or screws that are not drawn.
     """
     kinds = {each.part: each.kind for each in standard}
     jointed = [pair for pair in jointed if not pair & set(kinds)]
@@ -79,6 +81,7 @@ def proposed_groups(
     fits = coaxial_fits(assembly) if kinds else []
     _join_bearings(groups, kinds, fits)
     jointed = [*jointed, *_join_fasteners(assembly, groups, kinds, fits, planes)]
+    jointed = [*jointed, *_join_screw_holes(groups, undrawn, planes)]
     for parts in _rigid_subassemblies(assembly.parts, jointed):
         groups.join(parts, "by subassembly")
     _join_touching(assembly, groups, jointed, planes)
@@ -147,6 +150,18 @@ def _join_fasteners(
         else:
             pivots.append(parts)
     return pivots
+
+
+def _join_screw_holes(
+    groups: _Groups, undrawn: Sequence[UndrawnPin], planes: Sequence[FacingPlanes]
+) -> list[frozenset[str]]:
+    """Join parts that touch and have equal holes on two axes, for screws that are not drawn; return the other pairs."""
+    touching = {frozenset(pair.parts) for pair in planes if abs(pair.gap) <= _TOUCHING}
+    counts = Counter(frozenset(pin.parts) for pin in undrawn)
+    for pair, count in counts.items():
+        if count > 1 and pair in touching:
+            groups.join(sorted(pair), "by holes for screws")
+    return [pair for pair, count in counts.items() if count == 1 or pair not in touching]
 
 
 def _volume(assembly: CadAssembly, part: str) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
-from engine.cad.findings import PinInHole
+from engine.cad.findings import NearMiss, PinInHole, UndrawnPin
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
 from engine.cad_import.proposed_text import key_line, question, value
+from engine.faults.fault import some
 from engine.mechanism.geometry.cad_table import AS_DRAWN, RoundFace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, axis_of
 
@@ -20,6 +21,11 @@ LAW = "contact"
 NEARER = None, 0.1, 0.01, 1e-3
 """Distances of a point from its face [mm]: half a millimetre, or less if others are as near."""
 
+RADIAL_PLAY, AXIAL_PLAY = "radial_play", "axial_play"
+"""Parameters for the plays of joints that are drawn without any."""
+
+_FEW = 2  # joints that are asked about one by one
+_PIN_PLAY = 0.02  # mm, of a pin that is not drawn
 _ALIKE = 1e-6  # mm
 _LEAST_PLAY = 1e-6  # mm
 _OPEN = radians(190.0)  # a pin can leave a hole with a smaller span
@@ -35,7 +41,104 @@ class Diameter:
     upper: float
 
 
-def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
+@dataclass(frozen=True)
+class SharedQuestions:
+    """What the CAD file does not say of many joints, so that it is asked once for all of them: names of joints."""
+
+    radial: tuple[str, ...]  # drawn without radial clearance
+    axial: tuple[str, ...]  # drawn without axial play
+    free: tuple[str, ...]  # that nothing holds along their axes
+
+
+def shared_questions(found: FoundGeometry) -> SharedQuestions:
+    """Return the questions that are asked once, because they are about three or more joints."""
+    radial = [joint.name for joint in found.joints if joint.pin.radial_clearance <= 0]
+    radial += [joint.name for joint in found.balls if joint.ball.radial_clearance <= 0]
+    axial = [joint.name for joint in found.joints if joint.flanges and _play(joint) <= _LEAST_PLAY]
+    free = [joint.name for joint in found.joints if not joint.flanges]
+    return SharedQuestions(*(tuple(each) if len(each) > _FEW else () for each in (radial, axial, free)))
+
+
+def play_parameters(shared: SharedQuestions) -> list[str]:
+    """Return the parameters for plays that are not drawn, marked, below their question."""
+    lines = []
+    texts = []
+    if shared.radial:
+        texts.append(f"radial clearance of {some(shared.radial)}")
+        lines.append(key_line(RADIAL_PLAY, 0.02, "mm"))
+    if shared.axial:
+        texts.append(f"axial play at each end of {some(shared.axial)}")
+        lines.append(key_line(AXIAL_PLAY, 0.05, "mm"))
+    if not texts:
+        return []
+    text = f"which {' and '.join(texts)} do the tolerances leave? They are drawn without; a joint may have another one"
+    return [question("parameters", text), *(f"# {line}" for line in lines)]
+
+
+def free_joints(shared: SharedQuestions) -> list[str]:
+    """Return the question about joints that nothing holds along their axes."""
+    if not shared.free:
+        return []
+    text = (
+        f"nothing was found that holds {some(shared.free)} along their axes; if something does, make them"
+        " clearance_revolute with flanges and axial_clearance"
+    )
+    return [question("joints", text), ""]
+
+
+def pivot_tables(found: FoundGeometry) -> list[str]:
+    """Return the joints that may be there, marked: pins that are not drawn, and bearings into which pins snap."""
+    undrawn = [(each.name, each.pin) for each in found.pivots if isinstance(each.pin, UndrawnPin)]
+    snaps = [(each.name, each.pin) for each in found.pivots if isinstance(each.pin, NearMiss)]
+    lines = []
+    if undrawn:
+        text = "which of these equal holes get a pin or a screw that is not drawn? Remove the marks of those"
+        lines.append(question("joints", f"{text}, and correct the radius of the pin"))
+        for name, pin in undrawn:
+            lines += [*_marked_table(name, _undrawn_lines(found, pin)), ""]
+    if snaps:
+        text = "does the pin snap into one of these holes, which do not close around it? Remove the marks of those"
+        lines.append(question("joints", text))
+        for name, miss in snaps:
+            hole, pin_face = found.face(miss.hole), found.face(miss.pin)
+            play = AS_DRAWN if hole.radius - pin_face.radius > _LEAST_PLAY else 0.02
+            table = [
+                key_line("bearing", side(found, hole)),
+                key_line("journal", side(found, pin_face)),
+                key_line("radial_clearance", play, f"{degrees(hole.span):.0f} degrees of the hole are there"),
+            ]
+            lines += [*_marked_table(name, table), ""]
+    return lines
+
+
+def _marked_table(name: str, lines: list[str]) -> list[str]:
+    table = [f"[joints.{name}]", 'type = "clearance_cylindrical"', *lines, key_line("material", LAW)]
+    return [f"# {line}" for line in table]
+
+
+def _undrawn_lines(found: FoundGeometry, pin: UndrawnPin) -> list[str]:
+    """Return the keys of a joint whose pin is not drawn: the pin belongs to the second part."""
+    hole, other = (found.face(number) for number in pin.holes)
+    turn = found.assembly.part(other.part).placement.rotation
+    journal = {
+        "body": found.bodies[other.part],
+        "point": np.round(found.to_body(other.part, pin.point), 6) + 0.0,
+        "axis": np.round(turn.T @ axis_of(hole), 12) + 0.0,
+        "radius": round(min(pin.radii) - _PIN_PLAY, 9),
+    }
+    return [
+        key_line("bearing", side(found, hole)),
+        key_line("journal", journal),
+        key_line("rings", [-round(pin.half_length, 6), round(pin.half_length, 6)]),
+        key_line("radial_clearance", round(pin.radii[0] - min(pin.radii) + _PIN_PLAY, 9), "to be corrected"),
+    ]
+
+
+def _play(joint: FoundJoint) -> float:
+    return float(np.mean([flange.play for flange in joint.flanges]))
+
+
+def joint_lines(found: FoundGeometry, joint: FoundJoint, shared: SharedQuestions) -> list[str]:
     """Return the table of a joint, with a question for everything that the CAD file does not provide."""
     pin = joint.pin
     first = pin.seats[0]
@@ -56,8 +159,12 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
     lines.append(key_line("journal", shaft))
     if len(pin.seats) > 1:
         lines.append(key_line("rings", sorted(round(stations.of(station), 9) for station, _ in pin.rings)))
-    lines += _clearance_lines(found, joint, stepped or first.hole_radius - first.pin_radius != pin.radial_clearance)
-    lines += _flange_lines(joint, stations)
+    in_numbers = stepped or first.hole_radius - first.pin_radius != pin.radial_clearance
+    if joint.name in shared.radial:
+        lines.append(key_line("radial_clearance", RADIAL_PLAY, f"both drawn with radius {first.pin_radius:.6g} mm"))
+    else:
+        lines += _clearance_lines(found, joint, in_numbers)
+    lines += _flange_lines(joint, stations, shared)
     if (span := min(face.span for face in holes)) < _OPEN:
         text = f"only {degrees(span):.0f} degrees of the hole are there; a joint holds its pin all round;"
         lines.append(question(f"joints.{joint.name}", f"{text} if this one can leave, write contacts in its place"))
@@ -66,7 +173,7 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
     return [*lines, key_line("material", LAW), ""]
 
 
-def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
+def ball_lines(found: FoundGeometry, joint: FoundBall, shared: SharedQuestions) -> list[str]:
     """Return the table of a ball in its socket in numbers, with a question for what the CAD file does not provide."""
     ball = joint.ball
     socket = {"body": found.bodies[ball.socket_part], "point": found.to_body(ball.socket_part, ball.centre).round(9)}
@@ -80,6 +187,8 @@ def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
     ]
     if ball.radial_clearance > 0:
         lines.append(key_line("radial_clearance", round(ball.radial_clearance, 9)))
+    elif joint.name in shared.radial:
+        lines.append(key_line("radial_clearance", RADIAL_PLAY, f"both drawn with radius {ball.ball_radius:.6g} mm"))
     else:
         lines += _asked_clearance(joint.name, "ball and socket", ball.ball_radius)
     if ball.overlap > 0:
@@ -201,8 +310,10 @@ def least_clearance(pin: PinInHole) -> str:
     return f"the least of {', '.join(drawn[:-1])} and {drawn[-1]}, for all rings" if len(drawn) > 1 else ""
 
 
-def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
+def _flange_lines(joint: FoundJoint, stations: _Stations, shared: SharedQuestions) -> list[str]:
     """Return the flanges and the axial clearance."""
+    if joint.name in shared.free:
+        return []
     if not joint.flanges:
         text = "nothing was found that holds it along its axis; if something does, make it a clearance_revolute"
         return [question(f"joints.{joint.name}", f"{text} with flanges and axial_clearance")]
@@ -215,9 +326,11 @@ def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
     if len(faces) == 1:
         [side] = faces
         flanges["sides"] = side if stations.sign > 0 else {"start": "end", "end": "start"}[side]
-    play = float(np.mean([flange.play for flange in joint.flanges]))
+    play = _play(joint)
     lines = [key_line("flanges", flanges)]
     if play > _LEAST_PLAY:
         return [*lines, key_line("axial_clearance", round(play, 9))]
+    if joint.name in shared.axial:
+        return [*lines, key_line("axial_clearance", AXIAL_PLAY, "drawn without")]
     text = "drawn without axial play; which play do the tolerances leave at each end?"
     return [*lines, question(f"joints.{joint.name}.axial_clearance", text), "# axial_clearance = 0.05"]

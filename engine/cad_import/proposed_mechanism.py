@@ -15,7 +15,19 @@ import numpy as np
 from engine.cad.cad_model import CadAssembly, CadPart, Solid
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_groups import PartGroup
-from engine.cad_import.proposed_joints import LAW, all_diameters, ball_lines, joint_lines
+from engine.cad_import.proposed_joints import (
+    AXIAL_PLAY,
+    LAW,
+    RADIAL_PLAY,
+    SharedQuestions,
+    all_diameters,
+    ball_lines,
+    free_joints,
+    joint_lines,
+    pivot_tables,
+    play_parameters,
+    shared_questions,
+)
 from engine.cad_import.proposed_stops import stop_tables
 from engine.cad_import.proposed_text import key_line, marked, question, value
 from engine.errors import EngineError
@@ -60,7 +72,7 @@ def proposed_mechanism(
     `unloaded` is the result of `unloaded_directions` for the text without it. `listed` are the groups in its
     ``[groups]``; without them, those of which its bodies are made.
     """
-    assembly = found.assembly
+    assembly, shared = found.assembly, shared_questions(found)
     lines = [
         _HEAD,
         "format = 1",
@@ -69,7 +81,7 @@ def proposed_mechanism(
         *_gravity(found),
         "",
         *_groups(found.groups if listed is None else listed),
-        *_parameters(found),
+        *_parameters(found, shared),
         "[cad]",
         key_line("file", file),
         key_line("sha256", assembly.sha256),
@@ -86,14 +98,13 @@ def proposed_mechanism(
     largest = largest_part(assembly).name
     for part in assembly.parts:
         lines += _body(found, part, is_largest=part.name == largest)
+    lines += free_joints(shared)
     for joint in found.joints:
-        lines += joint_lines(found, joint)
+        lines += joint_lines(found, joint, shared)
     for ball in found.balls:
-        lines += ball_lines(found, ball)
-    return (
-        "\n".join([*lines, *stop_tables(found), *_springs(found), *_loads(unloaded), *_responses(found)]).rstrip("\n")
-        + "\n"
-    )
+        lines += ball_lines(found, ball, shared)
+    lines += [*pivot_tables(found), *stop_tables(found), *_springs(found), *_loads(unloaded), *_responses(found)]
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _groups(groups: Sequence[PartGroup]) -> list[str]:
@@ -128,13 +139,13 @@ def _gravity(found: FoundGeometry) -> list[str]:
     return [question("gravity", text), *marked([key_line("gravity", [0.0, 0.0, -9.81e-3], "mm/ms2")])]
 
 
-def _parameters(found: FoundGeometry) -> list[str]:
-    """Return the diameters with limits, to be varied by a campaign."""
-    diameters = all_diameters(found)
-    if not diameters:
+def _parameters(found: FoundGeometry, shared: SharedQuestions) -> list[str]:
+    """Return the diameters with limits, to be varied by a campaign, and the plays that are asked for."""
+    diameters, plays = all_diameters(found), play_parameters(shared)
+    if not diameters and not plays:
         return []
     lines = [key_line(d.parameter, d.nominal, f"mm, {d.lower:.6g} to {d.upper:.6g} in the CAD file") for d in diameters]
-    return ["[parameters]", *lines, ""]
+    return ["[parameters]", *lines, *plays, ""]
 
 
 def _default_density(assembly: CadAssembly) -> list[str]:
@@ -276,11 +287,11 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
             tables["bodies"][found.bodies[part.name]] |= _SOME_BODY
     for joint in found.joints:
         table = tables["joints"][joint.name]
-        if "radial_clearance" not in table or joint.pin.overlap > 0:
+        if table.get("radial_clearance", RADIAL_PLAY) == RADIAL_PLAY or joint.pin.overlap > 0:
             # large enough for the pose as drawn: pin and hole that overlap cannot start
             table["radial_clearance"] = joint.pin.offset + _SOME_PLAY
-        if "flanges" in table:
-            table.setdefault("axial_clearance", _SOME_PLAY)
+        if "flanges" in table and table.get("axial_clearance", AXIAL_PLAY) == AXIAL_PLAY:
+            table["axial_clearance"] = _SOME_PLAY
     for each in found.balls:
         tables["joints"][each.name]["radial_clearance"] = (
             float(np.linalg.norm(each.ball.ball_centre - each.ball.centre)) + _SOME_PLAY

@@ -15,6 +15,7 @@ from engine.cad.findings.pins_in_holes import (
 )
 from engine.cad.findings.standard_parts import Coil, StandardPart, standard_parts
 from engine.cad.findings.thrust_faces import ThrustFaces, thrust_faces
+from engine.cad.findings.undrawn_pins import UndrawnPin, undrawn_pins
 
 __all__ = [
     "BallInSocket",
@@ -27,6 +28,7 @@ __all__ = [
     "Seat",
     "StandardPart",
     "ThrustFaces",
+    "UndrawnPin",
     "balls_in_sockets",
     "coaxial_fits",
     "extruded_profile",
@@ -38,4 +40,5 @@ __all__ = [
     "standard_parts",
     "thrust_faces",
     "triangles_by_face",
+    "undrawn_pins",
 ]

@@ -23,6 +23,8 @@ MOST_CLEARANCE = 0.3
 """Largest difference of radii [mm] at which a hole still guides a pin."""
 MOST_EXCESS = 0.12
 """Largest offset of the axes beyond the clearance [mm] that a drawn pose may have."""
+_LEAST_SNAP = radians(60.0)
+_LOOSEST_SNAP, _SQUEEZED = 0.5, 0.05  # mm by which an open bearing may be wider, or narrower, than its pin
 _NEAR = 1.0
 """Differences of radii and offsets [mm] up to which a refused pair is reported."""
 _PARALLEL = radians(2.0)
@@ -138,6 +140,10 @@ class NearMiss:
     reason: str
     may_be_one: bool = False
     """Whether it was refused only by the limits of this module."""
+    snaps: bool = False
+    """Whether the hole may be a bearing into which the pin snaps: it fits, but the hole does not close around it."""
+    unlikely: int = 0
+    """Rank among the pairs that are not joints: 0 for the most plausible ones."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +175,14 @@ def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss
     pairs = [(pair, _refusal(pair)) for pair in _near_pairs(holes, pins)]
     accepted = [pair for pair, reason in pairs if not reason]
     refused = [
-        NearMiss(hole=pair.hole.number, pin=pair.pin.number, reason=reason, may_be_one=_is_loose(pair))
+        NearMiss(
+            hole=pair.hole.number,
+            pin=pair.pin.number,
+            reason=reason,
+            may_be_one=_is_loose(pair),
+            snaps=_snaps(pair),
+            unlikely=_unlikely(pair),
+        )
         for pair, reason in pairs
         if reason and not any(_of_one_joint(pair, other) for other in accepted)
     ]
@@ -221,6 +234,8 @@ def _refusal(pair: _Pair) -> str:
     for name, face in (("hole", pair.hole), ("pin", pair.pin)):
         if face.span <= LEAST_SPAN:
             return f"only {degrees(face.span):.0f} degrees of the {name} are there; allowed: more than 160"
+    if abs(pair.start - pair.end) <= _ALIKE:
+        return "they meet end to end along the axis"
     if pair.end <= pair.start:
         return f"they lie {pair.start - pair.end:.3g} mm apart along the axis"
     gaps = pair.hole.recognition_gap + pair.pin.recognition_gap + 1e-6
@@ -232,6 +247,22 @@ def _refusal(pair: _Pair) -> str:
     if pair.offset > allowed:
         return f"the axes are {pair.offset:.3g} mm apart; allowed: the clearance + {MOST_EXCESS:g}, so {allowed:.3g}"
     return ""
+
+
+def _snaps(pair: _Pair) -> bool:
+    """Return whether a hole that does not close could hold a pin that is snapped into it."""
+    open_hole = _LEAST_SNAP < pair.hole.span <= LEAST_SPAN < pair.pin.span
+    fits = -_SQUEEZED <= pair.clearance <= _LOOSEST_SNAP
+    return open_hole and fits and pair.end > pair.start and pair.offset <= max(pair.clearance, 0.0) + MOST_EXCESS
+
+
+def _unlikely(pair: _Pair) -> int:
+    """Return the rank of a pair that is not a joint, 0 for the most plausible ones."""
+    if _is_loose(pair) or _snaps(pair):
+        return 0
+    if pair.end <= pair.start:
+        return 3
+    return 2 if min(pair.hole.span, pair.pin.span) <= LEAST_SPAN else 1
 
 
 def _is_loose(pair: _Pair) -> bool:

@@ -125,6 +125,20 @@ def test_equal_radii(latch, tmp_path):
         load_without_cad(found)
 
 
+def test_many_equal_radii(latch):
+    """What three or more joints lack is asked once, as a parameter of all; its answer is that of each."""
+    pins = {joint.pin.seats[0].pin: joint.pin.seats[0].hole_radius for joint in latch.joints}
+    faces = tuple(replace(face, radius=pins.get(face.number, face.radius)) for face in latch.assembly.faces)
+    found = all_but(latch, faces=faces, limits=())
+    text = proposed_mechanism(found, "x.step", "latch")
+    [asked] = [question.text for question in open_questions(text) if "clearance" in question.text]
+    assert asked.startswith("parameters: which radial clearance of base-crank, base-rocker, crank-coupler")
+    assert len(unloaded_directions(found, text).motions) == 4
+    tables = tomllib.loads(text.replace("# radial_play = 0.02", "radial_play = 0.03"))
+    assert tables["parameters"] == {"radial_play": 0.03}
+    assert [joint["radial_clearance"] for joint in tables["joints"].values()] == ["radial_play"] * 4
+
+
 def load_without_cad(found):
     """Check the joints of a proposal; its faces are not in the CAD file."""
     from engine.mechanism import mechanism_from
