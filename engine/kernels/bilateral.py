@@ -17,7 +17,7 @@ from engine.friction.blocks import BODY, ROW
 from engine.friction.redundancy import mark_redundant
 from engine.jit import inner, kernel
 from engine.kernels.contacts import add_whitened
-from engine.kernels.loads import smooth_change, time_law, time_law_rate
+from engine.kernels.loads import goes_on, smooth_change, time_law, time_law_rate
 from engine.kernels.model import SLIDE
 from engine.kernels.motion import NOTHING
 from engine.kernels.vectors import to_world, turn_to_world
@@ -285,3 +285,12 @@ def read_motions(rows, time_laws, at_pose, t, h):
         if abs(jump) <= JUMP * (abs(rate) + abs(before)) + NOTHING:
             at_pose.force[i] = at_pose.impulse[i] * rows.arm[i] / h
         at_pose.speed[i] = rate
+
+
+@inner
+def some_motion_goes_on(rows, time_laws, t):
+    """Return whether a motion that acts will still move after time ``t``."""
+    found = False
+    for i in range(rows.kind.shape[0]):
+        found = found or (rows.law[i] >= 0 and rows.acts[i] and goes_on(time_laws, rows.law[i], t))
+    return found

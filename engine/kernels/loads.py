@@ -55,6 +55,21 @@ def smooth_change(laws, i, t, h):
 
 
 @inner
+def goes_on(laws, i, t):
+    """Return whether law i has begun by time t, and will still change."""
+    t = _since(laws, i, t)
+    if t == -np.inf:
+        return False
+    first, last = laws.first[i], laws.first[i + 1] - 1
+    changes = laws.sine[i, 0] != 0.0
+    for k in range(first, last):
+        c = laws.piece[k]
+        later = t < laws.time[k + 1] and (c[1] != 0.0 or c[2] != 0.0 or c[3] != 0.0)
+        changes = changes or later
+    return changes
+
+
+@inner
 def _since(laws, i, t):
     """Return the time since law i's phase began; -inf before it has begun."""
     return t - laws.begun[laws.since[i]]

@@ -6,7 +6,7 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.jit import by_address, inner, kernel
-from engine.kernels.bilateral import begin_rows, read_motions
+from engine.kernels.bilateral import begin_rows, read_motions, some_motion_goes_on
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.impacts import largest_impact
 from engine.kernels.model import (
@@ -143,7 +143,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
             work.impact[1] = work.impact[0]
             work.impact[0] = largest_impact(model.bodies, model.contacts, state, work) / now[STEP]
         update_reported(model.responses, work, n[PHASE], now[STEP])
-        _track_rest(model.responses, state, work, control, course)
+        _track_rest(model, state, work, control, course)
         if until_rest and slow(model.bodies, state.v, control.slow):
             n[SLOW] = 1
             _shorten_longest_step(control, now)
@@ -335,10 +335,12 @@ def _scale_impulses(r, factor):
 
 
 @inner
-def _track_rest(responses, state, work, control, course):
-    """Update the time for which nothing that matters has moved."""
-    n, now = course.counts, course.reals
-    unmoved = not moved(responses, state, work, now[STEP], control.drift)
+def _track_rest(model, state, work, control, course):
+    """Update the time for which nothing that matters has moved, nor will a motion whose force or work is read."""
+    n, now, rows = course.counts, course.reals, model.bilateral
+    unmoved = not moved(model.responses, state, work, now[STEP], control.drift)
+    if rows.read[0] and some_motion_goes_on(rows, model.time_laws, now[TIME]):
+        unmoved = False
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
         start_pause(work.values, work.anchor, work.travel)

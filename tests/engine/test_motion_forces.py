@@ -62,6 +62,20 @@ def test_a_load_is_lifted(law):
     assert run.at_impact == ()
 
 
+def test_a_run_whose_force_is_read_does_not_end_before_its_motion():
+    """A slow smooth start, and a pause in the table, are no rest, although nothing else is measured that moves.
+
+    The first step after the pause is implicit, and takes m (s'' h)^2 / 2 more, 2e-4 of the work.
+    """
+    law = {"table": [[0, 0], [0.2, 0], [0.4, WAY], [0.6, WAY], [0.8, 2 * WAY]], "interpolation": "smooth"}
+    data = lifted(law)
+    data["responses"] = {"work": {"type": "motion_work", "motion": "lift"}, "end": {"type": "time"}}
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["work"] == pytest.approx(2 * MASS * GRAVITY * WAY, rel=3e-4)
+    assert run.responses["end"] == pytest.approx(0.85, abs=0.011)
+
+
 def test_the_work_of_a_jump_is_the_kinetic_energy_that_it_gives():
     """A speed from the start: m v^2 / 2 at once, then m g v t."""
     data = lifted({"speed": 2.0}, phases=[{"name": "up", "duration": 0.25}])
