@@ -19,7 +19,7 @@ from engine.jit import inner, kernel
 from engine.kernels.contacts import add_whitened
 from engine.kernels.loads import goes_on, smooth_change, time_law, time_law_rate
 from engine.kernels.model import SLIDE
-from engine.kernels.motion import NOTHING
+from engine.kernels.motion import NOTHING, impulse_time
 from engine.kernels.vectors import to_world, turn_to_world
 
 # Share of a row's length that the others must leave for it to count: ten times what joints may be off at the start, in
@@ -256,11 +256,12 @@ def _impulse(problem, i):
 
 
 @inner
-def add_contact_part(rows, at_pose, problem, nc, h, share):
+def add_contact_part(rows, at_pose, problem, nc, h, rate):
     """Add what holds the rows against ``nc`` contacts, and write the work along the displacement of the step ``h``.
 
-    Forces act during the whole step, of which drag leaves the ``share``.
+    Forces act during the whole step, of which drag with this ``rate`` leaves a share.
     """
+    share = impulse_time(rate, h) / h
     for i in range(at_pose.impulse.shape[0]):
         if nc > 0:
             at_pose.impulse[i] += _impulse(problem, i)

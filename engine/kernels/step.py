@@ -14,7 +14,7 @@ from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_co
 from engine.kernels.energy import work_of_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
-from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, impulse_time, move, save_start
+from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (
     apply_impulses,
@@ -83,7 +83,7 @@ def step(context):
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, 0.0, 0.0, 0.0, 0.0, fastest, spin, iterations)
     if bilateral.read[0]:
-        add_contact_part(bilateral, work.bilateral, problem, nc, h, impulse_time(model.phases.damping[phase], h) / h)
+        add_contact_part(bilateral, work.bilateral, problem, nc, h, model.phases.damping[phase])
     fastest, spin = fastest_body(bodies, state.v), fastest_spin(state.v)
     created, lost = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
 

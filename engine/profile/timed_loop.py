@@ -32,6 +32,7 @@ STAGES_OF_STEP = {
     "row_targets": JOINTS,
     "find_redundant_rows": JOINTS,
     "hold_joints": JOINTS,
+    "add_contact_part": JOINTS,
     "consume_budget": CONTACTS,
     "body_speeds": CONTACTS,
     "find_near_contacts": CONTACTS,
@@ -48,7 +49,13 @@ STAGES_OF_STEP = {
     "solve_friction": SOLVER,
     "project_positions": PROJECTION,
 }
-STAGES_OF_LOOP = {"_measure": REST, "update_reported": REST, "_track_rest": REST}
+STAGES_OF_LOOP = {
+    "read_motions": REST,
+    "_measure": REST,
+    "accumulate": REST,
+    "update_reported": REST,
+    "_track_rest": REST,
+}
 
 _clock = ctypes.CDLL(None).clock_gettime
 _clock.argtypes, _clock.restype = (ctypes.c_int, ctypes.c_size_t), ctypes.c_int
