@@ -263,7 +263,7 @@ def _unknown_in_formula(
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield faults where an event, peak, impulse or mean refers to a response without a value at each step."""
+    """Yield faults where an event, peak, impulse, mean or plot refers to a response without a value at each step."""
     responses = named_tables(data, "responses")
     watching: list[tuple[tuple[str, ...], Any]] = [
         (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
@@ -271,8 +271,13 @@ def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
     watching += [(("responses", name, "response"), entry) for name, entry in responses.items()]
     for i, phase in enumerate(list_under(data, "phases")):
         watching.append((("phases", str(i), "until", "response"), sub_table(phase, "until")))
+    watching += [
+        (("plot", axis), {"response": sub_table(data, "plot").get(axis), "drawn": True}) for axis in ("x", "y")
+    ]
     for key, at in watching:
         watched = at.get("response")
+        if "drawn" in at and not (isinstance(watched, str) and _follows(sub_table(responses, watched))):
+            continue  # whenever it is read, it has a value in each step
         if isinstance(watched, str) and sub_table(responses, watched).get("at", "end") != "end":
             text = (
                 f"responses.{watched} is itself read at a peak or an event; allowed: responses with "

@@ -246,3 +246,14 @@ def test_a_name_with_a_hyphen_is_written_with_an_underscore():
     assert mechanism_from(data, "FILE").response_units()["twice"] == "mm"
     (line,) = lines(put(data, "parameters", {"p": 1.0}))[:1]
     assert "p is both a response and a parameter" in line
+
+
+@each(("y", "drawn"), [("effort", False), ("less", False), ("least", False), ("v", True), ("push", True)])
+def test_a_plot_is_of_what_is_measured_in_each_step(y, drawn):
+    """A formula is known only after the run, so there is no curve of it; a peak is one of a curve."""
+    data = put(described(), "plot", {"x": "p", "y": y})
+    if drawn:
+        mechanism_from(data, "FILE")
+    else:
+        (line,) = lines(data)
+        assert line.startswith(f"plot.y = '{y}': responses.{y} is known only after the run")
