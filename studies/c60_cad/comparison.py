@@ -115,8 +115,10 @@ def compared_contacts(assembly: CadAssembly, mechanism: Mechanism) -> Iterator[t
     The latter is None if the CAD files have no such edge or face, or several.
     """
     given = start_gaps(mechanism)
-    tables = mechanism.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
-    tables.pop("benches", None)
+    numbers = mechanism.with_tables({}, {})  # in place of formulas over parameters
+    tables = numbers.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
+    for key in ("benches", "parameters"):
+        tables.pop(key, None)
     drawn = {}
     for name, contact in tables["contacts"].items():
         try:
