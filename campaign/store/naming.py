@@ -4,7 +4,7 @@ import os
 import re
 import shlex
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from campaign.environment import STORE
 from campaign.errors import SpecError
@@ -46,11 +46,17 @@ def folders_of_campaigns(names: Iterable[str]) -> list[str]:
     return sorted(filter(_CAMPAIGN.fullmatch, names))
 
 
-def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
+def which_campaign(
+    files: Files,
+    ids: Sequence[str],
+    wanted: str | None,
+    deciding: Callable[[Sequence[str]], Collection[str]] = lambda ids: (),
+) -> str:
     """Return the id of the campaign that a user means, out of those of the store.
 
-    ``wanted`` is an id, or its first letters if no other id begins with them; None means the only campaign. Raises
-    SpecError if no campaign matches, or several do.
+    ``wanted`` is an id, or its first letters if no other id begins with them; None means the only campaign. Campaigns
+    that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names. Raises SpecError
+    if no campaign matches, or several do.
     """
     check_is_store(files)
     if not ids:
@@ -58,6 +64,9 @@ def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
     if wanted is not None and wanted in ids:
         return wanted
     matching = [each for each in ids if wanted is None or (wanted and each.startswith(wanted))]
+    if 1 < len(matching) <= MOST_LISTED:
+        aimed = deciding(matching)
+        matching = [each for each in matching if each not in aimed] or matching
     if len(matching) == 1:
         return matching[0]
     if wanted is None:

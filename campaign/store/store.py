@@ -10,7 +10,17 @@ from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader, parse_plan
 from campaign.store.files.files import TEMPORARY, Files
 from campaign.store.files.retry_policy import PATIENT, RetryPolicy
-from campaign.store.layout import CAMPAIGN_FILE, COMPARISONS, HEARTBEAT, LOG, PLAN, REPORT, STOPPED, manifest_name
+from campaign.store.layout import (
+    CAMPAIGN_FILE,
+    COMPARISONS,
+    DECISION,
+    HEARTBEAT,
+    LOG,
+    PLAN,
+    REPORT,
+    STOPPED,
+    manifest_name,
+)
 from campaign.store.naming import command_line, folders_of_campaigns, which_campaign
 from campaign.store.parts import Part, Survey, check, dump_manifest, encode, part_name, read_part_file, survey
 from campaign.store.rows import Compacted, compact, quarantine, read_batch, stream
@@ -63,7 +73,12 @@ class Store:
 
     def find(self, campaign_id: str | None) -> str:
         """Return the full id of a campaign from its first letters; None means the only one. See `which_campaign`."""
-        return which_campaign(self.files, self.campaigns(), campaign_id)
+        return which_campaign(self.files, self.campaigns(), campaign_id, self._deciding)
+
+    def _deciding(self, ids: Sequence[str]) -> set[str]:
+        """Return the campaigns that decide what these leave open."""
+        decisions = (self.read_json(each, DECISION) or {} for each in ids)
+        return {stage["campaign"] for decision in decisions for stage in decision.get("stages", ())}
 
     def create_plan(self, plan: "Plan") -> "Plan":
         """Write a plan unless the store already has one of this id; return the plan that is in the store."""

@@ -35,7 +35,7 @@ SlurmdParameters=config_overrides
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
 NODE = "NodeName={name} NodeAddr={address} CPUs=32 RealMemory=64000 State=UNKNOWN"
-UNFINISHED = ("PENDING", "CONFIGURING", "RUNNING", "COMPLETING")
+UNFINISHED = ("PENDING", "CONFIGURING", "RUNNING", "SIGNALING", "COMPLETING")
 
 
 def is_here():

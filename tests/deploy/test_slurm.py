@@ -92,7 +92,7 @@ def test_a_campaign_in_one_allocation(run, tmp_path):
     Its log has nothing that looks like a failure.
     """
     store, plan = planned(tmp_path, "shared")
-    job = allocation(run, tmp_path, store, plan, "--nodes=2", SECONDS_A_RUN="0.5")
+    job = allocation(run, tmp_path, store, plan, "--nodes=2", SECONDS_A_RUN="2")
     log = tmp_path / "log"
     assert wait_for_end(run, job) == "COMPLETED", log.read_text()
     assert rows(store, plan).equals(computed_here(tmp_path)), log.read_text()

@@ -143,7 +143,11 @@ def test_ctrl_c_of_the_command(after, starting, tmp_path):
     cache = tmp_path / "compiled"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     words = [command, "simulate", "c60"]
-    running = subprocess.Popen(words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    # A shell has its background jobs ignore Ctrl-C, and so would the command if these tests are one.
+    heeds = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
+    running = subprocess.Popen(
+        words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True, preexec_fn=heeds
+    )
     try:
         for used in (after, after + AGAIN_AFTER):
             until(lambda used=used: running.poll() is not None or processor_time(running) >= used, "work", pause=0.01)

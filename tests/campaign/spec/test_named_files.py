@@ -209,7 +209,7 @@ def test_the_interpreter_sees_no_file_opened():
     seen = {tuple(event) for event in json.loads(done.stdout)}
     shipped = {event for event in seen if event[1].strip("'").startswith(str(LIBRARY))}
     assert ("open", repr(str(LIBRARY / "c60.toml"))) in shipped  # the hook hears
-    assert seen - shipped == {("open", "'/proc/self/statm'")}
+    assert seen - shipped <= {("open", "'/proc/self/statm'")}
 
 
 def test_what_is_there_is_said():

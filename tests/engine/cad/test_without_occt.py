@@ -40,7 +40,7 @@ def test_the_block_blocks():
 def test_every_module_but_those_of_the_process_that_reads():
     """Whatever a command or a worker imports, it is none of OCP."""
     names = [name for name in modules() if not name.startswith("engine.cad.occt.") and not name.endswith("__main__")]
-    assert len(names) > 500
+    assert len(names) > 300  # it finds them
     program = f"import importlib\nfor name in {names!r}: importlib.import_module(name)\n"
     assert run(program + "print([n for n in sys.modules if n.startswith('engine.cad.occt.')])").strip() == "[]"
 
