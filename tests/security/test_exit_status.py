@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -123,8 +124,12 @@ AGAIN_AFTER = 0.1  # s of processor time after the first Ctrl-C, if the command 
 
 
 def processor_time(process):
-    """Return the processor time that a process has used so far [s]."""
-    return psutil.Process(process.pid).cpu_times().user
+    """Return the processor time that a process and those below it, such as the compiler, have used so far [s]."""
+    own, used = psutil.Process(process.pid), 0.0
+    for one in (own, *own.children(recursive=True)):
+        with suppress(psutil.NoSuchProcess):
+            used += one.cpu_times().user
+    return used
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from campaign.errors import SpecError
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from campaign.store.layout import DECISION
 from tests.house import modules, syntax_tree
 
 # Verbs on a store, in a text that is no part of a command which `command_line` made.
@@ -55,6 +56,20 @@ def test_first_letters(store, plan, campaign_file):
     store.files.write(f"{longer}/plan.json", b"{}")
     assert store.find(plan.campaign_id) == plan.campaign_id
     assert store.find(longer) == longer
+
+
+def test_what_decides_a_campaign_is_meant_by_its_own_name_only(store, plan, campaign_file):
+    """After `run` there are two, and one was asked for."""
+    aimed = make_plan(load_campaign(str(campaign_file), seed=2))
+    store.create_plan(aimed)
+    stages = [{"campaign": aimed.campaign_id, "responses": ["FC-1"]}]
+    store.write_json(plan.campaign_id, DECISION, {"stages": stages})
+    for wanted in (None, "demo", plan.campaign_id):
+        assert store.find(wanted) == plan.campaign_id
+    assert store.find(aimed.campaign_id) == aimed.campaign_id
+    store.create_plan(make_plan(load_campaign(str(campaign_file), seed=3)))
+    with pytest.raises(SpecError, match="several"):
+        store.find("demo")
 
 
 def test_no_store(store, plan, tmp_path):
