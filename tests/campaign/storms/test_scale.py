@@ -55,7 +55,7 @@ class Course:
                 written = [name for name in store.files.names(f"{plan.campaign_id}/parts") if name.endswith(".parquet")]
                 done = len(written) * plan.batches[0][1]
                 # the merge at the end takes the memory of its 100,000 rows once, however long the campaign
-                if len(written) in (0, len(plan.batches)) or done < max(self.done, default=0):
+                if not 0 < len(written) < len(plan.batches) or done < max(self.done, default=0):
                     continue
                 for name, size in sizes.items():
                     self.memory[name].append(size)
