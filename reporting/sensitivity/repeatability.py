@@ -113,6 +113,8 @@ def unexplained_by_rows(x: Array, y: Array) -> Interval | None:
     From the squared errors at rows left out one by one, of a linear model or of one with squares, whichever errs less.
     None with too few rows.
     """
+    if y.size < 3:  # fewer than the mean alone takes; none where every run failed
+        return None
     x = x[:, np.ptp(x, axis=0) > 0]  # the deviation of equal values may differ from 0 by rounding
     z = (x - x.mean(axis=0)) / x.std(axis=0)
     spread, found = float(np.var(y, ddof=1)), list[Interval]()

@@ -219,3 +219,13 @@ def test_scatter_is_at_most_what_the_inputs_leave_unexplained() -> None:
     assert capped.beyond_rows == pytest.approx(free.share)
     small = repeatability(y[:15], y[:15] + 0.05 * rng.normal(size=15), float(y.std(ddof=1)), None, 0.95, left)
     assert small.beyond_rows is None
+
+
+def test_few_rows_and_inputs_that_do_not_vary_leave_no_warning() -> None:
+    """Every run may have failed, and the deviation of 0.95 fifty times is 1e-16, by rounding."""
+    for n in range(3):
+        assert unexplained_by_rows(np.zeros((n, 2)), np.zeros(n)) is None
+    rng = np.random.default_rng(3)
+    varies, y = rng.normal(size=(50, 1)), rng.normal(size=50)
+    constant = np.column_stack([varies, np.full(50, 0.95)])
+    assert unexplained_by_rows(constant, y) == unexplained_by_rows(varies, y)
