@@ -73,12 +73,18 @@ class Store:
 
     def find(self, campaign_id: str | None) -> str:
         """Return the full id of a campaign from its first letters; None means the only one. See `which_campaign`."""
-        return which_campaign(self.files, self.campaigns(), campaign_id, self._deciding)
+        return which_campaign(self.files, self.campaigns(), campaign_id, self.decided_by)
 
-    def _deciding(self, ids: Sequence[str]) -> set[str]:
-        """Return the campaigns that decide what these leave open."""
-        decisions = (self.read_json(each, DECISION) or {} for each in ids)
-        return {stage["campaign"] for decision in decisions for stage in decision.get("stages", ())}
+    def decided_by(self, ids: Sequence[str]) -> list[str]:
+        """Return the campaigns whose runs decide what these leave open."""
+        found = []
+        for each in ids:
+            stages = (self.read_json(each, DECISION) or {}).get("stages")
+            for stage in stages if isinstance(stages, list) else ():
+                match stage:
+                    case {"campaign": str(aimed)}:
+                        found.append(aimed)
+        return found
 
     def create_plan(self, plan: "Plan") -> "Plan":
         """Write a plan unless the store already has one of this id; return the plan that is in the store."""

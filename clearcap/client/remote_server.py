@@ -108,11 +108,18 @@ class RemoteServer:
         return self._document(_path(campaign_id, "status"))
 
     def find(self, wanted: str | None = None) -> str:
-        """Return the id of the campaign that begins with `wanted`, or, for None, of the server's only campaign."""
-        ids: list[str] = [entry["campaign"] for entry in self.campaigns(search=wanted or "", archived=True)]
+        """Return the id of the campaign that begins with `wanted`, or, for None, of the server's only campaign.
+
+        A campaign whose runs only decide another one is meant only by its own id.
+        """
+        entries = list(self.campaigns(search=wanted or "", archived=True))
+        ids: list[str] = [entry["campaign"] for entry in entries]
         if wanted is not None and wanted in ids:
             return wanted
         matching = [each for each in ids if wanted is None or each.startswith(wanted)]
+        if len(matching) > 1:
+            deciding = {each for entry in entries for each in entry.get("decided_by", ())}
+            matching = [each for each in matching if each not in deciding] or matching
         if len(matching) == 1:
             return matching[0]
         named = ", ".join(matching[:MOST_NAMED]) + (" and others" if len(matching) > MOST_NAMED else "")

@@ -143,6 +143,9 @@ class CampaignEntry(BaseModel):
     below_target: list[BelowTarget] = Field([], description="Of the report: the Cpk's upper end is below 1.33")
     headline: str = Field("", description="What the report concludes")
     has_report: bool = Field(False, description="A report is written")
+    decided_by: list[str] = Field(
+        [], description="Campaigns whose runs aim at rejects and decide this one", examples=[["c60-rare-4b5c6d7e8f"]]
+    )
     submitted_by: str = ""
     submitted_at: datetime | None = None
     owner: str = Field("", examples=["eva"])
@@ -175,6 +178,7 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
     entry.submitted_by, entry.submitted_at = str(submission.get("user", ""))[:200], _date(submission.get("time"))
     entry.owner, entry.tags, entry.note = labels.owner, list(labels.tags), labels.note
     entry.archived, entry.labels_version = labels.archived, labels.version
+    entry.decided_by = store.decided_by([campaign_id])
     if seen.state == "running" and seen.heartbeat is not None:
         # a running campaign is read at each look, so its counts are those of the heartbeat and not of a survey of all
         # files

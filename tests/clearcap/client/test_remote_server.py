@@ -3,7 +3,7 @@
 import pytest
 
 from campaign.errors import SpecError, UnreachableError
-from clearcap.client.remote_server import connect
+from clearcap.client.remote_server import RemoteServer, connect
 
 
 @pytest.mark.processes
@@ -67,6 +67,18 @@ def test_pages_of_the_list_are_asked_one_by_one(remote, finished, monkeypatch):
     assert len(known) == len(set(known))
     with pytest.raises(SpecError, match="name the campaign"):
         remote.find()
+
+
+def test_what_decides_another_campaign_is_meant_by_its_own_id_only(monkeypatch):
+    listed = {"c60-1": ["c60-rare-1", "c60-rare-2"], "c60-rare-1": [], "c60-rare-2": [], "lever-1": []}
+    entries = [{"campaign": campaign, "decided_by": aimed} for campaign, aimed in listed.items()]
+    monkeypatch.setattr(RemoteServer, "campaigns", lambda self, search, archived: iter(entries))
+    with connect("http://127.0.0.1:9", token="unused") as remote:
+        assert remote.find("c60") == "c60-1"
+        assert remote.find("c60-rare-2") == "c60-rare-2"
+        for unclear in ("c60-rare", None):
+            with pytest.raises(SpecError):
+                remote.find(unclear)
 
 
 @pytest.mark.processes
