@@ -153,7 +153,7 @@ def is_balanced(pose: Assembly, forces: Array, h: float) -> bool:
     ``pose`` is as `forces_at_rest` left it with this ``h``.
     """
     touching, load = _touching(pose), _load(pose, h)
-    left = load - _balance(pose, touching.size).T @ forces[touching].ravel()
+    left = load + _weights(pose) - _balance(pose, touching.size).T @ forces[touching].ravel()
     return float(left @ left) <= MOVING * float(load @ load)
 
 
@@ -170,7 +170,7 @@ def balancing_forces(pose: Assembly, nearest_to: Array, h: float, only_loaded: b
         touching, rows = touching[loaded], rows[loaded]
     with one_thread():
         H, mu = rows.reshape(3 * touching.size, -1), pose.model.laws.mu[touching]
-        found = nearest_balanced(H, _load(pose, h), mu, nearest_to[touching])
+        found = nearest_balanced(H, _load(pose, h) + _weights(pose), mu, nearest_to[touching])
     if found is None:
         return None
     forces = np.zeros_like(nearest_to)
@@ -191,6 +191,15 @@ def _load(pose: Assembly, h: float) -> Array:
         load[k : k + 3] = -np.sqrt(bodies.mass[body]) * fall[body, :3]
         load[k + 3 : k + 6] = -bodies.inverse_root[body] @ bodies.inertia[body] @ fall[body, 3:]
     return load / (SHORT * h)
+
+
+def _weights(pose: Assembly) -> Array:
+    """Return the same for the weights that press the friction of ideal joints, see `kernels.contacts.press`."""
+    load, contacts, rows = np.zeros(pose.problem.w.size), pose.model.contacts, pose.problem.rows
+    for j, i in enumerate(_touching(pose)):
+        if contacts.weight[i, 0] >= 0:
+            load[ROW * contacts.weight[i, 0]] = contacts.bound[i] * rows.G[j, 0, 2 * ROW]
+    return load
 
 
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:

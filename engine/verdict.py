@@ -18,6 +18,7 @@ from engine.kernels import time_loop
 from engine.kernels.bilateral import row_violations, slack, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
+from engine.kernels.model import JOINT_FRICTION
 from engine.kernels.projection import REACH
 from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
@@ -83,7 +84,7 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, point, direction, problem.bilateral.J)
     J = _bilateral_rows(assembly)
     worst = float(max(-state.gap.min(initial=0.0), np.abs(off).max(initial=0.0)))
-    chosen = np.flatnonzero(state.gap <= REACH * worst)
+    chosen = np.flatnonzero((state.gap <= REACH * worst) & (contacts.kind < JOINT_FRICTION))
     for j, i in enumerate(chosen):
         whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, j)
     N = _contact_rows(assembly, chosen.size)[:, 0]

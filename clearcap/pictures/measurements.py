@@ -146,8 +146,8 @@ def _without_place(response: Any) -> str:
         return f"1 if {response.condition}, else 0"
     if response.type in ("impulse", "mean"):
         return f"{response.type} of {response.response}"
-    if response.type == "bounces":
-        return f"bounces of contact {response.contact}"
+    if response.type in ("bounces", "friction_work"):
+        return f"{response.type.replace('_', ' ')} of contact {response.contact}"
     if response.type == "formula":
         return str(response.formula)
     return "a time" if response.type == "time" else str(response.type).replace("_", " ")

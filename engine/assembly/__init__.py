@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Array, copied
+from engine.arrays import copied
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
@@ -15,11 +15,14 @@ from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_o
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.model import (
+    FRICTION_WORK,
+    JOINT_FRICTION,
     BilateralState,
     Bodies,
     BroadPhase,
     ContactSites,
     Model,
+    Responses,
     RunArrays,
     Scratch,
     State,
@@ -84,8 +87,9 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
-    unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs])
-    contacts, laws = contact_arrays(pairs, unknowns.contact_pair)
+    pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION]
+    unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed)
+    contacts, laws = contact_arrays(pairs, unknowns.contact_pair, unknowns.weight)
     root = np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia
     bodies = Bodies(mass, inertia, root, unknowns.body)
     model = Model(
@@ -103,7 +107,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     assembly = Assembly(
         model,
         state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
-        _scratch(len(moving), nc, len(rows), model.responses.offset),
+        _scratch(len(moving), nc, len(rows), model.responses),
         _problem(unknowns),
         tuple(pair.name for pair in pairs),
         tuple(row.name for row in rows),
@@ -121,15 +125,17 @@ def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], Stat
 def _problem(unknowns: Unknowns) -> FrictionArrays:
     """Allocate the friction problem of a step, with the nodes of its bilateral rows, which never change."""
     nc, nt = unknowns.contact_pair.size, unknowns.at.size
-    problem = friction_arrays(unknowns.system, nc, bilateral=nt)
+    runs = 3 if (unknowns.weight[:, 0] >= 0).any() else 2
+    problem = friction_arrays(unknowns.system, nc, runs, bilateral=nt)
     rows = problem.bilateral
     rows.at[:], rows.node[:], rows.pair[:] = unknowns.at, unknowns.row_body, unknowns.row_pair
     rows.owner[unknowns.at] = np.arange(nt)
     return problem
 
 
-def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
+def _scratch(nb: int, nc: int, nt: int, responses: Responses) -> Scratch:
     """Allocate the workspace of a run."""
+    offset = responses.offset
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((5, nc, 3))
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
@@ -159,6 +165,7 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         at_impact=np.zeros(offset.size, bool),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
+        rubbed=np.zeros(nc if (responses.kind == FRICTION_WORK).any() else 0),
         touched=np.zeros(offset.size, bool),
         vectors=np.zeros((2, 3)),
     )

@@ -128,12 +128,16 @@ class Unknowns:
     row_body: Integers  # (nt, 2) nodes of the two bodies that each row acts on; -1: the ground
     row_pair: Integers  # (nt, 2) first piece of each of these nodes with the row's node
     contact_pair: Integers  # (nc,) first piece of the two bodies of each contact; 0 if one of them is the ground
+    weight: Integers  # (nc, 3) node of the weight of each contact, -1: none; first pieces with the two bodies, or 0
 
 
-def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, int]]) -> Unknowns:
+def layout(
+    bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, int]], pressed: Sequence[int] = ()
+) -> Unknowns:
     """Return the numbering of the unknowns; up to six successive rows between the same two bodies share a node.
 
-    In ``contacts``, the two bodies of each contact, a number of ``bodies`` or more is the ground.
+    In ``contacts``, the two bodies of each contact, a number of ``bodies`` or more is the ground. The contacts whose
+    numbers are ``pressed`` have a weight, which is a node of its own.
     """
     groups: list[list[int]] = []
     for i, row in enumerate(rows):
@@ -141,7 +145,8 @@ def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, 
         if last is None or len(groups[-1]) == BODY or (row.a, row.b) != (last.a, last.b):
             groups.append([])
         groups[-1].append(i)
-    nodes = bodies + len(groups)
+    first_weight = bodies + len(groups)
+    nodes = first_weight + len(pressed)
     neighbours = np.zeros((nodes, nodes), bool)
     for a, b in contacts:
         if a < bodies and b < bodies:
@@ -150,8 +155,13 @@ def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, 
         for body in (rows[group[0]].a, rows[group[0]].b):
             if body < bodies:
                 neighbours[node, body] = neighbours[body, node] = True
+    for node, i in enumerate(pressed, first_weight):
+        for body in contacts[i]:
+            if body < bodies:
+                neighbours[node, body] = neighbours[body, node] = True
     # multipliers come after their bodies, which alone give them a pivot
-    system, number, piece = eliminate_nodes(neighbours, np.arange(nodes) >= bodies)
+    of_rows = (np.arange(nodes) >= bodies) & (np.arange(nodes) < first_weight)
+    system, number, piece = eliminate_nodes(neighbours, of_rows)
 
     at, row_body, row_pair = (
         np.zeros(len(rows), np.int64),
@@ -166,4 +176,9 @@ def layout(bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, 
                     row_body[i, side], row_pair[i, side] = number[body], piece[number[body], number[node]]
     inside = [a < bodies and b < bodies for a, b in contacts]
     pairs = [piece[number[a], number[b]] if there else 0 for (a, b), there in zip(contacts, inside, strict=True)]
-    return Unknowns(system, number[:bodies], at, row_body, row_pair, np.array(pairs, np.int64))
+    weight = np.zeros((len(contacts), 3), np.int64)
+    weight[:, 0] = -1
+    for node, i in enumerate(pressed, first_weight):
+        own = [piece[number[body], number[node]] if body < bodies else 0 for body in contacts[i]]
+        weight[i] = number[node], *own
+    return Unknowns(system, number[:bodies], at, row_body, row_pair, np.array(pairs, np.int64), weight)

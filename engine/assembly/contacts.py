@@ -111,6 +111,7 @@ class Pair:
     pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
     play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
+    bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
 
 
 @cached
@@ -157,8 +158,11 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
         )
 
 
-def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
-    """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step."""
+def contact_arrays(pairs: list[Pair], block: Integers, weight: Integers | None = None) -> tuple[Contacts, Laws]:
+    """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step.
+
+    ``weight``, (nc, 3), is the node of each contact's weight, and its places in the system; None: they have none.
+    """
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
     root, surfaces = joined_surfaces([pair.surface for pair in pairs])
@@ -175,6 +179,8 @@ def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
         piece=np.concatenate([NO_PIECES, *(pair.pieces for pair in pairs)]),
         surface=root,
         surfaces=surfaces,
+        bound=np.array([pair.bound for pair in pairs], float),
+        weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
 

@@ -1,4 +1,4 @@
-"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1), and ideal joints as rows and stops."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1); ideal ones as rows, stops and friction."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from engine.arrays import Array
 from engine.assembly.bilateral import BilateralRow, turning_arm
 from engine.assembly.contacts import KINDS, Pair, row_b
 from engine.assembly.frames import BodyFrame, tangent
-from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE, SLIDE, TURN
+from engine.kernels.model import GEOMETRY, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN
 from engine.mechanism.base import TableModel
 from engine.mechanism.contacts import Side
 from engine.mechanism.joints import Joint, Prismatic, Revolute, Spherical
@@ -55,13 +55,15 @@ def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
 
 
 def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
-    """Yield the contacts of the joints with play, and the stops of ideal ones.
+    """Yield the contacts of the joints with play, and the stops and the friction of ideal ones.
 
     R, (nb + 1, 3, 3), holds the rotations at the start.
     """
     for name, joint in mechanism.joints.items():
         if joint.ideal:
-            yield from _stops(name, joint, mate(joint, frames, R))
+            place = mate(joint, frames, R)
+            yield from _stops(name, joint, place)
+            yield from _directed(name, joint, place)
             continue
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
@@ -98,6 +100,27 @@ def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
             plane = _plane(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
         law = 0.0, limits.restitution
         yield Pair(f"{name}.{face}", POINT_PLANE, place.b.index, place.a.index, _point(point), plane, 0.0, law)
+
+
+def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
+    """Yield what the direction of an ideal joint's motion meets: its friction, and the one way it may go.
+
+    For a rotation the point lies at a radius of 1 from the axis, like that of a stop.
+    """
+    bounds = {key: getattr(joint, key, None) for key in ("friction_force", "friction_torque")}
+    ways = {"one_way": getattr(joint, "one_way", None)}
+    for face, value in (*bounds.items(), *ways.items()):
+        if value is None:
+            continue
+        turns = face == "friction_torque" or (face == "one_way" and isinstance(joint, Revolute))
+        way, other = _directions(joint, place)
+        point, axis = place.point_b + (other["e"] if turns else 0.0), np.zeros(GEOMETRY)
+        axis[:3], axis[3:6], axis[9] = place.point_a, way["n"], float(turns)
+        axis[10] = -1.0 if value == "backward" else 1.0
+        kind, law = (ONE_WAY, (0.0, 0.0)) if face == "one_way" else (JOINT_FRICTION, (1.0, 0.0))
+        bound = 0.0 if face == "one_way" else value
+        bodies = place.b.index, place.a.index
+        yield Pair(f"{name}.{face}", kind, *bodies, _point(point), axis, 0.0, law, bound=bound)
 
 
 FaceRow = tuple[str, int, tuple[BodyFrame, BodyFrame], Array, Array]

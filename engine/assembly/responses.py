@@ -35,6 +35,7 @@ KINDS = {
     "impulse": model.IMPULSE,
     "mean": model.MEAN,
     "bounces": model.BOUNCES,
+    "friction_work": model.FRICTION_WORK,
     "time": model.TIME,
     "difference": model.DERIVED,
     "condition": model.DERIVED,
@@ -104,11 +105,12 @@ def _measured(
         body = _joint(mechanism, response, frames, pairs, point)
     elif kind not in (model.TIME, model.DERIVED):
         body = ([pair.name for pair in pairs].index(response.contact), 0, 0)
+        rubs = pairs[body[0]].kind == model.JOINT_FRICTION  # what it has of a normal force is no force of the joint
         if response.type == "bounces":
             point[0] = mechanism.simulation.penetration if response.opening is None else response.opening
         if response.type == "contact_force" and response.bound is not None:
             kind = model.DERIVED
-        elif response.type == "contact_force" and response.component == "friction":
+        elif response.type == "contact_force" and (response.component == "friction" or rubs):
             kind = model.FRICTION_FORCE
     return kind, body, point
 

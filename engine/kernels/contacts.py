@@ -5,8 +5,8 @@ For a pin centred in its hole every direction is a normal; its motion selects on
 
 import numpy as np
 
-from engine.friction.blocks import ROW
-from engine.jit import inner, kernel
+from engine.friction.blocks import BODY, ROW
+from engine.jit import inner, kernel, not_inlined
 from engine.kernels.model import ON_BALL, RING_BORE
 from engine.kernels.vectors import CENTRED, cross, transport, world_direction
 
@@ -97,6 +97,41 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
             G[n + 3] = sign * root[body, 0, 0] * b0
             G[n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
             G[n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
+    if rows.node.shape[1] > 2:
+        _add_weight(contacts, i, rows, j)
+
+
+@not_inlined
+def _add_weight(contacts, i, rows, j):
+    """Write the normal row of a JOINT_FRICTION: it acts on nothing but a weight, as mobile as the joint.
+
+    The weight is pressed with the bound of the friction, see `press`, so that Coulomb's law between the normal impulse
+    and that along the joint, with a coefficient of 1, is the law of the joint. Other contacts have no weight.
+    """
+    node, square = contacts.weight[i, 0], 0.0
+    rows.node[j, 2] = node
+    if node < 0:
+        return
+    rows.pair[j, 0, 2] = rows.pair[j, 2, 0] = contacts.weight[i, 1]
+    rows.pair[j, 1, 2] = rows.pair[j, 2, 1] = contacts.weight[i, 2]
+    G = rows.G[j]
+    for side in range(2):
+        if rows.node[j, side] >= 0:
+            for k in range(BODY):
+                square += G[1, ROW * side + k] ** 2
+    for k in range(ROW):
+        G[0, 2 * ROW + k] = G[1, 2 * ROW + k] = G[2, 2 * ROW + k] = 0.0
+    G[0, 2 * ROW] = np.sqrt(square)
+
+
+@inner
+def press(contacts, i, time, problem, j):
+    """Press the weight of contact i, contact j of a problem, with its bound for some time; return the impulse."""
+    bound = contacts.bound[i]
+    if bound > 0.0:
+        g = problem.rows.G[j, 0, 2 * ROW]
+        problem.q[j, 0] = -time * bound * g * g
+    return time * bound
 
 
 @kernel

@@ -37,8 +37,11 @@ def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
 
     Between the poses of two steps the relative velocity of a contact that lasts changes although no impulse acts: on a
     curved surface, or where a body rolls, the tangent plane turns. What impulses do against this part is no friction.
+    What friction takes is written into ``work.rubbed`` where it is read.
     """
-    gained, removed = 0.0, 0.0
+    gained, removed, rubbed = 0.0, 0.0, work.rubbed
+    for i in range(rubbed.shape[0]):
+        rubbed[i] = 0.0
     for j in range(n):
         i = work.chosen[j]
         for k in range(3):
@@ -51,6 +54,8 @@ def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
             gained += (1 - theta) * problem.r[j, k] * work.u[i, k]
             if work.start.r[i, 0] > 0.0:
                 removed -= 0.5 * problem.r[j, k] * (work.u[i, k] - work.start.u[i, k])
+            if k > 0 and rubbed.shape[0] > 0:
+                rubbed[i] -= problem.r[j, k] * (theta * problem.u[j, k] + (1 - theta) * work.u[i, k])
             state.u[i, k] = problem.u[j, k] - (work.shift[i] if k == 0 else 0.0)
     if n > 0:
         gained -= (theta - 0.5) * _square_of_change(bodies, work.start.v, state.v)

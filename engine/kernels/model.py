@@ -13,11 +13,12 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
+JOINT_FRICTION, ONE_WAY = range(11, 13)  # of an ideal joint; without geometry, always closed
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
-MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES = range(9, 14)
+MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK = range(9, 15)
 # impulses of a whole step, divided by its length
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(14, 18)
-DERIVED = 18  # computed from other responses, after the run
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(15, 19)
+DERIVED = 19  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -64,6 +65,8 @@ class Contacts(NamedTuple):
     profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
     piece: np.ndarray  # (np, PIECE) see profiles.py
     surface: np.ndarray  # (nc,) int64, first node of side b's surface; -1: it has none
+    bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
+    weight: np.ndarray  # (nc, 3) int64, node of the weight that presses a JOINT_FRICTION (-1: none); pieces with a, b
     surfaces: Surfaces
 
 
@@ -250,6 +253,7 @@ class Scratch(NamedTuple):
     at_impact: np.ndarray  # (nr,) bool, whether the reported value is a force at an impact
     anchor: np.ndarray  # (nr,) values at the start of the current pause
     travel: np.ndarray  # (nc,) slip since then
+    rubbed: np.ndarray  # (nc,) energy that friction has taken in the last step; (0,) if it is not read
     touched: np.ndarray  # (nr,) bool, whether the contact of BOUNCES has carried load since it was last open
     vectors: np.ndarray  # (2, 3)
 

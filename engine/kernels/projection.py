@@ -18,6 +18,7 @@ from engine.kernels.bilateral import rows_at_pose, slack, whitened_bilateral_row
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.energy import work_of_displacement
+from engine.kernels.model import JOINT_FRICTION
 from engine.kernels.vectors import rotation_matrix, turn
 
 ROUNDS = 40  # long chains with play need as many
@@ -105,7 +106,7 @@ def gather_displacement_problem(bodies, contacts, state, sites, displacement, u,
     """Write the displacement problem of the contacts with gaps up to ``within``; return their number."""
     n = 0
     for i in range(state.gap.shape[0]):
-        if state.gap[i] <= within:
+        if state.gap[i] <= within and contacts.kind[i] < JOINT_FRICTION:  # a direction has no place
             a, b = contacts.a[i], contacts.b[i]
             whitened_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n)
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, displacement, i, u)

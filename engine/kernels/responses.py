@@ -20,6 +20,7 @@ MOTION_WORK       bilateral row; work so far
 MOTION_FORCE      bilateral row; the torque of a rotation
 IMPULSE           response, a force; its integral so far
 MEAN              response; its mean so far
+FRICTION_WORK     contact; energy that friction has taken so far
 BOUNCES           contact; how often it opened so far          gap from which it is open (0)
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
@@ -39,6 +40,7 @@ from engine.kernels.model import (
     DERIVED,
     END,
     FRICTION_FORCE,
+    FRICTION_WORK,
     GAP,
     IMPULSE,
     JOINT_FORCE,
@@ -96,7 +98,7 @@ def measure(model, state, sites, rows, values, vectors, instant):
         elif kind == MOTION_TRAVEL:
             acts = model.bilateral.acts[body[0]]  # afterwards it stays as it was
             value = rows.target[1, body[0]] - model.bilateral.offset[body[0]] if acts else values[i]
-        elif kind in (IMPULSE, MEAN, BOUNCES):
+        elif kind in (IMPULSE, MEAN, BOUNCES, FRICTION_WORK):
             value = values[i]  # see `accumulate`
         elif kind == JOINT_FORCE:
             value = _joint_impulse(body, row, state, frame, p, q) / h
@@ -124,6 +126,8 @@ def accumulate(model, state, work, t, h):
             if work.touched[i] and gap > responses.point[i, 0]:
                 work.touched[i] = False
                 values[i] += 1.0
+        elif kind == FRICTION_WORK:
+            values[i] += work.rubbed[j]
         elif kind in (IMPULSE, MEAN):
             first = begun[responses.from_phase[i]] + responses.window[i, 0]
             last = begun[responses.from_phase[i]] + responses.window[i, 1]

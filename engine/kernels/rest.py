@@ -29,11 +29,12 @@ def start_pause(values, anchor, travel):
 
 
 @inner
-def moved(responses, state, work, h, drift):
+def moved(responses, bound, state, work, h, drift):
     """Return whether a measured length or a contact that carries load has moved by more than ``drift`` in this pause.
 
     Bodies without load may keep drifting (a rod that spins slowly between its bearings) and do not count. Nor do
-    contact forces: when everything sticks they may vary within their indeterminacy. ``work.travel`` is updated for a
+    contact forces: when everything sticks they may vary within their indeterminacy. Nor does the friction of an ideal
+    joint, whose ``bound``, (nc,), is not 0: like the joint it stays with its body. ``work.travel`` is updated for a
     step of length ``h``.
     """
     away, load, r, slip, travel = False, 0.0, state.r, state.slip, work.travel
@@ -41,9 +42,10 @@ def moved(responses, state, work, h, drift):
         if responses.measures_motion[i]:
             away = away or not abs(work.values[i] - work.anchor[i]) <= drift
     for i in range(slip.shape[0]):
-        load = max(load, r[i, 0])
+        if bound[i] == 0.0:
+            load = max(load, r[i, 0])
     for i in range(slip.shape[0]):
-        if r[i, 0] > LOADED * load:
+        if r[i, 0] > LOADED * load and bound[i] == 0.0:
             travel[i] += h * slip[i]
             away = away or travel[i] > drift
     return away

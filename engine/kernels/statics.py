@@ -14,7 +14,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
 from engine.kernels.contact_geometry.gaps import find_contacts
-from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, press, relative_velocity, whitened_rows
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
@@ -49,7 +49,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     model, state, work, problem = arrays
     bodies = model.bodies
     falling = _loads_alone(arrays, phase, t, h)
-    nc, diagonal = _gather_touching(model, state, work, problem, touching_gap)
+    nc, diagonal = _gather_touching(model, state, work, problem, touching_gap, h)
     status = UNSOLVED
     for attempt in range(len(COMPLIANCE)):
         compliance = COMPLIANCE[attempt] * diagonal
@@ -87,7 +87,7 @@ def may_hold(arrays, phase, t, h):
         for k in range(6):
             work.start.v[body, k] = state.v[body, k]
     falling, left = _loads_alone(arrays, phase, t, h), 0.0
-    nc, _ = _gather_touching(model, state, work, problem, -np.inf)
+    nc, _ = _gather_touching(model, state, work, problem, -np.inf, h)
     for j in range(nc):
         problem.compliance[j] = 0.0
         for k in range(3):
@@ -169,21 +169,26 @@ def _wait_for_balance(nc, arrays, compliance, tolerance, moving, falling):
 
 
 @inner
-def _gather_touching(model, state, work, problem, touching_gap):
+def _gather_touching(model, state, work, problem, touching_gap, h):
     """Write the rows of the touching contacts; return their number and the mean diagonal of their Delassus operator.
 
-    A solver may leave 1e-27 instead of a zero impulse, so a contact must be closed, or have carried a load.
+    A solver may leave 1e-27 instead of a zero impulse, so a contact must be closed, or have carried a load. The
+    friction of an ideal joint is always there; it acts for the time ``h``.
     """
     contacts, sites, load, nc, diagonal = model.contacts, work.sites, 0.0, 0, 0.0
     find_contacts(contacts, state.x, state.R, work.gap, sites.point, sites.frame)
     for i in range(work.gap.shape[0]):
-        load = max(load, state.r[i, 0])
+        if contacts.bound[i] == 0.0:
+            load = max(load, state.r[i, 0])
     for i in range(work.gap.shape[0]):
-        if state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap:
+        if state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap or contacts.bound[i] > 0.0:
             a, b = contacts.a[i], contacts.b[i]
             whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, nc)
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.free, i, work.q)
             work.chosen[nc], problem.mu[nc] = i, model.laws.mu[i]
+            if contacts.bound[i] > 0.0:
+                press(contacts, i, h, problem, nc)
+                work.q[i, 0] = problem.q[nc, 0]
             diagonal += square(problem.rows, nc)
             nc += 1
     return nc, diagonal / max(3 * nc, 1)
@@ -197,6 +202,8 @@ def _set_springs(nc, work, problem, compliance, loaded):
         for k in range(3):
             problem.r[j, k] = work.u[i, k] if loaded else 0.0
             problem.q[j, k] = work.q[i, k] - compliance * problem.r[j, k]
+        if problem.rows.node.shape[1] > 2 and problem.rows.node[j, 2] >= 0:  # a weight presses equally on any spring
+            problem.q[j, 0] = work.q[i, 0] * (1 + compliance / problem.rows.G[j, 0, 2 * ROW] ** 2)
 
 
 @inner

@@ -14,7 +14,7 @@ from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_co
 from engine.kernels.energy import work_of_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
-from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, move, save_start
+from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, impulse_time, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (
     apply_impulses,
@@ -65,8 +65,9 @@ def step(context):
         move(state, after)
         look_at_active_contacts(contacts, state, work)
     status, residual, iterations, fastest, spin = CONVERGED, 0.0, 0, 0.0, 0.0
+    time = impulse_time(model.phases.damping[phase], h)
     for growth in range(GROWTH_ROUNDS + 1):
-        nc = gather_problem(bodies, contacts, laws, state, work, problem)
+        nc = gather_problem(bodies, contacts, laws, state, work, problem, time)
         if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
         if nc > 0:

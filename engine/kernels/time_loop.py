@@ -15,6 +15,7 @@ from engine.kernels.model import (
     CONTACT_IMPULSE,
     DERIVED,
     END,
+    FRICTION_WORK,
     IMPULSE,
     MEAN,
     MOTION_WORK,
@@ -170,7 +171,7 @@ def _next_phase(model, state, work, control, course):
     n, now = course.counts, course.reals
     n[PHASE] += 1
     for i in range(work.values.shape[0]):  # a sum or count begins with the phase with which it begins
-        adds_up = model.responses.kind[i] in (CONTACT_IMPULSE, MOTION_WORK, IMPULSE, BOUNCES)
+        adds_up = model.responses.kind[i] in (CONTACT_IMPULSE, MOTION_WORK, IMPULSE, BOUNCES, FRICTION_WORK)
         if adds_up and model.responses.from_phase[i] == n[PHASE]:
             work.values[i], work.touched[i] = 0.0, False
     if n[PHASE] < model.phases.duration.shape[0]:
@@ -204,10 +205,10 @@ def _reads_forces_in_motion(responses):
 
 @inner
 def _adds_up(responses):
-    """Return whether an impulse, a mean or a count is read, see `kernels.responses.accumulate`."""
+    """Return whether an impulse, a mean, a count or friction's work is read, see `kernels.responses.accumulate`."""
     found = False
     for i in range(responses.kind.shape[0]):
-        found = found or responses.kind[i] in (IMPULSE, MEAN, BOUNCES)
+        found = found or responses.kind[i] in (IMPULSE, MEAN, BOUNCES, FRICTION_WORK)
     return found
 
 
@@ -338,7 +339,7 @@ def _scale_impulses(r, factor):
 def _track_rest(model, state, work, control, course):
     """Update the time for which nothing that matters has moved, nor will a motion whose force or work is read."""
     n, now, rows = course.counts, course.reals, model.bilateral
-    unmoved = not moved(model.responses, state, work, now[STEP], control.drift)
+    unmoved = not moved(model.responses, model.contacts.bound, state, work, now[STEP], control.drift)
     if rows.read[0] and some_motion_goes_on(rows, model.time_laws, now[TIME]):
         unmoved = False
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0

@@ -6,7 +6,7 @@ from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
 from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
-from engine.kernels.contacts import add_whitened, aim_centred, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, aim_centred, press, relative_velocity, whitened_rows
 
 
 @inner
@@ -68,8 +68,11 @@ def look_at_active_contacts(contacts, state, work):
 
 
 @inner
-def gather_problem(bodies, contacts, laws, state, work, problem):
-    """Write the friction problem of the active contacts, starting from the last impulses; return their number."""
+def gather_problem(bodies, contacts, laws, state, work, problem, time):
+    """Write the friction problem of the active contacts, starting from the last impulses; return their number.
+
+    A force acts for the given ``time`` in the step.
+    """
     n = 0
     for i in range(laws.mu.shape[0]):
         if work.active[i]:
@@ -80,6 +83,8 @@ def gather_problem(bodies, contacts, laws, state, work, problem):
                 problem.q[n, k] = work.q[i, k]
                 problem.r[n, k] = state.r[i, k]
             problem.q[n, 0] += work.shift[i]
+            if contacts.bound[i] > 0.0:
+                problem.r[n, 0] = press(contacts, i, time, problem, n)
             n += 1
     return n
 

@@ -28,6 +28,17 @@ from engine.mechanism.quantities import Quantity
 
 WIDEST = 3.0  # rad between the stops of a rotation: a little less than half a turn
 LIMITS = "the stops of an ideal joint: { lower, upper, restitution }"
+# what only an ideal joint has, and why one with play has not
+IDEAL = {
+    "limits": "a joint with play meets its stops somewhere; allowed: in an ideal joint; "
+    "remove it, and write each stop as a contact",
+    "friction_force": "a joint with play rubs where its faces touch; allowed: in an ideal joint; "
+    "remove it, and give `friction`, the coefficient of its faces",
+    "friction_torque": "a joint with play rubs where its faces touch; allowed: in an ideal joint; "
+    "remove it, and give `friction`, the coefficient of its faces",
+    "one_way": "a joint with play has no motion of its own; allowed: in an ideal joint; "
+    "remove it, or make the joint an ideal one",
+}
 
 
 class Line(BodyPoint):
@@ -69,7 +80,7 @@ class Joint(PairLaw):
 
     def acts(self, keys: Sequence[str]) -> bool:
         """Return whether what stands under these keys has an effect: of an ideal joint only its points and axes."""
-        if not self.ideal or not keys or keys[0] == "limits":
+        if not self.ideal or not keys or keys[0] in IDEAL:
             return True
         return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION))
 
@@ -84,12 +95,9 @@ class Joint(PairLaw):
     def _loose(self) -> Self:
         if not self.ideal:
             self._check_play()
-            if getattr(self, "limits", None) is not None:
-                text = (
-                    "a joint with play meets its stops somewhere; allowed: in an ideal joint; "
-                    "remove it, and write each stop as a contact"
-                )
-                raise refuse(text, key="limits")
+            for key, text in IDEAL.items():
+                if getattr(self, key, None) is not None:
+                    raise refuse(text, key=key)
         return self
 
     def _need(self, *keys: str) -> None:
@@ -142,9 +150,38 @@ class AngleLimits(TableModel):
         return self
 
 
-def _no_limits(value: Any) -> bool:
-    """Return whether there are none; the digests of earlier mechanisms stay."""
+def _not_given(value: Any) -> bool:
+    """Return whether there is none; the digests of earlier mechanisms stay."""
     return value is None
+
+
+FrictionForce = Annotated[
+    Annotated[Number, Field(ge=0)] | None,
+    Quantity("force"),
+    Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the force with which an ideal joint resists sliding, whatever it carries, a number >= 0",
+    ),
+]
+FrictionTorque = Annotated[
+    Annotated[Number, Field(ge=0)] | None,
+    Quantity("torque"),
+    Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the torque with which an ideal joint resists turning, whatever it carries, a number >= 0",
+    ),
+]
+OneWay = Annotated[
+    Literal["forward", "backward"] | None,
+    Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the only way in which an ideal joint moves, along or about the first side's axis (forward) or "
+        "against it (backward), as a clutch or fine ratchet has it; default: both",
+    ),
+]
 
 
 def stations(value: Any) -> tuple[float, ...] | None:
@@ -265,7 +302,9 @@ class Prismatic(Joint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
 
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
+    limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    friction_force: FrictionForce
+    one_way: OneWay
     guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")
     slider: Slideway = Field(description="the block or shaft: { body, point, axis, normal }")
     block: Block | None = Field(default=None, description="a block: { half_length, half_height, half_width }")
@@ -405,7 +444,9 @@ class Cylindrical(JournalJoint):
     """A journal that turns and slides in its bearing."""
 
     type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
+    limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    friction_force: FrictionForce
+    friction_torque: FrictionTorque
 
 
 class Revolute(JournalJoint):
@@ -414,7 +455,9 @@ class Revolute(JournalJoint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "axial_clearance")
 
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
-    limits: AngleLimits | None = Field(default=None, exclude_if=_no_limits, description=LIMITS)
+    limits: AngleLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    friction_torque: FrictionTorque
+    one_way: OneWay
     flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")
     axial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None, description="the play at each flange when the journal is centred, a number > 0"

@@ -404,6 +404,16 @@ class Bounces(Measured):
     )
 
 
+class FrictionWork(Measured):
+    """The energy that friction at a contact has taken, added up over time."""
+
+    measures = Quantity("energy")
+    adds_up = True
+
+    type: Literal["friction_work"] = Field(description="the kind of response")
+    contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
+
+
 class Time(Measured):
     """The time from the start of the run to its end or to an event."""
 
@@ -440,6 +450,7 @@ Response = Annotated[
     | Impulse
     | Mean
     | Bounces
+    | FrictionWork
     | Time
     | ResponseDifference
     | ConditionMet

@@ -300,17 +300,18 @@ def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tup
 def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
     """Return the twists, shape (nb + 1, 6), of bodies in flight; zero for all others.
 
-    Bodies connected by joints, springs, loaded contacts or motions form a group. A group without such a link to the
-    ground is in flight if a load moves its centre of mass in a direction that joints to the ground allow. Without a
-    load it is in flight if it moves faster than ``least`` in a direction that these joints allow, and closes no gap in
-    doing so.
+    Bodies connected by joints, springs, loaded contacts, friction of joints that stick, or motions form a group. A
+    group without such a link to the ground is in flight if a load moves its centre of mass in a direction that joints
+    to the ground allow. Without a load it is in flight if it moves faster than ``least`` in a direction that these
+    joints allow, and closes no gap in doing so.
 
     `pose` is a copy of the assembly as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and
     rows at that pose. `least` is a speed [length/time].
     """
     model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
     found = np.zeros_like(assembly.state.v)
-    for group in _groups(model, assembly.state.r[:, 0] > 0.0):
+    links = (assembly.state.r[:, 0] > 0.0) & ((model.contacts.bound == 0.0) | (assembly.state.slip <= least))
+    for group in _groups(model, links):
         mean = np.average(velocity[group], axis=0, weights=model.bodies.mass[group])
         load = _allowed(pose, group, forces[group].sum(axis=0))
         falls = np.linalg.norm(load) > LOADED * np.abs(forces[group]).max()

@@ -7,6 +7,7 @@ responses, only motions measured by one of them matter; otherwise all of them.
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -280,8 +281,14 @@ def _linked(mechanism: Mechanism) -> list[set[str]]:
 
 
 def _dissipates(mechanism: Mechanism, body: str) -> bool:
-    """Return whether a contact, a joint with play or a damper acts on a body."""
-    touches = [joint for joint in mechanism.joints.values() if not joint.ideal] + [*mechanism.contacts.values()]
+    """Return whether a contact, a joint with play or friction, or a damper acts on a body."""
+    rubbing = ("friction_force", "friction_torque")
+    touches: list[Any] = [
+        joint
+        for joint in mechanism.joints.values()
+        if not joint.ideal or any(getattr(joint, key, None) for key in rubbing)
+    ]
+    touches += mechanism.contacts.values()
     if any(side.body == body for pair in touches for side in pair.sides):
         return True
     damped = [link for link in (*mechanism.springs.values(), *mechanism.dampers.values()) if link.damping]

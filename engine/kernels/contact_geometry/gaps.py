@@ -16,10 +16,12 @@ ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6,
 ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
+JOINT_FRICTION  axis of an ideal joint: point (0:3), direction (3:6), a rotation (1) or displacement (0) (9)
+ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10)
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10). For the solids (the last seven kinds) a point is an arc of radius 0.
+(6:9), radius (9), half angle (10). For the solids (seven kinds) a point is an arc of radius 0.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins and are subtracted there). It changes by no more than the features move
@@ -30,19 +32,21 @@ which keeps the balance of moments exact.
 
 import numpy as np
 
-from engine.jit import inner, kernel
+from engine.jit import inner, kernel, not_inlined
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
 from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
+    JOINT_FRICTION,
     ON_BALL,
     ON_EXTRUDED,
     ON_RECTANGLE,
     ON_ROUND,
     ON_SURFACE,
     ON_TURNED,
+    ONE_WAY,
     RING_BORE,
 )
 from engine.kernels.vectors import (
@@ -84,6 +88,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return on_profile(contacts, x, R, i, kind, point[i], frame[i])
     if kind == ON_SURFACE:
         return on_surface(contacts, x, R, i, point[i], frame[i])
+    if kind >= JOINT_FRICTION:
+        return along_joint(contacts, x, R, i, kind, point[i], frame[i])
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
@@ -162,6 +168,30 @@ def on_plane(contacts, x, R, i, kind, point, frame):
     turn_to_world(R, b, gb, 6, frame[1])
     cross(n, frame[1], frame[2])
     return distance + contacts.clearance[i]
+
+
+@not_inlined
+def along_joint(contacts, x, R, i, kind, point, frame):
+    """Write the direction in which an ideal joint moves into T1, or for a ONE_WAY into N; the other two are zero.
+
+    For a rotation the point lies at a radius of 1 from the axis, so that the number of the force is that of the torque.
+    The gap is always 0: what the direction of a joint meets does not depend on where it is.
+    """
+    b, gb = contacts.b[i], contacts.geometry_b[i]
+    turns, way = gb[9] > 0.0, frame[1]
+    to_world(x, R, contacts.a[i], contacts.geometry_a[i], 0, point)
+    turn_to_world(R, b, gb, 3, way)
+    if turns:
+        to_world(x, R, b, gb, 0, frame[0])
+        n, d = (way[0], way[1], way[2]), (point[0] - frame[0, 0], point[1] - frame[0, 1], point[2] - frame[0, 2])
+        f = vector_product(n, d)
+        length = np.sqrt(dot(f, f))
+        way[0], way[1], way[2] = f[0] / length, f[1] / length, f[2] / length
+    for k in range(3):
+        frame[0, k], frame[2, k] = 0.0, 0.0
+        if kind == ONE_WAY:
+            frame[0, k], way[k] = gb[10] * way[k], 0.0
+    return 0.0
 
 
 @inner
