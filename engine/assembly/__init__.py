@@ -9,8 +9,8 @@ from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, 
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
-from engine.assembly.loads import load_arrays, phase_arrays, time_law_arrays
-from engine.assembly.responses import reads_motions, response_arrays
+from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
+from engine.assembly.responses import coordinate_arrays, reads_motions, response_arrays
 from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
@@ -99,7 +99,9 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         laws=laws,
         bilateral=bilateral_arrays(rows, len(mechanism.phases), reads_motions(mechanism)),
         time_laws=time_laws,
-        loads=load_arrays(mechanism, frames, law_numbers),
+        loads=load_arrays(
+            mechanism, frames, law_numbers, coordinate_arrays(mechanism, laws_over(mechanism), frames, state)
+        ),
         responses=response_arrays(mechanism, frames, state, pairs, [row.name for row in rows]),
         phases=phase_arrays(mechanism),
     )

@@ -5,13 +5,22 @@ from typing import Any
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, quaternion
 from engine.kernels.model import Loads, Phases, TimeLaws
 from engine.mechanism.conditions import Event
-from engine.mechanism.loads import Force, ForceAction, LinearSpring, Torque, TorqueAction, TorsionDamper, TorsionSpring
+from engine.mechanism.loads import (
+    Force,
+    ForceAction,
+    LinearDamper,
+    LinearSpring,
+    Torque,
+    TorqueAction,
+    TorsionDamper,
+    TorsionSpring,
+)
 from engine.mechanism.models import Mechanism
-from engine.mechanism.time_laws import FactorSine, Law, Led, Sine, TableLaw
+from engine.mechanism.time_laws import FactorSine, FactorTable, Law, Led, Sine, TableLaw
 
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 
@@ -44,7 +53,7 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
     """Return all time laws as arrays, and the number of each by the key of its owner, such as ``"forces.push"``."""
     owners = {
         f"{table}.{name}": entry
-        for table in ("forces", "torques", "motions")
+        for table in ("forces", "torques", "motions", "springs", "dampers")
         for name, entry in getattr(mechanism, table).items()
         if entry.law is not None
     }
@@ -65,6 +74,8 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
 def _since(mechanism: Mechanism, entry: Any) -> int:
     """Return the phase at whose start a law's time begins: the named one, or the first in which a motion acts."""
     phases = [phase.name for phase in mechanism.phases]
+    if isinstance(entry, LinearSpring | TorsionSpring | LinearDamper | TorsionDamper):
+        return 0  # its law is none of time
     if entry.since is None and isinstance(entry, Led) and entry.phases:
         return min(phases.index(phase) for phase in entry.phases)
     return phases.index(entry.since or phases[0])
@@ -107,18 +118,29 @@ def _sine(law: Law) -> tuple[float, float, float]:
 # Springs, dampers, forces and torques as arrays.
 
 
-def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> Loads:
+def load_arrays(
+    mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int], coordinates: dict[str, Any]
+) -> Loads:
     """Return all loads as arrays; a damper is stored as a spring without stiffness.
 
-    ``laws`` gives the number of each time law by the key of its owner.
+    ``laws`` gives the number of each law by the key of its owner, and ``coordinates`` are those that laws depend on,
+    see `laws_over`.
     """
     return Loads(
         gravity=np.array(mechanism.gravity, float),
-        **_springs(mechanism, frames),
-        **_torsion_springs(mechanism, frames),
+        **_springs(mechanism, frames, laws),
+        **_torsion_springs(mechanism, frames, laws),
         **_actions(mechanism, frames),
         **_forces(mechanism, frames, laws),
+        **coordinates,
+        over_work=np.zeros(3),
     )
+
+
+def laws_over(mechanism: Mechanism) -> list[str]:
+    """Return the responses that laws of forces and torques depend on, each once."""
+    loads: tuple[Force | Torque, ...] = (*mechanism.forces.values(), *mechanism.torques.values())
+    return list(dict.fromkeys(load.law.over for load in loads if isinstance(load.law, FactorTable) and load.law.over))
 
 
 def _of_type(mechanism: Mechanism, kind: str) -> list[Any]:
@@ -126,35 +148,47 @@ def _of_type(mechanism: Mechanism, kind: str) -> list[Any]:
     return [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == kind]
 
 
-def _springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
+def _tables(mechanism: Mechanism, kind: str, laws: dict[str, int]) -> Integers:
+    """Return the numbers of the laws of `_of_type`, (n, 2): of springs over length or angle, of dampers over speed."""
+    springs = [laws.get(f"springs.{name}", -1) for name, s in mechanism.springs.items() if s.type == kind]
+    dampers = [laws.get(f"dampers.{name}", -1) for name, d in mechanism.dampers.items() if d.type == kind]
+    return np.array([(i, -1) for i in springs] + [(-1, i) for i in dampers], np.int64).reshape(-1, 2)
+
+
+def _springs(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> dict[str, Any]:
     """Return the springs and dampers between two points."""
     springs = _of_type(mechanism, "linear")
     ends = [(frames[s.a.body], s.a.point, frames[s.b.body], s.b.point) for s in springs]
     law = [
-        (s.stiffness, s.free_length, s.damping, s.preload, ACTS[s.acts])
+        (s.stiffness or 0.0, s.free_length or 0.0, s.damping, s.preload, ACTS[s.acts])
         if isinstance(s, LinearSpring)
-        else (0.0, 0.0, s.damping, 0.0, 0.0)
+        else (0.0, 0.0, s.damping or 0.0, 0.0, 0.0)
         for s in springs
     ]
     return {
         "spring_body": np.array([(a.index, b.index) for a, _, b, _ in ends], np.int64).reshape(-1, 2),
         "spring_point": np.array([(*a.point(p), *b.point(q)) for a, p, b, q in ends], float).reshape(-1, 6),
         "spring_law": np.array(law, float).reshape(-1, 5),
+        "spring_table": _tables(mechanism, "linear", laws),
     }
 
 
-def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
+def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> dict[str, Any]:
     """Return the torsion springs and dampers; the angle at the start selects the branch of the angle."""
     springs = _of_type(mechanism, "torsion")
     ends = [(frames[s.a], frames[s.b]) for s in springs]
-    elastic = [(s.stiffness, s.free_angle - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0) for s in springs]
-    law = [(*k, s.damping, _start_angle(mechanism, s)) for k, s in zip(elastic, springs, strict=True)]
+    elastic = [
+        (s.stiffness or 0.0, (s.free_angle or 0.0) - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0)
+        for s in springs
+    ]
+    law = [(*k, s.damping or 0.0, _start_angle(mechanism, s)) for k, s in zip(elastic, springs, strict=True)]
     axes = [a.direction(s.axis) for (a, _), s in zip(ends, springs, strict=True)]
     return {
         "torsion_body": np.array([(a.index, b.index) for a, b in ends], np.int64).reshape(-1, 2),
         "torsion_axis": np.array(axes, float).reshape(-1, 3),
         "torsion_turn": np.array([_turn(a.quaternion, b.quaternion) for a, b in ends], float).reshape(-1, 4),
         "torsion_law": np.array(law, float).reshape(-1, 4),
+        "torsion_table": _tables(mechanism, "torsion", laws),
     }
 
 
@@ -193,7 +227,8 @@ def _load_row(frame: BodyFrame, load: Force | Torque | ForceAction | TorqueActio
 
 def _forces(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> dict[str, Any]:
     """Return forces (with their points) and torques, each with the phases in which it acts and its time law."""
-    body, vector, in_body, active, law = [], [], [], [], []
+    body, vector, in_body, active, law, over, against = [], [], [], [], [], [], []
+    measured = laws_over(mechanism)
     loads: dict[str, Force | Torque] = {f"forces.{name}": force for name, force in mechanism.forces.items()}
     loads |= {f"torques.{name}": torque for name, torque in mechanism.torques.items()}
     for key, load in loads.items():
@@ -204,10 +239,14 @@ def _forces(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, 
         in_body.append(load.frame == "body")
         active.append(active_phases(mechanism, load.phases))
         law.append(laws.get(key, -1))
+        over.append(measured.index(load.law.over) if isinstance(load.law, FactorTable) and load.law.over else -1)
+        against.append(frames[load.against].index if load.against else -1)
     return {
         "force_body": np.array(body, np.int64),
         "force_vector": np.array(vector, float).reshape(-1, 9),
         "force_in_body": np.array(in_body, bool),
         "force_law": np.array(law, np.int64),
+        "force_over": np.array(over, np.int64),
+        "force_against": np.array(against, np.int64),
         "force_phase": np.array(active, bool).reshape(-1, len(mechanism.phases)),
     }

@@ -115,6 +115,20 @@ def _measured(
     return kind, body, point
 
 
+def coordinate_arrays(
+    mechanism: Mechanism, names: list[str], frames: dict[str, BodyFrame], state: State
+) -> dict[str, Any]:
+    """Return the positions, angles and speeds that laws of loads depend on: those of the responses ``names``."""
+    rows = [_measured(mechanism, mechanism.responses[name], frames, state, [], []) for name in names]
+    return {
+        "over_kind": np.array([kind for kind, _, _ in rows], np.int64),
+        "over_body": np.array([body for _, body, _ in rows], np.int64).reshape(-1, 3),
+        "over_point": np.array([point for _, _, point in rows], float).reshape(-1, 12),
+        "over_offset": np.array([getattr(mechanism.responses[name], "offset", 0.0) for name in names], float),
+        "over_value": np.zeros(len(names)),
+    }
+
+
 def _way(response: Any, frames: dict[str, BodyFrame], point: Array) -> tuple[int, int, int]:
     """Write the two points and the direction of a position or velocity; return their three bodies."""
     start, way = response.from_, response.direction

@@ -5,7 +5,9 @@ Time laws are factors of loads, and targets of prescribed motions.
 
 import numpy as np
 
-from engine.jit import inner, kernel
+from engine.jit import inner, kernel, not_inlined
+from engine.kernels.coordinates import position, rotation, speed_along, spin_along
+from engine.kernels.model import ANGLE, ANGULAR_VELOCITY
 from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
 
 
@@ -34,6 +36,28 @@ def time_law_rate(laws, i, t):
     s, c, a, w, phi = t - laws.time[k], laws.piece[k], laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
     rate = c[1] + s * (2 * c[2] + 3 * s * c[3]) if k < laws.first[i + 1] - 1 and s >= 0.0 else 0.0
     return rate + a * w * np.cos(w * t + phi)
+
+
+@not_inlined
+def table_at(laws, i, x):
+    """Return law i, a table, at x: constant before its first point and after its last."""
+    k = _piece(laws, i, x)
+    d = max(x - laws.time[k], 0.0) if k < laws.first[i + 1] - 1 else 0.0
+    c = laws.piece[k]
+    return c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+
+
+@not_inlined
+def table_integral(laws, i, x):
+    """Return the integral of law i, a table, from its first point to x."""
+    first, last, total = laws.first[i], laws.first[i + 1] - 1, 0.0
+    if x < laws.time[first]:
+        return laws.piece[first, 0] * (x - laws.time[first])
+    for k in range(first, last):
+        c, s = laws.piece[k], min(x, laws.time[k + 1]) - laws.time[k]
+        if s > 0.0:
+            total += s * (c[0] + s * (c[1] / 2 + s * (c[2] / 3 + s * c[3] / 4)))
+    return total + laws.piece[last, 0] * max(x - laws.time[last], 0.0)
 
 
 @inner
@@ -102,14 +126,16 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
             if body < bodies.mass.shape[0]:
                 wrench[body, k] = bodies.mass[body] * loads.gravity[k]
             wrench[body, 3 + k] = 0.0
-    _linear_springs(loads, state, wrench, a, b)
-    _torsion_springs(loads, state, wrench, a, b)
+    _linear_springs(loads, time_laws, state, wrench, a, b)
+    _torsion_springs(loads, time_laws, state, wrench, a, b)
     _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
 
 
 @kernel
-def potential_energy(bodies, loads, state):
-    """Return the potential energy of gravity (0 at the world's origin) and springs (0 where they exert no force).
+def potential_energy(bodies, loads, laws, state):
+    """Return the potential energy of gravity (0 at the world's origin) and springs.
+
+    That of a spring is 0 where it exerts no force, or where its table begins.
 
     Forces and torques of the file are not included: loads that depend on phase, time or body axes have no potential.
     The same holds for a spring with actions. The couple of a torsion spring derives from this energy only while its
@@ -131,13 +157,17 @@ def potential_energy(bodies, loads, state):
                 d += state.R[b, k, j] * point[3 + j] - state.R[a, k, j] * point[j]
             square += d * d
         force = _elastic_force(loads.spring_law[i], np.sqrt(square))
-        if force != 0.0:  # not a damper
+        if loads.spring_table[i, 0] >= 0:
+            energy -= table_integral(laws, loads.spring_table[i, 0], np.sqrt(square))
+        elif force != 0.0:  # not a damper
             energy += 0.5 * force * force / loads.spring_law[i, 0]
     for i in range(loads.torsion_body.shape[0]):
         if first[lines + i] < first[lines + i + 1]:
             continue
         angle = _torsion_angle(loads, state, i) - loads.torsion_law[i, 1]
         energy += 0.5 * loads.torsion_law[i, 0] * angle * angle
+        if loads.torsion_table[i, 0] >= 0:
+            energy -= table_integral(laws, loads.torsion_table[i, 0], _torsion_angle(loads, state, i))
     return energy
 
 
@@ -149,10 +179,10 @@ def _elastic_force(law, length):
 
 
 @inner
-def _linear_springs(loads, state, wrench, p, q):
+def _linear_springs(loads, laws, state, wrench, p, q):
     """Apply each spring's force at its two points, or distribute it by its actions."""
     for i in range(loads.spring_body.shape[0]):
-        force, d0, d1, d2 = spring_force(loads, state, i, p, q)
+        force, d0, d1, d2 = spring_force(loads, laws, state, i, p, q)
         if _acts_elsewhere(loads, state, i, force, wrench, p, q):
             continue
         _add_force(state.x, loads.spring_body[i, 1], q, force * d0, force * d1, force * d2, wrench)
@@ -160,7 +190,7 @@ def _linear_springs(loads, state, wrench, p, q):
 
 
 @inner
-def spring_force(loads, state, i, p, q):
+def spring_force(loads, laws, state, i, p, q):
     """Return the elastic force - c d(length)/dt of spring i, and its direction; write its two points into ``p``, ``q``.
 
     A one-sided spring that has lifted off does not damp.
@@ -179,17 +209,22 @@ def spring_force(loads, state, i, p, q):
     law = loads.spring_law[i]
     elastic = _elastic_force(law, length)
     force = elastic - law[2] * rate
+    if loads.spring_table[i, 0] >= 0:
+        elastic = table_at(laws, loads.spring_table[i, 0], length)
+        force += elastic
+    if loads.spring_table[i, 1] >= 0:
+        force -= table_at(laws, loads.spring_table[i, 1], rate)
     if law[4] != 0.0 and (elastic == 0.0 or law[4] * force < 0.0):
         force = 0.0
     return force, d0, d1, d2
 
 
 @inner
-def _torsion_springs(loads, state, wrench, axis, p):
+def _torsion_springs(loads, laws, state, wrench, axis, p):
     """Apply each torsion spring's torque to body b and its opposite to a, or distribute it by its actions."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
-        torque = spring_torque(loads, state, i, axis)
+        torque = spring_torque(loads, laws, state, i, axis)
         if _acts_elsewhere(loads, state, loads.spring_body.shape[0] + i, torque, wrench, p, axis):
             continue
         for k in range(3):
@@ -198,12 +233,17 @@ def _torsion_springs(loads, state, wrench, axis, p):
 
 
 @inner
-def spring_torque(loads, state, i, axis):
+def spring_torque(loads, laws, state, i, axis):
     """Return -k (angle - free angle) - c rate of torsion spring i; write its world axis, fixed in a, into ``axis``."""
     a, b, law = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_law[i]
     turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
     rate = spin_along(state.R, state.v, b, axis) - spin_along(state.R, state.v, a, axis)
-    return -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
+    torque = -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
+    if loads.torsion_table[i, 0] >= 0:
+        torque += table_at(laws, loads.torsion_table[i, 0], _torsion_angle(loads, state, i))
+    if loads.torsion_table[i, 1] >= 0:
+        torque -= table_at(laws, loads.torsion_table[i, 1], rate)
+    return torque
 
 
 @inner
@@ -222,9 +262,42 @@ def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
         if not loads.force_phase[i, phase]:
             continue
         body, factor = loads.force_body[i], 1.0
-        if loads.force_law[i] >= 0:
+        if loads.force_over[i] >= 0:
+            factor = table_at(time_laws, loads.force_law[i], _measured(loads, state, loads.force_over[i], p))
+        elif loads.force_law[i] >= 0:
             factor = time_law(time_laws, loads.force_law[i], t)
         _add_load(state, body, loads.force_vector[i], loads.force_in_body[i], factor, wrench, p, f)
+        if loads.force_against[i] >= 0:
+            _react(loads, state, i, factor, wrench, p, f)
+
+
+@not_inlined
+def _react(loads, state, i, factor, wrench, p, f):
+    """Apply the opposite of force or torque i to the body against which it acts, at the same place."""
+    body, against, row = loads.force_body[i], loads.force_against[i], loads.force_vector[i]
+    to_world(state.x, state.R, body, row, 0, p)
+    for part in range(2):
+        k = 3 + 3 * part
+        f[0], f[1], f[2] = row[k], row[k + 1], row[k + 2]
+        if loads.force_in_body[i]:
+            turn_to_world(state.R, body, row, k, f)
+        if part == 0:
+            _add_force(state.x, against, p, -factor * f[0], -factor * f[1], -factor * f[2], wrench)
+        else:
+            for k in range(3):
+                wrench[against, 3 + k] -= factor * f[k]
+
+
+@not_inlined
+def _measured(loads, state, j, p):
+    """Return the coordinate or speed j that laws depend on; ``p`` is workspace. An angle counts its full turns."""
+    kind, body, row = loads.over_kind[j], loads.over_body[j], loads.over_point[j]
+    if kind in (ANGLE, ANGULAR_VELOCITY):
+        value = rotation(kind, body, row, state, loads.over_value[j], p)
+        loads.over_value[j] = value
+    else:
+        value = position(kind, body, row, state, p, loads.over_work)
+    return value + loads.over_offset[j]
 
 
 @inner
@@ -261,24 +334,3 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
     wrench[body, 3] += d1 * f2 - d2 * f1
     wrench[body, 4] += d2 * f0 - d0 * f2
     wrench[body, 5] += d0 * f1 - d1 * f0
-
-
-@inner
-def spin_along(Rs, vs, body, n):
-    """Return the component of the body's angular velocity along the world direction n."""
-    R, v = Rs[body], vs[body]
-    s = 0.0
-    for k in range(3):
-        s += n[k] * (R[k, 0] * v[3] + R[k, 1] * v[4] + R[k, 2] * v[5])
-    return s
-
-
-@inner
-def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
-    """Return the velocity of the body's point p (world) along the direction d."""
-    R, v, x = Rs[body], vs[body], xs[body]
-    o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
-    o1 = R[1, 0] * v[3] + R[1, 1] * v[4] + R[1, 2] * v[5]
-    o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
-    y0, y1, y2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
-    return d0 * (v[0] + o1 * y2 - o2 * y1) + d1 * (v[1] + o2 * y0 - o0 * y2) + d2 * (v[2] + o0 * y1 - o1 * y0)

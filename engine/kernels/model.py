@@ -115,10 +115,12 @@ class Loads(NamedTuple):
     spring_body: np.ndarray  # (ns, 2) int64
     spring_point: np.ndarray  # (ns, 6) the two points
     spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, 1: only pushes, -1: only pulls, 0: both
+    spring_table: np.ndarray  # (ns, 2) int64, numbers of the laws of its force over its length and its rate; -1: none
     torsion_body: np.ndarray  # (nt, 2) int64
     torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
     torsion_turn: np.ndarray  # (nt, 4) quaternion; b's attitude times it equals a's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
+    torsion_table: np.ndarray  # (nt, 2) int64, the same of its torque over its angle and its rate
     action_first: np.ndarray  # (ns + nt + 1,) int64, first action of each spring; without any it acts along its line
     action_body: np.ndarray  # (na,) int64
     action_vector: np.ndarray  # (na, 9) point, force, torque in body axes, for a spring force or torque of 1
@@ -127,6 +129,14 @@ class Loads(NamedTuple):
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
     force_law: np.ndarray  # (nf,) int64, number of the time law that multiplies it; -1: none
     force_phase: np.ndarray  # (nf, n_phase) bool
+    force_over: np.ndarray  # (nf,) int64, what its law depends on, one of the following; -1: time
+    force_against: np.ndarray  # (nf,) int64, the body that bears the reaction; -1: none
+    over_kind: np.ndarray  # (nm,) int64 POSITION, VELOCITY, ANGLE or ANGULAR_VELOCITY
+    over_body: np.ndarray  # (nm, 3) int64, see responses.py, as is over_point
+    over_point: np.ndarray  # (nm, 12)
+    over_offset: np.ndarray  # (nm,)
+    over_value: np.ndarray  # (nm,) an angle when it was last measured, without its offset; written by the run
+    over_work: np.ndarray  # (3,) workspace
 
 
 @by_address

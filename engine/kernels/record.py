@@ -27,7 +27,8 @@ def record(model, state, work, t, h, rows):
         return True
     row, nb = rows[i], model.bodies.mass.shape[0]
     row[0], row[1] = t, h
-    row[2], row[3] = kinetic_energy(model.bodies, state.v), potential_energy(model.bodies, model.loads, state)
+    row[2] = kinetic_energy(model.bodies, state.v)
+    row[3] = potential_energy(model.bodies, model.loads, model.time_laws, state)
     at = HEAD
     for body in range(nb):
         for k in range(3):

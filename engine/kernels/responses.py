@@ -30,7 +30,8 @@ import numpy as np
 
 from engine.jit import inner, kernel
 from engine.kernels.contact_geometry.gaps import find_contact
-from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
+from engine.kernels.coordinates import position, rotation
+from engine.kernels.loads import spring_force, spring_torque
 from engine.kernels.model import (
     ANGLE,
     ANGULAR_VELOCITY,
@@ -52,9 +53,8 @@ from engine.kernels.model import (
     SPRING_FORCE,
     SPRING_TORQUE,
     TIME,
-    VELOCITY,
 )
-from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
+from engine.kernels.vectors import turn_to_world
 
 SHARE = 0.1  # of a force, from which an impact counts
 ROUNDING = 1e-9  # share of a step by which a window may begin before it
@@ -78,9 +78,9 @@ def measure(model, state, sites, rows, values, vectors, instant):
         if kind == GAP:
             value = find_contact(contacts, state.x, state.R, body[0], sites.point, frame)
         elif kind == SPRING_FORCE:
-            value = spring_force(loads, state, body[0], p, q)[0]
+            value = spring_force(loads, model.time_laws, state, body[0], p, q)[0]
         elif kind == SPRING_TORQUE:
-            value = spring_torque(loads, state, body[0], p)
+            value = spring_torque(loads, model.time_laws, state, body[0], p)
         elif kind == TIME:
             value = t
         elif kind == DERIVED:
@@ -103,9 +103,9 @@ def measure(model, state, sites, rows, values, vectors, instant):
         elif kind == JOINT_FORCE:
             value = _joint_impulse(body, row, state, frame, p, q) / h
         elif kind in (ANGLE, ANGULAR_VELOCITY):
-            value = _rotation(kind, body, row, state, values[i] - responses.offset[i], p)
+            value = rotation(kind, body, row, state, values[i] - responses.offset[i], p)
         else:
-            value = _position(kind, body, row, state, p, q)
+            value = position(kind, body, row, state, p, q)
         if responses.averaged_over[i] > 0.0:
             value = values[i] - (value - values[i]) * np.expm1(-h / responses.averaged_over[i])
         values[i] = value + responses.offset[i]
@@ -146,46 +146,6 @@ def accumulate(model, state, work, t, h):
                 values[i] = (
                     value if not before > ROUNDING * h else values[i] + (value - values[i]) * (b - a) / (b - first)
                 )
-
-
-@inner
-def _position(kind, body, row, state, p, q):
-    """Return a component of the vector to a point from another point, or from an axis at the height of the first point.
-
-    For a VELOCITY, return its rate.
-    """
-    x, R, v = state.x, state.R, state.v
-    to_world(x, R, body[0], row, 0, p)
-    to_world(x, R, body[1], row, 6, q)
-    d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    turn_to_world(R, body[0], row, 3, p)
-    n0, n1, n2 = p[0], p[1], p[2]
-    along = d0 * n0 + d1 * n1 + d2 * n2  # 0 for a point, whose axis is the zero vector
-    d0, d1, d2 = d0 - along * n0, d1 - along * n1, d2 - along * n2
-    turn_to_world(R, body[2], row, 9, p)
-    e0, e1, e2 = p[0], p[1], p[2]
-    if kind != VELOCITY:
-        return d0 * e0 + d1 * e1 + d2 * e2
-    p[0], p[1], p[2] = q[0] - d0, q[1] - d1, q[2] - d2  # the point or foot point where the vector starts
-    ends = speed_along(x, R, v, body[1], q, e0, e1, e2) - speed_along(x, R, v, body[0], p, e0, e1, e2)
-    turning = speed_along(x, R, v, body[2], q, e0, e1, e2) - speed_along(x, R, v, body[2], p, e0, e1, e2)
-    sliding = speed_along(x, R, v, body[1], q, n0, n1, n2) - speed_along(x, R, v, body[0], q, n0, n1, n2)
-    return ends - turning - sliding * (e0 * n0 + e1 * n1 + e2 * n2)  # the foot point slides along its axis
-
-
-@inner
-def _rotation(kind, body, row, state, before, axis):
-    """Return the angle of a body about an axis of another since the start, on the branch nearest to ``before``.
-
-    For an ANGULAR_VELOCITY, return its rate.
-    """
-    a, b, quaternion, R, v = body[0], body[1], state.p, state.R, state.v
-    if kind == ANGULAR_VELOCITY:
-        turn_to_world(R, a, row, 3, axis)
-        return spin_along(R, v, b, axis) - spin_along(R, v, a, axis)
-    p = quaternion[a]
-    angle = twist_angle((p[0], p[1], p[2], p[3]), times(quaternion[b], row[6:10]), row[3], row[4], row[5])
-    return angle - 2 * np.pi * np.round((angle - before) / (2 * np.pi))
 
 
 @inner

@@ -16,9 +16,12 @@ _PAIRED = {
     "springs": (("a", "b"),),
     "dampers": (("a", "b"),),
     "motions": (("body", "relative_to"),),
+    "forces": (("body", "against"),),
+    "torques": (("body", "against"),),
 }
 
 _ADDED_UP = ("impulse", "mean")
+_COORDINATES = ("position", "velocity", "angle", "angular_velocity")
 _DERIVED = ("difference", "condition", "formula")
 
 Reference = tuple[str, tuple[str, ...], Any]
@@ -57,8 +60,7 @@ def _references(data: Mapping[str, Any]) -> Iterator[Reference]:
             yield "body", ("springs", name, "actions", str(i), "body"), as_table(action).get("body")
     for table in ("forces", "torques", "motions"):
         for name, entry in named_tables(data, table).items():
-            if table != "motions":
-                yield "body", (table, name, "body"), entry.get("body")
+            yield "coordinate", (table, name, "law", "over"), sub_table(entry, "law").get("over")
             yield "phase", (table, name, "since"), entry.get("since")
             for phase in list_under(entry, "phases"):
                 yield "phase", (table, name, "phases"), phase
@@ -110,6 +112,9 @@ def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
         "contact": list(sub_table(data, "contacts")),
         "joint": list(sub_table(data, "joints")),
         "response": list(sub_table(data, "responses")),
+        "coordinate": [
+            name for name, response in named_tables(data, "responses").items() if response.get("type") in _COORDINATES
+        ],
         "phase": phase_names(data),
         "motion": list(motions),
         "translation": [name for name, motion in motions.items() if "along" in motion],

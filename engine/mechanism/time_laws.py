@@ -1,4 +1,7 @@
-"""Time laws, which are factors of forces and targets of motions, and the motions. Time 0 is the start of the run."""
+"""Laws of time, which are factors of forces and targets of motions, and the motions. Time 0 is the start of the run.
+
+A table may also give what depends on a length, an angle or a speed.
+"""
 
 import math
 from itertools import pairwise
@@ -14,15 +17,20 @@ Points = tuple[tuple[float, float], ...]
 
 def _points(value: Any) -> Points:
     """Read two or more points [time, value] at increasing times."""
+    return read_points(value, "time", "a short time apart")
+
+
+def read_points(value: Any, over: str, apart: str) -> Points:
+    """Read two or more points [``over``, value], the first numbers increasing; a jump is two points ``apart``."""
     rows = value if isinstance(value, list | tuple) else ()
     if len(rows) < 2 or not all(isinstance(p, list | tuple) and len(p) == 2 and all(map(is_number, p)) for p in rows):
-        raise refuse("not a table; allowed: two or more points [time, value] of finite numbers; write all of them")
+        raise refuse(f"not a table; allowed: two or more points [{over}, value] of finite numbers; write all of them")
     points = tuple((float(t), float(y)) for t, y in rows)
     for (before, _), (after, _) in pairwise(points):
         if after <= before:
             raise refuse(
-                f"time {after:g} comes after time {before:g}; allowed: increasing times; sort the points, "
-                "and write a jump as two points a short time apart"
+                f"{over} {after:g} comes after {over} {before:g}; allowed: increasing {over}s; sort the points, "
+                f"and write a jump as two points {apart}"
             )
     return points
 
@@ -37,6 +45,9 @@ class TableLaw(TableModel):
         description="the points [time, value], two or more, at increasing times",
         json_schema_extra={"minItems": 2},
     )
+    over_quantity: ClassVar[str] = "time"
+    """The physical quantity of the first numbers; empty: it depends on what the file names."""
+
     value_quantity: ClassVar[str]
     """The physical quantity of the values."""
 
@@ -46,9 +57,15 @@ class TableLaw(TableModel):
 
 
 class FactorTable(TableLaw):
-    """A table of factors."""
+    """A table of factors, over time or over a response."""
 
     value_quantity: ClassVar[str] = "number"
+
+    over: Name | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        description="a response that the factor depends on, a position, angle or speed, instead of the time",
+    )
 
 
 class MotionTable(TableLaw):

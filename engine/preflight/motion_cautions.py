@@ -291,5 +291,5 @@ def _dissipates(mechanism: Mechanism, body: str) -> bool:
     touches += mechanism.contacts.values()
     if any(side.body == body for pair in touches for side in pair.sides):
         return True
-    damped = [link for link in (*mechanism.springs.values(), *mechanism.dampers.values()) if link.damping]
+    damped = [link for link in mechanism.springs.values() if link.damping] + [*mechanism.dampers.values()]
     return any(body == (end if isinstance(end, str) else end.body) for link in damped for end in (link.a, link.b))

@@ -6,6 +6,7 @@ A caution is something that looks wrong in a mechanism although it could run.
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,8 @@ def implausible_numbers(mechanism: Mechanism) -> Iterator[Caution]:
             yield from _implausible_mass(mechanism, name, body.mass, body.inertia)
     for name, spring in mechanism.springs.items():
         kind, custom = ("stiffness", STIFFNESS) if spring.type == "linear" else ("torsional stiffness", TORSION)
-        yield from _out_of_range(mechanism, f"springs.{name}.stiffness", spring.stiffness, kind, custom)
+        if spring.stiffness is not None:
+            yield from _out_of_range(mechanism, f"springs.{name}.stiffness", spring.stiffness, kind, custom)
 
 
 def _factor(mechanism: Mechanism, quantity: str) -> float:
@@ -171,26 +173,36 @@ def stiff_springs(mechanism: Mechanism) -> Iterator[Caution]:
         if spring.actions:  # its actions have lever arms of their own
             continue
         inert = _inert(mechanism, spring)
-        rate = math.sqrt(spring.stiffness / inert)
+        steepest = _steepest(spring)
+        rate = math.sqrt(steepest / inert)
         if rate * step > LONGEST:
-            key, stiffness = f"springs.{name}.stiffness", "stiffness"
+            key, stiffness = f"springs.{name}.{'law' if spring.law else 'stiffness'}", "stiffness"
             quantity = stiffness if spring.type == "linear" else f"torsional {stiffness}"
             # a tenth of the limit above: an oscillation then takes some sixty steps
             most = inert * (0.1 / step) ** 2
-            yield _too_stiff(
-                key, spring.stiffness, mechanism.unit(quantity), f"{2 * math.pi / rate:.3g} {unit}", step, most
-            )
+            yield _too_stiff(key, steepest, mechanism.unit(quantity), f"{2 * math.pi / rate:.3g} {unit}", step, most)
     links: list[tuple[str, dict[str, Any]]] = [("springs", mechanism.springs), ("dampers", mechanism.dampers)]
     for table, entries in links:
         for name, damper in entries.items():
-            if not damper.damping or getattr(damper, "actions", None):
+            law = damper.law if table == "dampers" else None
+            value = _steepest(damper) if law else damper.damping
+            if not value or getattr(damper, "actions", None):
                 continue
             inert = _inert(mechanism, damper)
-            if damper.damping * step > LONGEST * inert:
+            if value * step > LONGEST * inert:
                 quantity = "damping" if damper.type == "linear" else "torsional damping"
-                own = f"{inert / damper.damping:.3g} {unit}"
-                key, value = f"{table}.{name}.damping", damper.damping
+                own = f"{inert / value:.3g} {unit}"
+                key = f"{table}.{name}.{'law' if law else 'damping'}"
                 yield _too_stiff(key, value, mechanism.unit(quantity), own, step, 0.1 * inert / step)
+
+
+def _steepest(link: Any) -> float:
+    """Return the stiffness of a spring, or of its law the steepest slope; of a damper with a law the same."""
+    if link.law is None:
+        return float(link.stiffness)
+    # cubics between the points are at most three times as steep as the straight lines, see `time_laws`
+    slopes = [abs((y - x) / (t - s)) for (s, x), (t, y) in pairwise(link.law.points)]
+    return float(max(slopes)) * (3.0 if link.law.interpolation == "smooth" else 1.0)
 
 
 def fast_spins(mechanism: Mechanism) -> Iterator[Caution]:

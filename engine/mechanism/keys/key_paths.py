@@ -80,7 +80,9 @@ class Place(NamedTuple):
     def quantity(self) -> Quantity | None:
         """Return the quantity that a number measures, if declared."""
         if isinstance(self.owner, TableLaw) and self.inside:
-            return Quantity("time" if self.inside[-1] == "0" else self.owner.value_quantity)
+            if self.inside[-1] == "0":
+                return None if getattr(self.owner, "over", None) else Quantity(self.owner.over_quantity)
+            return Quantity(self.owner.value_quantity)
         return declared(self.field, Quantity)
 
     def _components(self) -> Mapping[str, tuple[tuple[int, ...], ...]]:

@@ -109,7 +109,9 @@ def wound(assembly: Assembly) -> float:
 
 def stored(assembly: Assembly) -> float:
     """Potential energy of gravity and springs, by the kernel."""
-    return float(potential_energy(assembly.model.bodies, assembly.model.loads, assembly.state))
+    return float(
+        potential_energy(assembly.model.bodies, assembly.model.loads, assembly.model.time_laws, assembly.state)
+    )
 
 
 def stretched_to(length: float, speed: float = 0.0, **spring: Any) -> tuple[float, float]:
