@@ -12,4 +12,5 @@ class FailedStatus(StrEnum):
     DIVERGED = "diverged"
     TIMEOUT = "timeout"
     INVALID = "invalid"
+    NOT_ASSEMBLABLE = "not_assemblable"
     CRASHED = "crashed"

@@ -1,6 +1,6 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
-from engine.errors import CadError, EngineError, FolderError, MechanismError, TrajectoryError
+from engine.errors import CadError, EngineError, FolderError, MechanismError, NotAssemblable, TrajectoryError
 from engine.faults.fault import Fault
 from engine.faults.toml_positions import TextPosition, position_of
 from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
@@ -17,6 +17,7 @@ __all__ = [
     "FolderError",
     "Mechanism",
     "MechanismError",
+    "NotAssemblable",
     "Recording",
     "Run",
     "TextPosition",

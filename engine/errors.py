@@ -25,6 +25,26 @@ class MechanismError(EngineError):
         self.faults = tuple(faults)
 
 
+class NotAssemblable(MechanismError):
+    """The parts overlap as drawn, or ideal joints are open, and no start pose nearby puts that right.
+
+    Parameters
+    ----------
+    message : str
+        The mechanism, one line per overlap and open joint, and the reason.
+    reason : str
+        What is in the way, in one sentence with its numbers.
+    """
+
+    def __init__(self, message: str, reason: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Return how to make it again in another process."""
+        return type(self), (str(self), self.reason)
+
+
 class CadError(EngineError):
     """A CAD file cannot be read, or does not contain what is requested of it."""
 

@@ -98,6 +98,7 @@ def execute(
         settled=bool(counts[time_loop.SETTLED]),
         iterations=int(counts[time_loop.ITERATIONS]),
         repeated=int(counts[time_loop.REPEATED]),
+        start_travel=assembly.travel,
     )
     last = mechanism.phases[-1]
     until_rest = last.duration is None and last.until is None and not full_horizon

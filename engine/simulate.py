@@ -60,7 +60,9 @@ def simulate(
     Raises
     ------
     MechanismError
-        If a value is not allowed, or parts overlap at the start pose.
+        If a value is not allowed.
+    NotAssemblable
+        If parts overlap at the start pose, or ideal joints are open, and no pose nearby puts that right.
     TrajectoryError
         If the recording settings are not allowed, or the file cannot be written.
     """
@@ -91,7 +93,8 @@ def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> No
     Raises
     ------
     MechanismError
-        If a value is not allowed, or parts overlap at the start pose.
+        If a value is not allowed; NotAssemblable, if parts overlap at the start pose or ideal joints are open, and no
+        pose nearby puts that right.
     """
     from engine.assembly import assemble
 

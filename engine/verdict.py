@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
+from engine.assembly.start import bodies_of_contact
 from engine.friction.arrays import dense_rows
 from engine.friction.infeasibility import squeezing_impulses
 from engine.kernels import time_loop
@@ -243,19 +244,13 @@ def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:
         return f"{_list(held)} contradict each other at this pose; {travel}, or remove one of them"
     names = [assembly.contact_names[i] for i in jam.contacts]
     contacts = ("contact " if len(names) == 1 else "contacts ") + _list(
-        [f"{name} ({' and '.join(_bodies(mechanism, name))})" for name in names]
+        [f"{name} ({' and '.join(bodies_of_contact(mechanism, name)[1])})" for name in names]
     )
     holding = f" while {_list(held)} {'act' if len(held) > 1 else 'acts'}" if held else ""
     if jam.locked:
         return f"friction locks {contacts}{holding}; {travel}, or allow for less friction, a clearance or a spring"
     reason = f"no motion of the bodies keeps {contacts} from closing{holding}"
     return f"{reason}; {travel}, or allow for a clearance or a spring"
-
-
-def _bodies(mechanism: Mechanism, contact: str) -> list[str]:
-    """Return the bodies of a contact in [contacts], or of a joint with play."""
-    owner = mechanism.contacts.get(contact) or mechanism.joints[contact.rpartition(".")[0]]
-    return [side.body for side in owner.sides]
 
 
 def _list(names: list[str]) -> str:

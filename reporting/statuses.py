@@ -19,6 +19,7 @@ STATUSES = {
     "diverged": "a number became infinite or undefined",
     "timeout": "ran longer than its time limit",
     "invalid": "ran to its end, but broke a validity condition or missed an event",
+    "not_assemblable": "the parts overlap as drawn, and no start pose nearby is free; the message says why",
     "crashed": "the process ended or the code raised an error",
 }
 

@@ -34,7 +34,8 @@ from engine.platform.child import python_environment
 
 # keys that no row depends on
 IRRELEVANT = ("name", "title", "header", "samples", "responses", "requirements", "stop", "decide", "repeats", "format")
-DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid")  # whatever the machine
+# whatever the machine
+DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid", "not_assemblable")
 
 logger = logging.getLogger(__name__)
 

@@ -15,6 +15,7 @@ LATER_NUMBERS = (
     "lost_energy",
     "max_kinetic_energy",
     "max_turn",
+    "start_travel",
 )
 REMARK_COLUMNS = ("at_impact", "ambiguous")
 LATER_COLUMNS = (*LATER_NUMBERS, *REMARK_COLUMNS)
@@ -43,6 +44,7 @@ _QUANTITIES = {  # of the numbers of a run's certificate that have a unit
     "lost_energy": "energy",
     "max_kinetic_energy": "energy",
     "max_turn": "angle",
+    "start_travel": "length",
 }
 
 OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.bool_()}

@@ -27,7 +27,7 @@ from campaign.store.layout import CANCEL
 from campaign.store.repeat_sets import repeat_plans
 from campaign.worker.limits import cancelled_by, time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, Simulate, check_build
-from engine import Run, simulate
+from engine import NotAssemblable, Run, simulate
 from engine.mechanism import Mechanism, get_value, unit_of
 from engine.platform.child import Limits, limited
 
@@ -79,8 +79,8 @@ def crashed_row(
 ) -> Row:
     """Return the row of a run without a certificate, because it raised an error or ended its process.
 
-    ``values`` are its inputs by variable name, ``status`` is ``crashed`` or ``timeout``, ``wall_s`` how long the run
-    took [s], if known.
+    ``values`` are its inputs by variable name, ``status`` is ``crashed``, ``timeout`` or ``not_assemblable``,
+    ``wall_s`` how long the run took [s], if known.
     """
     empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *LATER_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
@@ -131,6 +131,9 @@ def _attempt(
         with time_limit(_longest(plan)):
             run = simulate(plan.mechanism, changes, step=settings.step, horizon=settings.horizon, cancel=cancel)
         status, message = _checked(run, plan.mechanism)
+    except NotAssemblable as error:
+        spent = perf_counter() - start
+        return crashed_row(plan, sample, values, error.reason, status="not_assemblable", wall_s=spent)
     except (Exception, SystemExit) as error:  # one run never stops the others
         row = crashed_row(plan, sample, values, _text(error, plan), wall_s=perf_counter() - start)
         return DoubtfulRow(row) if isinstance(error, OF_THE_MACHINE) else row

@@ -11,7 +11,7 @@ from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.responses import coordinate_arrays, reads_motions, response_arrays
-from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
+from engine.assembly.start import free_start, refuse_long_step
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.model import (
@@ -43,6 +43,7 @@ class Assembly:
     problem: FrictionArrays  # of a step
     contact_names: tuple[str, ...]  # in the order of the arrays, as are row_names
     row_names: tuple[str, ...]
+    travel: float = 0.0  # of the body that the assembly step moves farthest, see `start.free_start`; 0: as drawn
 
     @property
     def arrays(self) -> RunArrays:
@@ -63,17 +64,16 @@ def assemble(mechanism: Mechanism) -> Assembly:
     """Convert a mechanism to arrays.
 
     If only the play differs from an earlier mechanism, as from sample to sample, all other arrays are copied from it.
-    Raise MechanismError if parts overlap or an ideal joint is open at the start pose, or the step is longer than the
-    horizon.
+    Where parts overlap as drawn or ideal joints are open, the bodies start from the nearest pose in which that is not
+    so. Raise NotAssemblable if there is none nearby, MechanismError if the step is longer than the horizon.
     """
     refuse_long_step(mechanism)
     prepared = _prepared(without_play(mechanism))
     pristine = prepared.assembly
     model, state, work, problem = map(copied, (pristine.model, pristine.state, pristine.work, pristine.problem))
     add_play(mechanism, prepared.faces, model.contacts.clearance)
-    refuse_open_joints(mechanism, prepared.held, state)
-    refuse_overlap(mechanism, model.contacts, pristine.contact_names, state, work)
-    return Assembly(model, state, work, problem, pristine.contact_names, pristine.row_names)
+    travel = free_start(mechanism, prepared.held, pristine.contact_names, model, state, work, problem)
+    return Assembly(model, state, work, problem, pristine.contact_names, pristine.row_names, travel)
 
 
 @cached

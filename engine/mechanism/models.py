@@ -284,6 +284,11 @@ class Simulation(TableModel):
         validate_default=False,  # `_default_violation` replaces it; 0 itself is refused
         description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
     )
+    assembly_travel: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
+        default=None,
+        description="how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
+        " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism",
+    )
     scheme: Literal["combined", "moreau_jean"] = Field(
         default="combined",
         description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",

@@ -89,6 +89,7 @@ def test_schema_has_units(plan):
         "lost_energy": b"mJ",
         "max_kinetic_energy": b"mJ",
         "max_turn": b"rad",
+        "start_travel": b"mm",
     }
     assert expected.items() <= units.items()
     assert plan.schema.metadata[b"campaign"].decode() == plan.campaign_id

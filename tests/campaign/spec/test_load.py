@@ -546,9 +546,9 @@ def test_the_example_of_the_page_follows_the_lever_rule(tmp_path):
             "variables.time: simulation.horizon says how a run is computed, and is the same for all; ",
         ),
         (
-            {"stop": ("contacts.stop.b.plane.point.y", -0.01, 0.1)},
-            "variables.stop: reaches contacts.stop.b.plane.point.y = -0.01, which lever refuses: contacts.stop: gap "
-            "-0.01 mm at the start; allowed: >= 0; move the bodies, the features or `offset`; or raise its lower end",
+            {"stop": ("contacts.stop.b.plane.point.y", -5.0, 0.1)},
+            "variables.stop: reaches contacts.stop.b.plane.point.y = -5, which lever refuses: contacts.stop: gap "
+            "-5 mm at the start; allowed: >= 0; move the bodies, the features or `offset`; ",
         ),
         (
             {"pin": ("pin", 0.01, 0.3)},

@@ -33,6 +33,7 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
         "lost_energy": 5e-9,
         "max_kinetic_energy": 6e-6,
         "max_turn": 7e-3,
+        "start_travel": 0.0,
         "settled": True,
         "at_impact": "",
         "ambiguous": False,

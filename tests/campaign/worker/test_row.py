@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 
 from campaign.coordinator.rerun import failed_samples
@@ -34,6 +35,7 @@ ROW = {
     "lost_energy": 5e-9,
     "max_kinetic_energy": 6e-6,
     "max_turn": 7e-3,
+    "start_travel": 0.0,
     "settled": True,
     "at_impact": "",
     "ambiguous": False,
@@ -168,6 +170,27 @@ def test_a_mechanism_that_does_not_come_to_rest_is_a_row_of_its_own_status(tmp_p
         assert (row["drop"], row["tip"]) == (None, None)
     assert failed_samples(store, plan, ["not_at_rest"]) == [0, 1, 2]
     assert failed_samples(store, plan, ["not_converged"]) == []
+
+
+def test_a_sample_that_cannot_be_assembled_is_a_row_of_its_own_status(tmp_path):
+    """A block drawn into its slope, or a slope into its block, is moved out; both together are too far for that.
+
+    The depth is that of the origins times cos 30 degrees; a block may be moved by 1 % of its extent, 2.9 mm.
+    """
+    depths = {"block": [-0.003, -0.003, 0.001], "slope": [0.0, 0.003, 0.0]}
+    variables = {
+        name: {"target": f"bodies.{name}.origin.z", "distribution": "uniform", "lower": min(at), "upper": max(at)}
+        for name, at in depths.items()
+    }
+    campaign = {"format": 1, "name": "sunk", "mechanism": "incline", "samples": 3, "sampler": "list"}
+    campaign |= {"variables": variables, "table": {"columns": depths}}
+    store, plan = computed(tmp_path, load_campaign(campaign), 3, simulate)
+    first, second, third = store.table().to_pylist()
+    assert [row["status"] for row in (first, second, third)] == ["ok", "not_assemblable", "ok"]
+    assert first["start_travel"] == pytest.approx(0.003 * np.cos(np.pi / 6), rel=1e-6)
+    assert second["message"].startswith("the nearest pose without overlap moves block by 0.005196 m; allowed: ")
+    assert (second["slide"], second["start_travel"], third["start_travel"]) == (None, None, 0.0)
+    assert failed_samples(store, plan, ["not_assemblable"]) == [1]
 
 
 def test_a_row_of_an_earlier_build_lacks_columns():

@@ -199,7 +199,8 @@ def test_an_axis_may_point_either_way(kind):
 
 
 def message(data: dict[str, Any]) -> str:
-    """Return what is said when ``data`` is assembled."""
+    """Return what is said when ``data`` is assembled and no body may be moved from its drawn place."""
+    data["simulation"]["assembly_travel"] = 0.0
     with pytest.raises(MechanismError) as caught:
         assemble(made(data))
     return str(caught.value)

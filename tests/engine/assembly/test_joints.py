@@ -220,7 +220,7 @@ def test_an_ideal_joint_needs_no_key_of_its_loose_form(key):
 def test_overlap_of_a_flange_names_the_axial_clearance():
     """The wheel 0.4 along its pin with 0.3 of play: one line, with what would be enough."""
     data = wheel(origin=[0, 0, 0.4])
-    data["simulation"]["penetration"] = 1e-9
+    data["simulation"] |= {"penetration": 1e-9, "assembly_travel": 0.0}
     with pytest.raises(MechanismError) as caught:
         assemble(made(data))
     first, *lines = str(caught.value).split("\n")
@@ -233,7 +233,7 @@ def test_overlap_of_a_flange_names_the_axial_clearance():
 def test_overlap_says_what_the_worst_face_needs():
     """A tilted wheel: its rings' fault and its flanges' fault, each with the clearance that would do for all."""
     data = wheel(axis=[1, 0, 0], angle=0.3)
-    data["simulation"]["penetration"] = 1e-9
+    data["simulation"] |= {"penetration": 1e-9, "assembly_travel": 0.0}
     needed = {name.split(".")[1][:-1]: 0.0 for name in gaps(wheel())}
     clearance = {"ring": 0.1, "flange_start": 0.3, "flange_end": 0.3}
     for name, gap in gaps(wheel(axis=[1, 0, 0], angle=0.3)).items():
