@@ -20,7 +20,7 @@ from engine.friction.blocks import ROW
 from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
-from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, POINT_PLANE, Model, Scratch, State
+from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, JOINT_FRICTION, POINT_PLANE, Model, Scratch, State
 from engine.kernels.vectors import rotation_matrix
 from engine.platform.linear_algebra import nonnegative_least_squares, one_thread
 
@@ -130,7 +130,8 @@ class _Search:
 
     def near(self, limits: _Limits) -> tuple[Integers, Array, Array]:
         """Return the contacts that take part, the gradients of their gaps, and those of the joints."""
-        chosen = np.flatnonzero(self.state.gap <= REACH * limits.longest)
+        place = self.model.contacts.kind < JOINT_FRICTION  # those above are directions
+        chosen = np.flatnonzero((self.state.gap <= REACH * limits.longest) & place)
         return chosen, self.contact_rows(chosen)[:, 0], self.joint_rows()
 
     def lengths(self, w: Array) -> Array:
