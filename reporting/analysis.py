@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reporting.arrays import Array
+from reporting.assembly import AssemblyShare, assembled, assembly_share
 from reporting.capability.verdict import CAPABLE, IndexEstimate
 from reporting.comparison import Comparison, compare
 from reporting.errors import ReportError
@@ -74,6 +75,7 @@ class Analysis:
     responses: tuple[ResponseAnalysis, ...]
     rare: RareRejects | None  # shares of a few ppm from the weighted runs of importance sampling; None for others
     product: ProductYield | None  # samples that keep all limits together; None without limits, or if not production
+    assembly: AssemblyShare | None  # samples whose parts cannot be assembled; None without one and without a limit
     variables: tuple[VariableAnalysis, ...]
     correlations: tuple[CorrelationAnalysis, ...]  # the requested ones, and the largest of the others
     never_critical: tuple[str, ...]  # variables that are not critical for any response
@@ -103,13 +105,14 @@ def analyse(
     weighted runs that decide some responses; of those that name a response, the last decide it.
     """
     samples, rounding = leveled_samples(samples, spec)
+    every, samples = samples, assembled(samples, spec)
     spec = _without_boundaries(spec, samples)
     other = None if against is None else _drawn(*against)
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
     drawn, (rare, weighted) = independent_draws(samples, spec), _rare(samples, spec, decided)
-    counts = counts_by_status(samples)
+    counts, fit = counts_by_status(samples), assembly_share(every, spec, CONFIDENCE)
     scatter, totals = repeatabilities(repeats, samples, drawn, spec, CONFIDENCE), total_order(samples, spec)
     known = {r.name: Known(totals.get(r.name), scatter.get(r.name)) for r in spec.responses}
     influences, withheld = _sensitivity(drawn, spec, known), why_no_verdict(counts, spec.min_ok)
@@ -137,22 +140,23 @@ def analyse(
     advised = _advice(drawn, spec, responses, rescale)
     return Analysis(
         spec=spec,
-        headline=headline(spec, counts, responses),
+        headline=headline(spec, counts, responses, fit),
         design=spec.design,
-        finished=samples.sample.size,
+        finished=every.sample.size,
         ok=ok,
-        failed=samples.sample.size - ok,
+        failed=every.sample.size - ok,
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
-        statuses=count_statuses(samples),
+        statuses=count_statuses(every),
         trust=(
-            *trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE),
+            *trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE, fit),
             repeatable(responses, repeats),
             *rare_checks(rare),
         ),
         responses=responses,
         rare=rare,
-        product=product_yield(drawn, spec, CONFIDENCE),
+        product=product_yield(drawn, spec, CONFIDENCE, every.sample.size - samples.sample.size),
+        assembly=fit,
         variables=variables,
         correlations=correlations,
         never_critical=influences.never_critical() if influences else (),
@@ -160,7 +164,7 @@ def analyse(
         kept=advised.kept,
         shortfalls=advised.shortfalls,
         advice_note=advised.note,
-        failures=list_failures(spec, samples),
+        failures=list_failures(spec, every),
         comparison=None if other is None else compare(drawn, spec, *other, CONFIDENCE),
         confidence=CONFIDENCE,
     )

@@ -24,7 +24,7 @@ from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.statuses import counts_by_status, why_no_verdict
+from reporting.statuses import counts_by_status, judged_counts, why_no_verdict
 
 # Cohen's (1988) words for d; below the first threshold the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
@@ -100,7 +100,7 @@ def compare(
         no_verdict=tuple(
             f"No verdict on {of.campaign}: {why}"
             for each, of in ((samples, spec), (other, other_spec))
-            if (why := why_no_verdict(counts_by_status(each), of.min_ok))
+            if (why := why_no_verdict(judged_counts(counts_by_status(each), of.max_not_assemblable), of.min_ok))
         ),
     )
 

@@ -10,6 +10,7 @@ from reporting.spec import ReportSpec
 from reporting.statuses import failures_in_words, statuses_in_words, why_no_verdict
 
 if TYPE_CHECKING:
+    from reporting.assembly import AssemblyShare
     from reporting.response import ResponseAnalysis
 
 WORST_FIRST = (
@@ -18,8 +19,23 @@ WORST_FIRST = (
 )
 
 
-def headline(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["ResponseAnalysis"]) -> str:
-    """Return the outcome in a sentence or two; `counts` are the finished samples by status."""
+def headline(
+    spec: ReportSpec,
+    counts: Mapping[str, int],
+    responses: Sequence["ResponseAnalysis"],
+    fit: "AssemblyShare | None" = None,
+) -> str:
+    """Return the outcome in a sentence or two; `counts` are the finished samples by status.
+
+    Those that cannot be assembled and are judged by a limit of their own, `fit`, are not among them. If they are too
+    many, or may be, that comes first.
+    """
+    lead = f"{fit.words}. " if fit is not None and fit.verdict in ("open", "exceeded") else ""
+    return lead + _outcome(spec, counts, responses)
+
+
+def _outcome(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["ResponseAnalysis"]) -> str:
+    """Return the outcome of the samples that can be assembled."""
     finished, ok = sum(counts.values()), counts.get(OK, 0)
     if not finished:
         return "No sample is computed yet, so there is nothing to judge."

@@ -62,7 +62,8 @@ class ProductYield:
     responses: tuple[str, ...]  # those with limits; the product conforms if all of them do
     # of the ok samples with a value of each of these responses; None without such a sample
     counted: CountedYield | None
-    with_failures: CountedYield  # of all finished samples; failed ones, and those without a value, count as rejects
+    # Of all finished samples; failed ones, and those that cannot be assembled or have no value, count as rejects
+    with_failures: CountedYield
     # Rolled throughput yield: the product of the yields of the responses. It is the yield of the product if they fail
     # independently.
     rolled: float | None
@@ -71,8 +72,11 @@ class ProductYield:
     by_variable: RejectAttribution | None  # attribution of the rejects; None without variables or samples
 
 
-def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> ProductYield | None:
-    """Return the yield of the whole product; None without limits or samples, or if samples are not production."""
+def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: int = 0) -> ProductYield | None:
+    """Return the yield of the whole product; None without limits or samples, or if samples are not production.
+
+    ``unfit`` is the number of further samples whose parts cannot be assembled; they count as rejects beside the failed.
+    """
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
@@ -91,7 +95,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
     return ProductYield(
         responses=tuple(failed),
         counted=count_yield(conforming, n, confidence, effect) if n else None,
-        with_failures=count_yield(conforming, finished, confidence, effect),
+        with_failures=count_yield(conforming, finished + unfit, confidence, effect),
         rolled=rolled,
         dependence=dependence(failed, independent_samples=lots is None),
         losses=response_losses(failed, confidence, effects, effect) if n else (),

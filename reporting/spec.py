@@ -238,6 +238,8 @@ class ReportSpec:
         that are drawn by their numbers have no such order.
     min_ok : float
         Smallest share of ok samples among the finished ones for which there are verdicts; 0 to 1.
+    max_not_assemblable : float or None
+        Largest share of samples whose parts cannot be assembled; None: they count among the failed samples.
     proposal : tuple of ProposalPart
         Components of importance sampling; empty if samples have no weights. The rows then have the columns
         "component" (number of a part, from 1; 0 for the distributions themselves), "log_weight" and "aimed" (beyond
@@ -280,6 +282,7 @@ class ReportSpec:
     drawing: MechanismDrawing | None = None
     drawing_note: str = ""
     min_ok: float = 0.99
+    max_not_assemblable: float | None = None
     ordered: bool = True
 
     def __post_init__(self) -> None:

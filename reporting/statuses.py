@@ -10,6 +10,7 @@ from reporting.samples import OK, Samples
 from reporting.spec import ReportSpec
 
 FAILURES_LISTED = 20
+NOT_ASSEMBLABLE = "not_assemblable"
 
 STATUSES = {
     OK: "ran to its end; its numbers are used",
@@ -19,7 +20,7 @@ STATUSES = {
     "diverged": "a number became infinite or undefined",
     "timeout": "ran longer than its time limit",
     "invalid": "ran to its end, but broke a validity condition or missed an event",
-    "not_assemblable": "the parts overlap as drawn, and no start pose nearby is free; the message says why",
+    NOT_ASSEMBLABLE: "the parts overlap as drawn, and no start pose nearby is free; the message says why",
     "crashed": "the process ended or the code raised an error",
 }
 
@@ -81,6 +82,11 @@ def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...
 def counts_by_status(samples: Samples) -> dict[str, int]:
     """Return the number of samples with each status that occurs."""
     return {status: int(samples.rows_of(status).size) for status in samples.statuses}
+
+
+def judged_counts(counts: Mapping[str, int], limit: float | None) -> dict[str, int]:
+    """Return the numbers of samples by status, without those that a limit of their own judges."""
+    return {status: count for status, count in counts.items() if limit is None or status != NOT_ASSEMBLABLE}
 
 
 def too_few_ok(ok: int, finished: int, least: float) -> bool:

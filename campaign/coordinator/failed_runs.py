@@ -41,8 +41,13 @@ def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
 
     ``failures.min_ok`` of the campaign is the least share of ok runs; ``statuses`` has the number of runs by status.
     """
-    from reporting.statuses import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does not need
+    from reporting.statuses import (
+        judged_counts,  # loads numpy, which `clearcap status` does not need
+        statuses_in_words,
+        too_few_ok,
+    )
 
+    statuses = judged_counts(statuses, plan.spec.failures.max_not_assemblable)
     done, ok, least = sum(statuses.values()), statuses.get("ok", 0), plan.spec.failures.min_ok
     if done and not ok:
         return f"none of {done} runs succeeded ({statuses_in_words(statuses)})"

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from campaign.coordinator.dispatch import WorkQueue
 from campaign.plan import Plan
@@ -95,9 +96,10 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
 
     name = f"{rule.statistic} of {rule.response}"
     x, sample = values(store, plan, rule.response, samples)
-    least = plan.spec.failures.min_ok
-    if too_few_ok(x.size, samples, least):
-        reason = f"{samples - x.size} of them failed, and failures.min_ok requires {100 * least:g} % ok runs"
+    policy = plan.spec.failures
+    fit = samples if policy.max_not_assemblable is None else samples - unfit(store, plan, samples)
+    if too_few_ok(x.size, fit, least := policy.min_ok):
+        reason = f"{fit - x.size} of them failed, and failures.min_ok requires {100 * least:g} % ok runs"
         return Verdict(samples, name, None, None, None, sure=False, reason=reason)
     x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)
@@ -123,6 +125,17 @@ def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.nd
         if count >= samples:
             break
     return np.concatenate(pieces), np.concatenate(numbers)
+
+
+def unfit(store: Store, plan: Plan, samples: int) -> int:
+    """Return how many of the first ``samples`` samples cannot be assembled."""
+    from reporting.statuses import NOT_ASSEMBLABLE
+
+    found = 0
+    for table in store.stream(plan, ["sample", "status"]):
+        first = table.filter((pc.field("sample") < samples) & (pc.field("status") == NOT_ASSEMBLABLE))
+        found += first.num_rows
+    return found
 
 
 def _whole(lots: np.ndarray | None) -> int:

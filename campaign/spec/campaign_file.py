@@ -71,8 +71,16 @@ class Failures(TableModel, strict=True):
     )
     min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         default=0.99,
-        description="Least share of ok runs of all that are done, from 0 to 1. With fewer, failed runs may decide every"
+        description="Least share of ok runs of all that are done, from 0 to 1; samples that max_not_assemblable judges"
+        " do not count. With fewer, failed runs may decide every"
         " verdict: the report gives none, and the command ends with exit status 1.",
+    )
+
+    max_not_assemblable: Annotated[float | None, Field(ge=0.0, lt=1.0, allow_inf_nan=False)] = Field(
+        default=None,
+        description="Largest share of samples whose parts cannot be assembled, from 0 to below 1. With it such samples"
+        " are a result and no failure: variables may reach values with which the parts do not fit, the report judges"
+        " the share, and all else is about the samples that fit. If absent, such values are refused.",
     )
 
     def most_failed(self, samples: int) -> float:

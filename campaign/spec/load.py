@@ -23,7 +23,7 @@ from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import SpecFault, fault, structure_faults
 from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
-from engine import MechanismError, check, set_values
+from engine import MechanismError, NotAssemblable, check, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism import Mechanism, full_key, get_value, library_names, unit_of
@@ -296,7 +296,8 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
                 f"{PREFIX}{first}; keep one of them, or add a parameter of its own to the expression",
             )
         else:
-            found = list(_faults_of(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism))
+            ends, counted = {*variable.ends(), *_extremes(raw, name)}, _counts_misfits(raw)
+            found = list(_faults_of(name, target, ends, mechanism, counted))
             yield from found or _drawing_faults(name, target, variable, mechanism)
 
 
@@ -329,8 +330,19 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
     return [min(numbers), max(numbers)] if numbers else []
 
 
-def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the faults of a variable whose target cannot be set, or of values that the mechanism refuses."""
+def _counts_misfits(raw: Mapping[str, Any]) -> bool:
+    """Return whether samples whose parts cannot be assembled are counted, and therefore allowed."""
+    failures = raw.get("failures")
+    return isinstance(failures, dict) and is_number(failures.get("max_not_assemblable"))
+
+
+def _faults_of(
+    name: str, target: str, values: set[float], mechanism: Mechanism, counted: bool = False
+) -> Iterator[SpecFault]:
+    """Yield the faults of a variable whose target cannot be set, or of values that the mechanism refuses.
+
+    Values with which the parts cannot be assembled are no fault if such samples are ``counted``.
+    """
     keys = ["variables", name]
     try:
         get_value(mechanism, target)
@@ -350,6 +362,11 @@ def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism)
     for value in sorted(values):
         try:
             check(mechanism, {target: value})
+        except NotAssemblable as error:
+            if not counted:
+                text = f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error, target)}"
+                count = "or count such samples (failures.max_not_assemblable)"
+                yield fault(keys, None, f"{text}; or {_remedy(value, values)}, {count}")
         except MechanismError as error:
             text = f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error, target)}"
             yield fault(keys, None, f"{text}; or {_remedy(value, values)}")

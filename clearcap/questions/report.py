@@ -270,6 +270,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         designed=sampler.designed(spec),
         proposal=_proposal(spec),
         min_ok=spec.failures.min_ok,
+        max_not_assemblable=spec.failures.max_not_assemblable,
         author=author(plan, store),
         ended=campaign_end(plan, store),
         written=report_date(),

@@ -4,6 +4,7 @@ They check that the campaign is complete, that the simulation meets its bounds i
 statistics support the verdicts.
 """
 
+from reporting.assembly import AssemblyShare
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -13,6 +14,7 @@ from reporting.trust.checks import (
     RESIDUAL_BAR,
     Check,
     accidents,
+    assembles,
     complete,
     drawn_as_requested,
     energy,
@@ -41,19 +43,24 @@ def trust_checks(
     variables: tuple[VariableAnalysis, ...],
     correlations: tuple[CorrelationAnalysis, ...],
     confidence: float,
+    fit: AssemblyShare | None = None,
 ) -> tuple[Check, ...]:
-    """Return the lines of the trust card, in reading order."""
+    """Return the lines of the trust card, in reading order.
+
+    ``samples`` are those that can be assembled, where a limit judges the others (``fit``).
+    """
     unit, design = samples.penetration_unit, spec.design
     return (
         Check("Sampling", "info" if design.production else "attention", _sampling(spec, samples)),
         *production_lots(responses),
-        complete(spec.requested, samples),
+        complete(spec.requested, samples.sample.size if fit is None else fit.n),
         enough_samples(responses, production=design.production),
         verdicts_hold(responses),
         *([many_statements(responses, confidence)] if design.production else []),
         converged(responses, production=design.production),
         *(row_order(responses) if design.production else ()),
         *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
+        *([] if fit is None else [assembles(fit)]),
         failures(samples, spec.min_ok),
         failures_as_rejects(responses, samples),
         missing_values(responses),

@@ -10,6 +10,7 @@ import numpy as np
 
 from reporting import format_numbers
 from reporting.arrays import Array
+from reporting.assembly import AssemblyShare
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.samples import OK, Samples
 from reporting.statuses import too_few_ok
@@ -36,13 +37,21 @@ class Check:
     value: float | None = None  # the number of the finding, if there is one
 
 
-def complete(requested: int, samples: Samples) -> Check:
+def complete(requested: int, done: int) -> Check:
     """Check that every requested sample is finished."""
-    done = samples.sample.size
     text = f"{format_numbers.grouped(done)} of {format_numbers.grouped(requested)} requested samples are computed."
     if done < requested:
         text += " The campaign is not finished: every number below is provisional."
     return Check("Complete", "good" if done == requested else "attention", text, float(done))
+
+
+def assembles(fit: AssemblyShare) -> Check:
+    """State how many samples cannot be assembled, and whether their share keeps its limit."""
+    levels = {"kept": "good", "open": "attention", "exceeded": "bad", "": "attention"}
+    text = f"{fit.words}."
+    if not fit.verdict:
+        text += " They count as failed samples; a limit of their own is failures.max_not_assemblable."
+    return Check("Assembly", levels[fit.verdict], text, fit.share)
 
 
 def failures(samples: Samples, min_ok: float) -> Check:

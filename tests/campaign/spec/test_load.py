@@ -570,6 +570,15 @@ def test_what_is_refused(variables, said):
     assert said in refused(**variables)
 
 
+def test_values_with_which_parts_do_not_fit_are_allowed_where_they_are_counted():
+    """The stop 5 mm inside the lever is an end like any other; a clearance of 0 remains wrong."""
+    stop = {"stop": ("contacts.stop.b.plane.point.y", -5.0, 0.1)}
+    assert "or count such samples (failures.max_not_assemblable)" in refused(**stop)
+    load_campaign(campaign(**stop) | {"failures": {"max_not_assemblable": 0.5}})
+    with pytest.raises(SpecError, match="pin"):
+        load_campaign(campaign(pin=("pin", 0.0, 0.1)) | {"failures": {"max_not_assemblable": 0.5}})
+
+
 def test_two_components_of_one_point_do_not_overlap():
     """Nor a parameter and a number that does not follow from it."""
     variables = {f"b{axis}": (f"joints.pin.bearing.point.{axis}", -0.01, 0.01) for axis in "xy"}
