@@ -7,6 +7,7 @@ import numpy as np
 from engine.arrays import copied
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
+from engine.assembly.couplings import coupling_pairs, joint_couplings, term_arrays
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
@@ -83,13 +84,18 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
     mass = np.array([b.mass for b in moving], float)
-    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
+    couplings = joint_couplings(mechanism, frames, state)
+    of_joints = [*joint_pairs(mechanism, frames, state.R), *coupling_pairs(couplings)]
+    pairs = [*of_joints, *contact_pairs(mechanism, frames)]
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
     pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION]
-    unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed)
-    contacts, laws = contact_arrays(pairs, unknowns.contact_pair, unknowns.weight)
+    coupled = [coupling.members for coupling in couplings]
+    unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed, coupled)
+    runs = max(3 if pressed else 2, *map(len, coupled), 2)  # nodes that a contact acts on
+    terms = term_arrays(couplings, unknowns.coupled, runs)
+    contacts, laws = contact_arrays(pairs, unknowns.contact_pair, unknowns.weight, terms)
     root = np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia
     bodies = Bodies(mass, inertia, root, unknowns.body)
     model = Model(
@@ -110,7 +116,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         model,
         state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
         _scratch(len(moving), nc, len(rows), model.responses),
-        _problem(unknowns),
+        _problem(unknowns, runs),
         tuple(pair.name for pair in pairs),
         tuple(row.name for row in rows),
     )
@@ -124,10 +130,12 @@ def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], Stat
     return order, *place_bodies(mechanism, order)
 
 
-def _problem(unknowns: Unknowns) -> FrictionArrays:
-    """Allocate the friction problem of a step, with the nodes of its bilateral rows, which never change."""
+def _problem(unknowns: Unknowns, runs: int) -> FrictionArrays:
+    """Allocate the friction problem of a step, with the nodes of its bilateral rows, which never change.
+
+    A contact acts on at most ``runs`` nodes.
+    """
     nc, nt = unknowns.contact_pair.size, unknowns.at.size
-    runs = 3 if (unknowns.weight[:, 0] >= 0).any() else 2
     problem = friction_arrays(unknowns.system, nc, runs, bilateral=nt)
     rows = problem.bilateral
     rows.at[:], rows.node[:], rows.pair[:] = unknowns.at, unknowns.row_body, unknowns.row_pair

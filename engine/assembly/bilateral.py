@@ -129,15 +129,21 @@ class Unknowns:
     row_pair: Integers  # (nt, 2) first piece of each of these nodes with the row's node
     contact_pair: Integers  # (nc,) first piece of the two bodies of each contact; 0 if one of them is the ground
     weight: Integers  # (nc, 3) node of the weight of each contact, -1: none; first pieces with the two bodies, or 0
+    coupled: Integers  # (couplings, n, n) first piece of each two members of a coupling
 
 
 def layout(
-    bodies: int, rows: list[BilateralRow], contacts: Sequence[tuple[int, int]], pressed: Sequence[int] = ()
+    bodies: int,
+    rows: list[BilateralRow],
+    contacts: Sequence[tuple[int, int]],
+    pressed: Sequence[int] = (),
+    coupled: Sequence[Sequence[int]] = (),
 ) -> Unknowns:
     """Return the numbering of the unknowns; up to six successive rows between the same two bodies share a node.
 
     In ``contacts``, the two bodies of each contact, a number of ``bodies`` or more is the ground. The contacts whose
-    numbers are ``pressed`` have a weight, which is a node of its own.
+    numbers are ``pressed`` have a weight, which is a node of its own. ``coupled`` are the moving bodies of each
+    coupling.
     """
     groups: list[list[int]] = []
     for i, row in enumerate(rows):
@@ -159,6 +165,10 @@ def layout(
         for body in contacts[i]:
             if body < bodies:
                 neighbours[node, body] = neighbours[body, node] = True
+    for members in coupled:
+        for a in members:
+            for b in members:
+                neighbours[a, b] = neighbours[a, b] or a != b
     # multipliers come after their bodies, which alone give them a pivot
     of_rows = (np.arange(nodes) >= bodies) & (np.arange(nodes) < first_weight)
     system, number, piece = eliminate_nodes(neighbours, of_rows)
@@ -181,4 +191,10 @@ def layout(
     for node, i in enumerate(pressed, first_weight):
         own = [piece[number[body], number[node]] if body < bodies else 0 for body in contacts[i]]
         weight[i] = number[node], *own
-    return Unknowns(system, number[:bodies], at, row_body, row_pair, np.array(pairs, np.int64), weight)
+    most = max(map(len, coupled), default=0)
+    blocks = np.zeros((len(coupled), most, most), np.int64)
+    for c, members in enumerate(coupled):
+        for s, a in enumerate(members):
+            for t, b in enumerate(members):
+                blocks[c, s, t] = piece[number[a], number[b]] if s != t else 0
+    return Unknowns(system, number[:bodies], at, row_body, row_pair, np.array(pairs, np.int64), weight, blocks)

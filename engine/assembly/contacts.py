@@ -32,6 +32,7 @@ from engine.kernels.model import (
     Contacts,
     Laws,
     Surfaces,
+    Terms,
 )
 from engine.mechanism.closed_profiles import Piece
 from engine.mechanism.contacts import PAIRS, Contact, Side
@@ -96,6 +97,20 @@ def _corner(before: complex, after: complex) -> tuple[complex, float]:
     return halfway / abs(halfway), 0.0 if abs(bend) <= SMOOTH else math.copysign(1.0, bend)
 
 
+NO_TERMS = Terms(
+    first=np.zeros(1, np.int64),
+    kind=np.zeros(0, np.int64),
+    body=np.zeros((0, 2), np.int64),
+    geometry=np.zeros((0, 9)),
+    factor=np.zeros(0),
+    start=np.zeros(0),
+    angle=np.zeros(0),
+    place=np.zeros((0, 2), np.int64),
+    member=np.zeros((0, 0), np.int64),
+    pair=np.zeros((0, 0, 0), np.int64),
+)
+
+
 @dataclass(frozen=True)
 class Pair:
     """A potential contact: two primitives on two bodies."""
@@ -112,6 +127,8 @@ class Pair:
     play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
+    coupling: int = -1  # the number of the coupling of which it is a flank; -1: none
+    flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
 
 
 @cached
@@ -158,10 +175,13 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
         )
 
 
-def contact_arrays(pairs: list[Pair], block: Integers, weight: Integers | None = None) -> tuple[Contacts, Laws]:
+def contact_arrays(
+    pairs: list[Pair], block: Integers, weight: Integers | None = None, terms: Terms = NO_TERMS
+) -> tuple[Contacts, Laws]:
     """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step.
 
     ``weight``, (nc, 3), is the node of each contact's weight, and its places in the system; None: they have none.
+    ``terms`` are those of all couplings.
     """
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
@@ -179,6 +199,9 @@ def contact_arrays(pairs: list[Pair], block: Integers, weight: Integers | None =
         piece=np.concatenate([NO_PIECES, *(pair.pieces for pair in pairs)]),
         surface=root,
         surfaces=surfaces,
+        coupling=np.array([pair.coupling for pair in pairs], np.int64),
+        flank=np.array([pair.flank for pair in pairs], float),
+        terms=terms,
         bound=np.array([pair.bound for pair in pairs], float),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )

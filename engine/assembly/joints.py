@@ -90,7 +90,7 @@ def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
     limits = getattr(joint, "limits", None)
     if limits is None:
         return
-    way, other = _directions(joint, place)
+    way, other = directions(joint, place)
     for face, side, limit in (("lower", 1.0, limits.lower), ("upper", -1.0, limits.upper)):
         if limit is None:
             continue
@@ -113,7 +113,7 @@ def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
         if value is None:
             continue
         turns = face == "friction_torque" or (face == "one_way" and isinstance(joint, Revolute))
-        way, other = _directions(joint, place)
+        way, other = directions(joint, place)
         point, axis = place.point_b + (other["e"] if turns else 0.0), np.zeros(GEOMETRY)
         axis[:3], axis[3:6], axis[9] = place.point_a, way["n"], float(turns)
         axis[10] = -1.0 if value == "backward" else 1.0
@@ -238,7 +238,7 @@ def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> 
             continue
         place = mate(joint, frames, R)
         bodies = place.a.index, place.b.index
-        way, other = _directions(joint, place)
+        way, other = directions(joint, place)
         arm = turning_arm(mechanism, [side.body for side in joint.sides])
         for i, k in enumerate(slides):
             row = np.concatenate([place.point_a, way[k], place.point_b])
@@ -257,7 +257,7 @@ def _held(joint: Any) -> tuple[str, str]:
     return "", "n" if held else ""
 
 
-def _directions(joint: Any, place: Mate) -> tuple[dict[str, Array], dict[str, Array]]:
+def directions(joint: Any, place: Mate) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return n, e, f in a's axes; and in b's axes, n as given in the file and e, f as they are at the start."""
     n = place.a.direction(joint.axes[0]) if joint.axes else np.array([0.0, 0.0, 1.0])
     e = tangent(n)

@@ -129,10 +129,13 @@ def _first(names: list[str]) -> str:
 
 
 def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str]]:
-    """Return the key of the contact, or of the joint with play that it belongs to, and its two bodies."""
+    """Return the key of the contact, or of the joint or coupling that it belongs to, and its bodies."""
     if contact in mechanism.contacts:
         return f"contacts.{contact}", [side.body for side in mechanism.contacts[contact].sides]
     joint = contact.rpartition(".")[0]
+    if joint in mechanism.couplings:
+        moved = [mechanism.joints[term.joint].sides[1].body for term in mechanism.couplings[joint].terms]
+        return f"couplings.{joint}", list(dict.fromkeys(moved))
     return f"joints.{joint}", [side.body for side in mechanism.joints[joint].sides]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from engine.jit import inner
 from engine.kernels.contact_geometry.gaps import find_contact
+from engine.kernels.model import COUPLED
 
 
 @inner
@@ -41,6 +42,8 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
     x = state.x
     gap[i] = find_contact(contacts, x, state.R, i, sites.point, sites.frame)
     broad_phase.near[i], broad_phase.budget[i] = True, gap[i]
+    if contacts.kind[i] == COUPLED:  # whose coordinates are not bounded by distances
+        broad_phase.budget[i] = 0.0
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
     lever = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i]

@@ -7,7 +7,8 @@ import numpy as np
 
 from engine.friction.blocks import BODY, ROW
 from engine.jit import inner, kernel, not_inlined
-from engine.kernels.model import ON_BALL, RING_BORE
+from engine.kernels.couplings import coupled_rows, coupled_velocity
+from engine.kernels.model import COUPLED, ON_BALL, RING_BORE
 from engine.kernels.vectors import CENTRED, cross, transport, world_direction
 
 
@@ -29,6 +30,14 @@ def relative_velocity(x, R, a, b, point, frame, twist, i, u):
             r2 += sign * (twist[body, 2] + o0 * d1 - o1 * d0)
     for k in range(3):
         u[i, k] = frame[i, k, 0] * r0 + frame[i, k, 1] * r1 + frame[i, k, 2] * r2
+
+
+@inner
+def contact_velocity(contacts, x, R, sites, twist, i, u):
+    """Write the velocity of contact i along (N, T1, T2), at its point or by its coupling, into ``u[i]``."""
+    relative_velocity(x, R, contacts.a[i], contacts.b[i], sites.point, sites.frame, twist, i, u)
+    if contacts.kind[i] == COUPLED:
+        u[i, 0] = coupled_velocity(contacts, x, R, twist, i)
 
 
 @inner
@@ -97,7 +106,9 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
             G[n + 3] = sign * root[body, 0, 0] * b0
             G[n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
             G[n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
-    if rows.node.shape[1] > 2:
+    if contacts.kind[i] == COUPLED:
+        coupled_rows(bodies, contacts, x, R, i, rows, j)
+    elif rows.node.shape[1] > 2:
         _add_weight(contacts, i, rows, j)
 
 
@@ -109,6 +120,8 @@ def _add_weight(contacts, i, rows, j):
     and that along the joint, with a coefficient of 1, is the law of the joint. Other contacts have no weight.
     """
     node, square = contacts.weight[i, 0], 0.0
+    for s in range(3, rows.node.shape[1]):
+        rows.node[j, s] = -1
     rows.node[j, 2] = node
     if node < 0:
         return

@@ -11,7 +11,7 @@ its displacement. Friction and impacts dissipate energy; where the sum is positi
 """
 
 from engine.jit import inner
-from engine.kernels.contacts import relative_velocity
+from engine.kernels.contacts import contact_velocity
 
 
 @inner
@@ -48,8 +48,7 @@ def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
             gained += theta * problem.r[j, k] * problem.u[j, k]
         gained -= theta * problem.r[j, 0] * work.shift[i]  # problem.u contains the shift of the impact law
         if not plain:
-            a, b, sites = contacts.a[i], contacts.b[i], work.sites
-            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
+            contact_velocity(contacts, state.x, state.R, work.sites, work.start.v, i, work.u)
         for k in range(3):
             gained += (1 - theta) * problem.r[j, k] * work.u[i, k]
             if work.start.r[i, 0] > 0.0:

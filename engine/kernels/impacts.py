@@ -1,7 +1,7 @@
 """Impacts: contacts that close in a step and take the momentum of their bodies in it, however short it is."""
 
 from engine.jit import inner
-from engine.kernels.contacts import relative_velocity
+from engine.kernels.contacts import contact_velocity
 
 
 @inner
@@ -18,7 +18,7 @@ def largest_impact(bodies, contacts, state, work):
         if not gained > largest:
             continue
         a, b = contacts.a[i], contacts.b[i]
-        relative_velocity(x, R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
+        contact_velocity(contacts, x, R, sites, work.start.v, i, work.u)
         if work.u[i, 0] < 0.0:
             mass = 1.0 / (_mobility(bodies, state, sites, a, i) + _mobility(bodies, state, sites, b, i))
             largest = max(largest, min(gained, -work.u[i, 0] * mass))

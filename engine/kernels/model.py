@@ -13,7 +13,7 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
-JOINT_FRICTION, ONE_WAY = range(11, 13)  # of an ideal joint; without geometry, always closed
+COUPLED, JOINT_FRICTION, ONE_WAY = range(11, 14)  # of ideal joints; the last two are always closed
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
 MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK = range(9, 15)
 # impulses of a whole step, divided by its length
@@ -51,6 +51,22 @@ class Surfaces(NamedTuple):
 
 
 @by_address
+class Terms(NamedTuple):
+    """The ``nk`` terms of all couplings of joint coordinates, see couplings.py."""
+
+    first: np.ndarray  # (couplings + 1,) int64, first term of each coupling
+    kind: np.ndarray  # (nk,) int64 SLIDE or TURN
+    body: np.ndarray  # (nk, 2) int64, of the joint's first and second side
+    geometry: np.ndarray  # (nk, 9) see bilateral.py
+    factor: np.ndarray  # (nk,)
+    start: np.ndarray  # (nk,) displacement at the start
+    angle: np.ndarray  # (nk,) rad since the start, when it was last measured; written by the run
+    place: np.ndarray  # (nk, 2) int64, which of the coupling's members the two bodies are; -1: the ground
+    member: np.ndarray  # (couplings, runs) int64, its moving bodies; -1: no more
+    pair: np.ndarray  # (couplings, runs, runs) int64, first piece of the system for each two of them
+
+
+@by_address
 class Contacts(NamedTuple):
     """The ``nc`` potential contacts."""
 
@@ -65,6 +81,9 @@ class Contacts(NamedTuple):
     profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
     piece: np.ndarray  # (np, PIECE) see profiles.py
     surface: np.ndarray  # (nc,) int64, first node of side b's surface; -1: it has none
+    coupling: np.ndarray  # (nc,) int64, the coupling of which it is a flank; -1: none
+    flank: np.ndarray  # (nc,) 1 or -1, the side of the coordinate that it limits
+    terms: Terms
     bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
     weight: np.ndarray  # (nc, 3) int64, node of the weight that presses a JOINT_FRICTION (-1: none); pieces with a, b
     surfaces: Surfaces

@@ -16,7 +16,7 @@ from engine.jit import inner
 from engine.jit.lanes import fused, read, spread, total
 from engine.kernels.bilateral import rows_at_pose, slack, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
-from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, contact_velocity, whitened_rows
 from engine.kernels.energy import work_of_displacement
 from engine.kernels.model import JOINT_FRICTION
 from engine.kernels.vectors import rotation_matrix, turn
@@ -107,9 +107,8 @@ def gather_displacement_problem(bodies, contacts, state, sites, displacement, u,
     n = 0
     for i in range(state.gap.shape[0]):
         if state.gap[i] <= within and contacts.kind[i] < JOINT_FRICTION:  # a direction has no place
-            a, b = contacts.a[i], contacts.b[i]
             whitened_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n)
-            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, displacement, i, u)
+            contact_velocity(contacts, state.x, state.R, sites, displacement, i, u)
             problem.mu[n] = 0.0
             for k in range(3):
                 problem.q[n, k] = 0.0

@@ -14,7 +14,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
 from engine.kernels.contact_geometry.gaps import find_contacts
-from engine.kernels.contacts import add_whitened, press, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, contact_velocity, press, whitened_rows
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
@@ -182,9 +182,8 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
             load = max(load, state.r[i, 0])
     for i in range(work.gap.shape[0]):
         if state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap or contacts.bound[i] > 0.0:
-            a, b = contacts.a[i], contacts.b[i]
             whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, nc)
-            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.free, i, work.q)
+            contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
             work.chosen[nc], problem.mu[nc] = i, model.laws.mu[i]
             if contacts.bound[i] > 0.0:
                 press(contacts, i, h, problem, nc)

@@ -6,7 +6,7 @@ from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
 from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
-from engine.kernels.contacts import add_whitened, aim_centred, press, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, aim_centred, contact_velocity, press, whitened_rows
 
 
 @inner
@@ -30,11 +30,11 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i):
     u_N + max(g_N, 0)/dt >= 0. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
     (eq. 6).
     """
-    a, b, x, R = contacts.a[i], contacts.b[i], state.x, state.R
+    x, R = state.x, state.R
     e = bounce * laws.restitution[i]
-    relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.free, i, work.q)
+    contact_velocity(contacts, x, R, work.sites, work.free, i, work.q)
     if e > 0.0:
-        relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.start.v, i, work.u)
+        contact_velocity(contacts, x, R, work.sites, work.start.v, i, work.u)
         work.shift[i] = min(e * work.u[i, 0], 0.0)
     else:
         work.shift[i] = 0.0 if plain else max(work.gap[i] / dt, 0.0)
@@ -60,10 +60,10 @@ def look_at_active_contacts(contacts, state, work):
     """Write sites and velocities (without impulses; at the start) of the active contacts at a temporary pose."""
     for i in range(work.active.shape[0]):
         if work.active[i]:
-            a, b, sites = contacts.a[i], contacts.b[i], work.sites
+            sites = work.sites
             update_contact(contacts, state, work.broad_phase, sites, i, work.gap)
-            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.free, i, work.q)
-            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
+            contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
+            contact_velocity(contacts, state.x, state.R, sites, work.start.v, i, work.u)
             work.broad_phase.budget[i] = 0.0
 
 
@@ -124,8 +124,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
         # a centred pin is aimed again, as the impulses found so far may drive it: a needle that another part pushes
         elif not work.active[i] and aim_centred(contacts, state, work, state.v, dt, i):
             free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
-        a, b = contacts.a[i], contacts.b[i]
-        relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)
+        contact_velocity(contacts, state.x, state.R, work.sites, state.v, i, work.u)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1

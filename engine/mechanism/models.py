@@ -40,6 +40,7 @@ from engine.mechanism.base import (
 from engine.mechanism.components import Tensor
 from engine.mechanism.conditions import Event, ValidityCondition
 from engine.mechanism.contacts import Contact
+from engine.mechanism.couplings import Coupling
 from engine.mechanism.dimensions import fits, quantity_of
 from engine.mechanism.expression import ExpressionFault, parse
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
@@ -207,6 +208,7 @@ class Bench(TableModel):
     materials: Tables
     bodies: Tables
     joints: Tables
+    couplings: Tables
     contacts: Tables
     springs: Tables
     dampers: Tables
@@ -216,7 +218,10 @@ class Bench(TableModel):
     responses: Tables
 
 
-NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "torques", "motions", "responses")
+NAMED = (
+    *("materials", "bodies", "joints", "couplings", "contacts", "springs", "dampers", "forces", "torques", "motions"),
+    "responses",
+)
 
 
 def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
@@ -371,6 +376,11 @@ class Mechanism(TableModel):
     materials: dict[Name, Material] = Field(default={}, description="pairs of materials")
     bodies: dict[Name, Body] = Field(description="the rigid bodies")
     joints: dict[Name, AnyJoint] = Field(default={}, description="the joints")
+    couplings: dict[Name, Coupling] = Field(
+        default={},
+        exclude_if=lambda value: not value,  # so that the digests of earlier mechanisms stay
+        description="couplings of joint coordinates",
+    )
     contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
     springs: dict[Name, Spring] = Field(default={}, description="the springs")
     dampers: dict[Name, Damper] = Field(default={}, description="the dampers")

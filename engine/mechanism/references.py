@@ -21,6 +21,7 @@ _PAIRED = {
 }
 
 _ADDED_UP = ("impulse", "mean")
+_WITH_COORDINATES = ("revolute", "prismatic", "cylindrical")
 _COORDINATES = ("position", "velocity", "angle", "angular_velocity")
 _DERIVED = ("difference", "condition", "formula")
 
@@ -37,6 +38,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_unknown_names(data),
         *_used_twice(data),
         *_nothing_moves(data),
+        *_unknown_coordinates(data),
         *_unknown_laws(data),
         *_unknown_responses(data),
         *_derived_faults(data),
@@ -64,6 +66,10 @@ def _references(data: Mapping[str, Any]) -> Iterator[Reference]:
             yield "phase", (table, name, "since"), entry.get("since")
             for phase in list_under(entry, "phases"):
                 yield "phase", (table, name, "phases"), phase
+    for name, entry in named_tables(data, "couplings").items():
+        for i, term in enumerate(list_under(entry, "terms")):
+            key = ("couplings", name, "terms", str(i), "joint")
+            yield "ideal joint with one or two coordinates", key, as_table(term).get("joint")
     for i, phase in enumerate(list_under(data, "phases")):
         yield "response", ("phases", str(i), "until", "response"), sub_table(phase, "until").get("response")
     for axis in ("x", "y"):
@@ -86,7 +92,7 @@ def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Ref
     """Yield the names in a response; for a contact of a joint, JOINT.FACE, only the joint can be checked here."""
     contact = entry.get("contact")
     joint, dot, _ = contact.partition(".") if isinstance(contact, str) else (contact, "", "")
-    yield "joint" if dot else "contact", (*key, "contact"), joint
+    yield "owner" if dot else "contact", (*key, "contact"), joint
     yield "joint", (*key, "joint"), entry.get("joint")
     spring = "torsion spring" if entry.get("type") == "spring_torque" else "linear spring"
     yield spring, (*key, "spring"), entry.get("spring")
@@ -111,6 +117,10 @@ def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
         "material": list(sub_table(data, "materials")),
         "contact": list(sub_table(data, "contacts")),
         "joint": list(sub_table(data, "joints")),
+        "owner": [*sub_table(data, "joints"), *sub_table(data, "couplings")],
+        "ideal joint with one or two coordinates": [
+            name for name, joint in named_tables(data, "joints").items() if joint.get("type") in _WITH_COORDINATES
+        ],
         "response": list(sub_table(data, "responses")),
         "coordinate": [
             name for name, response in named_tables(data, "responses").items() if response.get("type") in _COORDINATES
@@ -122,10 +132,12 @@ def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
         "linear spring": [name for name, spring in springs.items() if spring.get("type") == "linear"],
         "torsion spring": [name for name, spring in springs.items() if spring.get("type") == "torsion"],
     }
+    owner = "joint or coupling" if sub_table(data, "couplings") else "joint"
     for kind, key, name in _references(data):
         if isinstance(name, str) and name not in defined[kind]:
             names = ", ".join(defined[kind]) or "none is defined"
-            yield Fault(key, f"no such {kind}; defined here: {names}{did_you_mean(name, defined[kind])}", name)
+            what = owner if kind == "owner" else kind
+            yield Fault(key, f"no such {what}; defined here: {names}{did_you_mean(name, defined[kind])}", name)
 
 
 def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -133,6 +145,10 @@ def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
     for name in contacts:
         if name in joints:
             yield Fault(("contacts", name), f"joints.{name} has the same name; every name once; rename one of them")
+    for name in sub_table(data, "couplings"):
+        if name in joints or name in contacts:
+            other = f"{'joints' if name in joints else 'contacts'}.{name}"
+            yield Fault(("couplings", name), f"{other} has the same name; every name once; rename one of them")
     phases = phase_names(data)
     for name in dict.fromkeys(phases):
         if phases.count(name) > 1:
@@ -155,6 +171,22 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
                 both = f"{a} and {b or 'the world'} are both fixed"
                 text = f"{both}; allowed: at least one that moves; remove it, or free one"
                 yield Fault((table, name), text)
+
+
+def _unknown_coordinates(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield faults where a coupling leaves open which coordinate of a joint it means, or means one that it has not."""
+    joints = named_tables(data, "joints")
+    only = {"revolute": "angle", "prismatic": "travel"}
+    for name, entry in named_tables(data, "couplings").items():
+        for i, term in enumerate(map(as_table, list_under(entry, "terms"))):
+            joint, of = term.get("joint"), term.get("of")
+            kind = sub_table(joints, joint).get("type") if isinstance(joint, str) else None
+            key = ("couplings", name, "terms", str(i), "of")
+            if kind == "cylindrical" and of is None:
+                text = f"missing; {joint} turns and slides; allowed: angle, travel; say which of the two"
+                yield Fault(key, text)
+            elif kind in only and of not in (None, only[kind]):
+                yield Fault(key, f"{joint} has only its {only[kind]}; allowed: {only[kind]}; remove it", of)
 
 
 def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:

@@ -230,8 +230,8 @@ def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
 def _play(mechanism: Mechanism, contact: str) -> str:
     """Return the name of the play at a contact, with its value if it is a number in the file."""
     joint, _, face = contact.partition(".")
-    if not face:
-        return f"the gap of contacts.{contact}"
+    if not face or joint not in mechanism.joints or mechanism.joints[joint].ideal:
+        return f"the gap of {contact if face else f'contacts.{contact}'}"
     key = f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
     return f"the play {key} = {get_value(mechanism, key):g} {unit_of(mechanism, key)}"
 

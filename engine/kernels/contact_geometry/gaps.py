@@ -15,6 +15,7 @@ ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (
 ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6, 6:9), section (9:13)
 ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
+COUPLED         nothing: its terms are in ``contacts.terms``, see `kernels.couplings`
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
 JOINT_FRICTION  axis of an ideal joint: point (0:3), direction (3:6), a rotation (1) or displacement (0) (9)
 ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10)
@@ -36,10 +37,11 @@ from engine.jit import inner, kernel, not_inlined
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
 from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface
 from engine.kernels.contact_geometry.solids import box, section
+from engine.kernels.couplings import coupled_gap
 from engine.kernels.model import (
     ARC_PLANE,
+    COUPLED,
     CYLINDER_PLANE,
-    JOINT_FRICTION,
     ON_BALL,
     ON_EXTRUDED,
     ON_RECTANGLE,
@@ -88,8 +90,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return on_profile(contacts, x, R, i, kind, point[i], frame[i])
     if kind == ON_SURFACE:
         return on_surface(contacts, x, R, i, point[i], frame[i])
-    if kind >= JOINT_FRICTION:
-        return along_joint(contacts, x, R, i, kind, point[i], frame[i])
+    if kind >= COUPLED:
+        return of_joints(contacts, x, R, i, kind, point[i], frame[i])
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
@@ -171,15 +173,20 @@ def on_plane(contacts, x, R, i, kind, point, frame):
 
 
 @not_inlined
-def along_joint(contacts, x, R, i, kind, point, frame):
+def of_joints(contacts, x, R, i, kind, point, frame):
     """Write the direction in which an ideal joint moves into T1, or for a ONE_WAY into N; the other two are zero.
 
     For a rotation the point lies at a radius of 1 from the axis, so that the number of the force is that of the torque.
-    The gap is always 0: what the direction of a joint meets does not depend on where it is.
+    The gap is always 0: what the direction of a joint meets does not depend on where it is. That of a coupling does; it
+    acts on its bodies in directions of their own.
     """
     b, gb = contacts.b[i], contacts.geometry_b[i]
     turns, way = gb[9] > 0.0, frame[1]
     to_world(x, R, contacts.a[i], contacts.geometry_a[i], 0, point)
+    if kind == COUPLED:
+        for k in range(3):
+            frame[0, k], frame[1, k], frame[2, k] = 0.0, 0.0, 0.0
+        return coupled_gap(contacts, x, R, i)
     turn_to_world(R, b, gb, 3, way)
     if turns:
         to_world(x, R, b, gb, 0, frame[0])
