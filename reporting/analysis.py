@@ -11,6 +11,7 @@ from reporting.assembly import AssemblyShare, assembled, assembly_share
 from reporting.capability.verdict import CAPABLE, IndexEstimate
 from reporting.comparison import Comparison, compare
 from reporting.errors import ReportError
+from reporting.failed_samples import FailedAgainstOk, failed_against_ok
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product_yield import ProductYield, product_yield
@@ -84,6 +85,7 @@ class Analysis:
     shortfalls: tuple[Shortfall, ...]  # responses with a lower Cpk, the worst first, and what must shrink for each
     advice_note: str  # why there is no advice; empty if there is
     failures: tuple[FailedSample, ...]  # the first failed samples
+    failed_against_ok: tuple[FailedAgainstOk, ...]  # what separates them, by variable; empty without failed or ok ones
     comparison: Comparison | None  # with another campaign
     confidence: float  # of all intervals
 
@@ -165,6 +167,7 @@ def analyse(
         shortfalls=advised.shortfalls,
         advice_note=advised.note,
         failures=list_failures(spec, every),
+        failed_against_ok=failed_against_ok(every, spec.variables),
         comparison=None if other is None else compare(drawn, spec, *other, CONFIDENCE),
         confidence=CONFIDENCE,
     )

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from reporting.arrays import Array
+from reporting.capability.control_chart import ControlChart, control_chart
 from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
@@ -80,6 +81,7 @@ class ResponseAnalysis:
     sensitivity: ResponseSensitivity | None  # influence of the variables on the response
     scatters: tuple[Scatter, ...]  # plots of the response against its strongest inputs
     repeatability: Repeatability | None = None  # between runs of a sample with different steps; None without repeats
+    chart: ControlChart | None = None  # values in order; None if the samples are not production, or too few
     rounding: float | None = None  # largest difference between values that are treated as one, as it is rounding only
 
     @property
@@ -162,6 +164,7 @@ def analyse_response(
         tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots)
         if request.design.production
         else None,
+        chart=control_chart(x, lots) if request.design.production else None,
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
         scatters=()

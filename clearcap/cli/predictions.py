@@ -194,7 +194,7 @@ def _advice_row(advice: "Advice") -> tuple[str, ...]:
         return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
     ends = number(advice.cpk, 4), " ".join(advice.settings) or "-", advice.method
     if advice.factor is None:
-        return advice.variable, f"none down to {advice.reach:.3g}", "-", advice.binding or "-", *ends
+        return advice.variable, f"not reachable (checked down to {advice.reach:.3g})", "-", advice.binding or "-", *ends
     low, high = advice.interval
     if not advice.bounded and advice.factor == 1:
         return advice.variable, "1", "-", _end_of(advice), *ends

@@ -72,7 +72,7 @@ def serve(
     """Serve pages and the API over a store, and compute what is queued in it.
 
     At its first start it prints a link by which you log in once. It answers this machine only, unless it has a
-    certificate or stands behind a proxy.
+    certificate or runs behind a proxy.
     """
     from campaign.errors import SpecError, StoreError
     from campaign.store import open_store

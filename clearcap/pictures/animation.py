@@ -206,7 +206,7 @@ def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:
 def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> None:
     """Draw the key in a corner: an arrow of the length that represents ``force``."""
     _quiver(axes, corner[None], np.array([[long, 0.0]]))
-    text = f" {force} contact force, mean since the frame before; cut at {CUT:g} of these"
+    text = f" {force} (mean since the last frame); longer arrows than {CUT:g} of these are clipped"
     axes.text(corner[0] + long, corner[1], text, va="center", fontsize=8)
 
 

@@ -57,7 +57,7 @@ class CheckedCampaign(BaseModel):
     samples: int
     variables: list[str]
     responses: list[str]
-    cautions: list[str] = Field(description="What looks wrong, but can be computed")
+    cautions: list[str] = Field(description="Warnings: what looks wrong, but can be computed")
     cost: RunCost
 
 
@@ -202,7 +202,7 @@ def run_cost(plan: Plan, seconds_per_run: float | None, workers: int | None) -> 
     runs = samples + round(samples * share)
     seconds, words = None, f"{format_numbers.grouped(runs)} runs"
     if seconds_per_run is None:
-        words = f"{words}; how long one takes is not known yet"
+        words = f"{words}; run time unknown so far"
     else:
         seconds = seconds_per_run * samples * (1.0 + REPEATED_TIMES * share) / (workers or 1)
         where = f"on {workers or 1} worker{'' if workers in (1, None) else 's'}"

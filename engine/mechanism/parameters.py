@@ -128,7 +128,7 @@ def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], 
     used = {name for text in [*formulas.values(), *_texts(elsewhere)] for name in _names(text)}
     for name, value in values.items():
         if name not in used:
-            text = f"is used nowhere; allowed: parameters that are; write {name!r} in place of a number, or remove it"
+            text = f"is not used; write {name!r} in place of a number, or remove it"
             yield Fault(("parameters", name), text, value)
 
 

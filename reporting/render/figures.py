@@ -5,6 +5,7 @@ histograms of an input and of a response in two campaigns. `reporting.render.ove
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import ndtri
@@ -15,14 +16,20 @@ from reporting.capability.verdict import CAPABLE, FEWEST_FOR_A_VERDICT, MARGINAL
 from reporting.comparison import ResponseComparison
 from reporting.inputs import VariableAnalysis
 from reporting.render.svg import (
+    BAND,
     BAR,
+    DEEP,
     FIT,
     HALF,
     INK,
     LIMIT,
     MUTED,
+    OFF,
     OTHER,
+    PALE,
+    PAPER,
     REJECT,
+    SLIVER,
     TALL,
     TARGET,
     PlotArea,
@@ -38,6 +45,7 @@ from reporting.render.svg import (
     inset,
     inset_area,
     is_sliver,
+    labelled,
     line,
     marker,
     shortened,
@@ -45,6 +53,7 @@ from reporting.render.svg import (
     text,
     text_width,
     unit_suffix,
+    with_near,
     y_room,
 )
 from reporting.response import ResponseAnalysis
@@ -54,9 +63,8 @@ from reporting.shape.histogram import Histogram
 
 # Distance of the hatch lines of a bar; an SVG pattern would need an id that is unique on the page.
 _HATCH = 5.0
-_FAR = 3.0  # limits farther than this many ranges of the values are named at the edge, not drawn
 _BARS = 15  # of a tornado; the table beside it has all variables
-_PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
+PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
 
 
 def response_figure(response: ResponseAnalysis) -> str:
@@ -75,7 +83,7 @@ def response_figure(response: ResponseAnalysis) -> str:
                 density = np.exp(distribution(best).logpdf(x))
             kept = np.isfinite(density)
             curves.append((x[kept], density[kept], FIT, "5 3"))
-    most = max([float(np.max(_density(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
+    most = max([float(np.max(density_bars(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
     y = (0.0, 1.06 * most or 1.0)
     frame = PlotArea(HALF, TALL, around(ends or [0.0]), y, left=y_room(*y), top=42)
     marks = [axis_y(frame, density_name(spec.unit))]
@@ -92,7 +100,11 @@ def response_figure(response: ResponseAnalysis) -> str:
         for value, name, colour, dash, row in named
         if value is not None
     ]
-    if bins is not None and c.min is not None and c.max is not None and is_sliver(c.min, c.max, frame):
+    is_off = (spec.lsl is not None and (c.mean or 0.0) < spec.lsl) or (
+        spec.usl is not None and (c.mean or 0.0) > spec.usl
+    )
+    least = OFF if is_off else SLIVER
+    if bins is not None and c.min is not None and c.max is not None and is_sliver(c.min, c.max, frame, least):
         area = inset_area(frame, around([c.min, c.max]), frame.y, limits)
         marks.append(inset(area, [_bars(area, bins, spec.lsl, spec.usl), *_curves(area, curves)]))
     return svg(frame, response_label(response), marks)
@@ -103,7 +115,7 @@ def variable_figure(variable: VariableAnalysis) -> str:
     spec, bins = variable.spec, variable.histogram
     points = np.asarray(spec.density, dtype=float).reshape(-1, 2)
     ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
-    most = max(float(np.max(_density(bins)[1])) if bins else 0.0, _top(points[:, 1]))
+    most = max(float(np.max(density_bars(bins)[1])) if bins else 0.0, _top(points[:, 1]))
     y = (0.0, 1.06 * most or 1.0)
     frame = PlotArea(340, 210, around(ends or [0.0]), y, left=y_room(*y), top=12)
     marks = [axis_y(frame, density_name(spec.unit))]
@@ -122,11 +134,11 @@ def compared_figure(comparison: ResponseComparison) -> str | None:
     if bins is None or other is None:
         return None
     limits = [v for v in (comparison.capability.lsl, comparison.capability.usl) if v is not None]
-    most = max(float(np.max(_density(b)[1])) for b in (bins, other))
+    most = max(float(np.max(density_bars(b)[1])) for b in (bins, other))
     x, y = around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most)
     frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
     marks = [axis_y(frame, density_name(comparison.unit)), _bars(frame, bins, None, None)]
-    edges, heights = _density(other)
+    edges, heights = density_bars(other)
     steps = [(edges[0], 0.0)]
     for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
         steps += [(left, height), (right, height)]
@@ -176,12 +188,11 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
     fit = [c.mean - reach * c.std, c.mean + reach * c.std]
     frame = PlotArea(HALF, TALL, around([*limits, *plot.values, *fit]), (-reach, reach), left=76, top=28)
-    ticks = [(float(ndtri(p)), f"{100 * p:g}") for p in _PROBABILITIES if abs(ndtri(p)) < reach]
     marks = [
-        axis_y(frame, "values below [%]", ticks),
+        axis_y(frame, "values below [%]", tick_scores(PROBABILITIES, reach)),
         line([(frame.across(fit[0]), frame.up(-reach)), (frame.across(fit[1]), frame.up(reach))], INK, 1.3),
         *(curve(frame, side, plot.scores, MUTED, "4 3") for side in (plot.low, plot.high)),
-        dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), "#1b5f9e", 1.8),
+        dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), DEEP, 1.8),
         axis_x(frame, axis_name(spec.name, spec.unit)),
         *(
             marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
@@ -196,9 +207,14 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
         reached = [(x, (x - c.mean) / c.std) for x in area.x]
         low, high = (min(max(z, -reach), reach) for _, z in reached)
         straight = [(area.across(c.mean + z * c.std), area.up(z)) for z in (low, high)]
-        marks.append(inset(area, [line(straight, INK, 1.3), dots(points, "#1b5f9e", 1.8)]))
+        marks.append(inset(area, [line(straight, INK, 1.3), dots(points, DEEP, 1.8)]))
     label = f"Normal probability plot of {spec.name}, a straight line if it is normal. {response.normality.reason}"
     return svg(frame, label, marks)
+
+
+def tick_scores(shares: Sequence[float], reach: float) -> list[tuple[float, str]]:
+    """Return the normal scores of shares, each with its text in percent, as ticks up to `reach` sigmas."""
+    return [(float(ndtri(p)), f"{100 * p:g}") for p in shares if abs(ndtri(p)) < reach]
 
 
 def convergence_figure(response: ResponseAnalysis) -> str | None:
@@ -218,12 +234,14 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     powers = [10**p for p in range(1, 9) if run.n[first] <= 10**p <= run.n[-1]]
     if len(powers) < 3:
         powers = [k * 10**p for p in range(1, 9) for k in (1, 2, 5) if run.n[first] <= k * 10**p <= run.n[-1]]
-    ticks = [(math.log10(p), f"{p:,}".replace(",", "\u202f")) for p in powers]
+    if len(powers) < 3:  # a range in which hardly one of these lies
+        powers = [round(count) for count, _ in labelled(run.n[first], run.n[-1], 5) if count == round(count)]
+    ticks = [(math.log10(p), format_numbers.grouped(p)) for p in powers or [run.n[-1]]]
     unit = spec.unit if run.index == "mean" else "1"
     marks = [
         axis_y(frame, axis_name(f"{run.index}", unit)),
-        band(frame, n, run.low[first:], run.high[first:], "#cfdeee"),
-        curve(frame, n, run.value[first:], "#1b5f9e"),
+        band(frame, n, run.low[first:], run.high[first:], BAND),
+        curve(frame, n, run.value[first:], DEEP),
         *(line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], LIMIT, 1.2, "7 4") for b in near),
         *(text(frame.width - frame.right - 2, frame.up(b) - 4, f"{b:.2f}", "end", LIMIT) for b in near),
         axis_x(frame, "samples", ticks),
@@ -251,7 +269,7 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
     for row, (influence, low, high) in enumerate(zip(shown, lows, highs, strict=True)):
         y = frame.top + 22 * row
         x, end = frame.across(low), frame.across(high)
-        colour = "#1b5f9e" if influence.verdict == "critical" else "#9db4cb"
+        colour = DEEP if influence.verdict == "critical" else PALE
         marks += [
             box(x, y + 3, max(end - x, 0.8), 15, colour),
             text(frame.left - 6, y + 15, shortened(influence.variable, left - 8), "end"),
@@ -270,10 +288,9 @@ def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> s
     """Return the figure of a response against an input: points, means over groups, and limits."""
     spec = response.spec
     limits = [(name, value) for name, value in (("LSL", spec.lsl), ("USL", spec.usl)) if value is not None]
-    low, high = min(scatter.y), max(scatter.y)
-    span = high - low or abs(high) or 1.0
-    near = [value for _, value in limits if low - _FAR * span <= value <= high + _FAR * span]
-    y = around([low, high, *near])
+    low = min(scatter.y)
+    shown, beyond_reach = with_near([low, max(scatter.y)], [value for _, value in limits])
+    y = around(shown)
     frame = PlotArea(HALF, TALL, around([*scatter.x]), y, left=y_room(*y), top=26)
     inside, outside = list[tuple[float, float]](), list[tuple[float, float]]()
     for at, value in zip(scatter.x, scatter.y, strict=True):
@@ -286,7 +303,7 @@ def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> s
     far = []
     for name, value in limits:
         words = f"{name} {format_numbers.plain(value)}"
-        if value in near:
+        if value not in beyond_reach:
             ends = [(frame.left, frame.up(value)), (frame.width - frame.right, frame.up(value))]
             marks.append(line(ends, LIMIT, 1.5, "7 4"))
             above = frame.up(value) - 5 > frame.top
@@ -322,7 +339,7 @@ def _curves(frame: PlotArea, curves: list[tuple[Array, Array, str, str]]) -> lis
 
 def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
     """Return the bars; those outside the limits are coloured and hatched."""
-    edges, heights = _density(bins)
+    edges, heights = density_bars(bins)
     marks = []
     for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
         if height == 0:
@@ -331,7 +348,7 @@ def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | Non
         outside = (low is not None and right <= low) or (high is not None and left > high)
         x, end, top = frame.across(left), frame.across(right), frame.up(height)
         top = min(top, frame.ground - 0.8)  # a single value stays visible
-        edge = 'stroke="white" stroke-width="0.5"'
+        edge = f'stroke="{PAPER}" stroke-width="0.5"'
         marks.append(box(x, top, end - x, frame.ground - top, REJECT if outside else BAR, edge))
         if outside:
             marks += _hatched(x, end, top, frame.ground)
@@ -341,10 +358,10 @@ def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | Non
 def _hatched(left: float, right: float, top: float, ground: float) -> list[str]:
     """Return white oblique lines over a bar."""
     at = np.arange(top, ground, _HATCH)
-    return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], "white", 0.9) for y in at]
+    return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], PAPER, 0.9) for y in at]
 
 
-def _density(bins: Histogram) -> tuple[list[float], list[float]]:
+def density_bars(bins: Histogram) -> tuple[list[float], list[float]]:
     """Return the edges and heights of the bars, whose total area is 1."""
     edges, counts = np.asarray(bins.edges), np.asarray(bins.counts, dtype=float)
     total = float(counts.sum()) or 1.0

@@ -9,6 +9,7 @@ the name of its column, which the style sheet shows instead of the head.
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from operator import attrgetter
@@ -21,13 +22,15 @@ from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
-from reporting.capability.verdict import CAPABLE, MARGINAL, PERCENTILE, WEIGHTED
-from reporting.render import figures, overview
+from reporting.capability.verdict import CAPABLE, MARGINAL
+from reporting.key_findings import DECIDING, first_sentence, key_findings, short_form
+from reporting.render import figures, overview, panels
 from reporting.render.mechanism_figure import mechanism_figure
 from reporting.render.page_templates import page_environment
-from reporting.render.svg import unit_suffix
+from reporting.render.svg import DARK, unit_suffix
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.measures import CRITICAL_SHARE
+from reporting.statuses import too_few_ok
 
 WIDE = 2  # columns; wider tables become cards on a narrow screen
 _TABLE = re.compile(r"<table\b[^>]*>.*?</table>", re.S)
@@ -51,15 +54,8 @@ METHODS = {
     "z_score": "Z-scores (Minitab)",
     "empirical": "the values' own percentiles (Cnpk)",
 }
-# Names of the index that decides, by its method.
-DECIDING = {
-    "index": "Cpk",
-    "fitted distribution": "by the fitted distribution",
-    "tail": "by the tail",
-    "count": "by the count of rejects",
-    PERCENTILE: "by percentiles (ISO 22514-2)",
-    WEIGHTED: "by weighted runs",
-}
+# Sections that the sentences of the first screen stand for.
+PLACES = {"Worst": "summary", "Yield": "product", "Causes": "causes", "Tolerances": "advice", "Trust": "trust"}
 CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 
 
@@ -68,13 +64,20 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
 
     `files` are the names of the files next to the page; `missing` names omitted files, and how to get them.
     """
+    limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     # Figures escape their own texts and are marked as safe; the templates escape everything else.
     return label_cells(
         environment()
         .get_template("report.html.j2")
         .render(
             a=analysis,
-            weakest=weakest(analysis),
+            findings=key_findings(analysis),
+            places=PLACES,
+            limited=limited,
+            unlimited=[r for r in analysis.responses if r not in limited],
+            no_verdict=too_few_ok(analysis.ok, analysis.finished, analysis.spec.min_ok),
+            notes=notes_of(analysis),
+            units={v.spec.name: v.spec.unit for v in analysis.variables},
             marks=MARKS,
             methods=METHODS,
             names=NAMES,
@@ -95,12 +98,31 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
     )
 
 
-def weakest(analysis: Analysis) -> ResponseAnalysis | None:
-    """Return the response with the smallest index, of those that decide; None if no response has a meaningful one."""
-    if not analysis.design.production:
-        return None
-    indices = [(r.index, i) for i, r in enumerate(analysis.responses) if r.index is not None]
-    return analysis.responses[min(indices)[1]] if indices else None
+@dataclass(frozen=True)
+class Notes:
+    """The notes on the responses' numbers, each said once."""
+
+    of: dict[str, tuple[str, ...]]  # by response: those of this response alone
+    shared: dict[str, tuple[str, ...]]  # by note: the responses that share it
+
+
+def notes_of(analysis: Analysis) -> Notes:
+    """Return the notes of all responses; a note on several of them is a shared one."""
+    listed = {r.spec.name: tuple(dict.fromkeys(_notes(r))) for r in analysis.responses}
+    names: dict[str, tuple[str, ...]] = {}
+    for name, notes in listed.items():
+        for note in notes:
+            names[note] = (*names.get(note, ()), name)
+    own = {name: tuple(note for note in notes if len(names[note]) == 1) for name, notes in listed.items()}
+    return Notes(own, {note: those for note, those in names.items() if len(those) > 1})
+
+
+def _notes(response: ResponseAnalysis) -> list[str]:
+    """Return the notes on capability, methods, sensitivity and fits of a response."""
+    found = list(response.capability.notes)
+    found += [f"{METHODS[method.method]}: {note}" for method in response.methods for note in method.notes]
+    found += response.sensitivity.notes if response.sensitivity else ()
+    return found + list(response.fits.notes)
 
 
 @cache
@@ -111,6 +133,7 @@ def environment() -> Environment:
     """
     made = page_environment("reporting.render")
     made.globals["deciding"] = DECIDING
+    made.globals["dark"] = DARK
     made.filters.update(
         fixed=format_numbers.fixed,
         z=format_numbers.z_score,
@@ -129,6 +152,16 @@ def environment() -> Environment:
         variable_histogram=lambda v: as_markup(figures.variable_figure(v)),
         scatter_plot=lambda s, r, unit: as_markup(figures.scatter_figure(r, s, unit)),
         slope_unit=figures.slope_unit,
+        mini=lambda r: as_markup(panels.mini_histogram(r)),
+        control_chart=lambda r: as_markup(panels.control_chart_figure(r)),
+        deciding_plot=lambda r: as_markup(panels.deciding_probability_figure(r)),
+        deciding_fit=panels.deciding_fit,
+        decides=panels.decides,
+        index_plot=lambda r: as_markup(panels.index_figure(r)),
+        causes_plot=lambda r: as_markup(panels.causes_figure(r)),
+        scatters_plot=lambda r, units: as_markup(panels.scatters_figure(r, units)),
+        first_sentence=first_sentence,
+        short_form=short_form,
         compared=lambda c: as_markup(figures.compared_figure(c)),
     )
     return made

@@ -5,16 +5,17 @@ from collections import Counter
 from reporting.analysis import Analysis
 from reporting.format_numbers import index, part
 from reporting.headline import WORST_FIRST
+from reporting.key_findings import short_form
 from reporting.render.html import MARKS, as_markup, environment, label_cells
 from reporting.render.mechanism_figure import mechanism_figure
+from reporting.render.overview import goal_figure
 from reporting.response import ResponseAnalysis
 from reporting.trust.checks import Check
 
 # Capacity of the page in rows and in letters; the rest is counted, and is in the report.
-ROWS, CHECKS, FIELDS, CAUSES = 8, 4, 4, 3
-LONGEST = {"title": 90, "headline": 220, "field": 60, "name": 26}
-# Letters of all checks together with `ROWS` rows, and the addition for each missing row, which frees two lines.
-CHECK_LETTERS, LETTERS_OF_A_ROW = 640, 160
+ROWS, CHECKS, FIELDS, CAUSES = 8, 5, 4, 3
+LONGEST = {"title": 140, "headline": 260, "field": 90, "name": 30, "words": 60}
+SOURCE_LETTERS, CHECK_LETTERS = 420, 160  # of all sources of limits, and of one check
 _ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
 
 
@@ -31,14 +32,16 @@ def render_one_page(analysis: Analysis) -> str:
         .get_template("one_page.html.j2")
         .render(
             a=analysis,
-            headline=_cut(analysis.headline, "headline"),
+            headline=_headline(analysis.headline, limited),
             title=_cut(analysis.spec.title, "title"),
             fields=[(_cut(n, "name"), _cut(text, "field")) for n, text in analysis.spec.header.items()][:FIELDS],
             author=_cut(analysis.spec.author, "field"),
-            shown=[(r, _cut(r.spec.name, "name"), _cut(r.spec.title, "name")) for r in shown],
+            shown=[(r, _cut(r.spec.name, "name"), _cut(r.spec.title, "words")) for r in shown],
+            sources=_sources(shown),
+            goal=as_markup(goal_figure(analysis)),
             others=_counted(others),
             unlimited=len(analysis.responses) - len(limited),
-            concerns=_shortened(concerns[:CHECKS], len(shown)),
+            concerns=[(check, _concern(check)) for check in concerns[:CHECKS]],
             more_concerns=len(concerns) - CHECKS,
             checked=len(analysis.trust),
             causes=_causes(ranked),
@@ -73,13 +76,32 @@ def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
     return found[:CAUSES]
 
 
-def _shortened(concerns: list[Check], rows: int) -> list[tuple[Check, str]]:
-    """Return checks with the text that fits beside `rows` rows; room that a short text leaves is used by the others."""
-    letters, found = CHECK_LETTERS + LETTERS_OF_A_ROW * (ROWS - rows), dict[str, str]()
-    for place, check in enumerate(sorted(concerns, key=lambda check: len(check.text))):
-        found[check.name] = cut(check.text, letters // (len(concerns) - place))
-        letters -= len(found[check.name])
-    return [(check, found[check.name]) for check in concerns]
+def _headline(headline: str, limited: list[ResponseAnalysis]) -> str:
+    """Return the headline; with too many names for the page, how many responses have each verdict."""
+    if len(headline) <= LONGEST["headline"]:
+        return headline
+    return f"Of {len(limited)} responses with limits: {_counted(limited)}." if limited else _cut(headline, "headline")
+
+
+def _sources(shown: list[ResponseAnalysis]) -> list[tuple[str, str]]:
+    """Return the sources of the limits, each once with its responses; those that do not fit are in the report."""
+    names: dict[str, list[str]] = {}
+    for r in shown:
+        names.setdefault(r.spec.source or "not stated", []).append(_cut(r.spec.name, "name"))
+    found, room = list[tuple[str, str]](), SOURCE_LETTERS
+    for source, those in names.items():
+        listed = "all" if len(those) == len(shown) > 1 else ", ".join(those)
+        room -= len(listed) + len(source)
+        if room < 0:
+            return [*found, ("others", "in the report")]
+        found.append((listed, source))
+    return found
+
+
+def _concern(check: Check) -> str:
+    """Return what a check says first; its name must do where even that is long."""
+    words = short_form(check.text)
+    return words if len(words) <= CHECK_LETTERS else "see the report."
 
 
 def _cut(words: str, kind: str) -> str:

@@ -7,12 +7,16 @@ from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.verdict import CAPABLE, MARGINAL, CapabilityVerdict
 from reporting.render.svg import (
+    AMBER,
+    BETWEEN,
     GRID,
     HALF,
     INK,
     LIMIT,
     MUTED,
+    PAPER,
     SIZE,
+    TARGET,
     PlotArea,
     axis_x,
     axis_y,
@@ -27,7 +31,7 @@ from reporting.render.svg import (
 )
 from reporting.response import ResponseAnalysis
 
-COLOURS = {"capable": "#1f6f43", "marginal": "#8a5a00", "not capable": "#a61c00"}
+COLOURS = {"capable": TARGET, "marginal": AMBER, "not capable": LIMIT}
 # Range shown beyond the limits, in half distances between them.
 _REACH = 2.0
 _ROW = 30.0
@@ -57,7 +61,7 @@ def overview_figure(analysis: Analysis) -> str | None:
         first = frame.across(low if spec.lsl is None else -1)
         last = frame.across(high if spec.usl is None else 1)
         marks += [
-            box(first, frame.top + _ROW * row, last - first, _ROW, "#eef3f8"),
+            box(first, frame.top + _ROW * row, last - first, _ROW, BETWEEN),
             box(start, y - 6, end - start, 12, colour, 'fill-opacity="0.55"'),
             line([(least, y), (largest, y)], colour, 1.6),
             dots([(mean, y)], INK, 3),
@@ -79,14 +83,16 @@ def goal_figure(analysis: Analysis) -> str | None:
     top = min(max(0.19, *(1.15 * y for _, y in points)), 0.8)
     frame = PlotArea(HALF, 330, (-reach, reach), (0.0, top), top=14)
     marks, taken = [axis_y(frame, "σ / (USL − LSL)")], list[Box]()
-    for index, colour in ((CAPABLE, COLOURS["capable"]), (MARGINAL, COLOURS["not capable"])):
+    for row, (index, colour) in enumerate(((MARGINAL, COLOURS["not capable"]), (CAPABLE, COLOURS["capable"]))):
         peak = 0.5 / (3 * index)
         corners = [(-0.5, 0.0), (0.0, peak), (0.5, 0.0)]
         marks.append(line(((frame.across(x), frame.up(y)) for x, y in corners), colour, 1.6, "7 4"))
-        if peak <= top:
-            words = f"Cpk {index:.2f}"
-            marks.append(text(frame.across(0), frame.up(peak) - 5, words, colour=colour, more='font-weight="600"'))
-            taken.append(_box_of(words, frame.across(0), frame.up(peak) - 9))
+        # A key in the corner: beside the lines there may be no room between them.
+        words, height = f"Cpk {index:.2f}", frame.top + 12 + 18 * row
+        start = frame.left + 36
+        marks.append(line([(frame.left + 4, height - 4), (start - 6, height - 4)], colour, 1.6, "7 4"))
+        marks.append(text(start, height, words, "start", colour, 'font-weight="600"'))
+        taken.append((frame.left, height - SIZE, start + text_width(words) + 6, height + 4))
     places = [(frame.across(min(max(x, -reach), reach)), frame.up(min(y, top))) for x, y in points]
     taken += [(x - _DOT, y - _DOT, x + _DOT, y + _DOT) for x, y in places]
     named = []
@@ -171,9 +177,7 @@ def _named(name: str, x: float, y: float, frame: PlotArea, taken: list[Box]) -> 
                 leader = [
                     line([(x, y), (min(max(x, found[0]), found[2]), min(max(y, found[1]), found[3]))], MUTED, 0.7)
                 ]
-                ground = box(
-                    found[0], found[1], found[2] - found[0], found[3] - found[1], "white", 'fill-opacity="0.8"'
-                )
+                ground = box(found[0], found[1], found[2] - found[0], found[3] - found[1], PAPER, 'fill-opacity="0.8"')
                 return [*(leader if ring else []), ground, text(middle, height + 0.35 * SIZE, name)]
     return []
 

@@ -18,10 +18,20 @@ INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
 SIZE = 13.0  # font size, in the figure's units
 _WIDTH_OF_A_LETTER = 0.56  # relative to the font size, on average
 BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
+DEEP, PALE, BAND, BETWEEN, AMBER, PAPER = "#1b5f9e", "#9db4cb", "#cfdeee", "#eef3f8", "#8a5a00", "#ffffff"
+# Each colour on a dark page; text colours have a contrast of 4.5 or more with #12181f.
+DARK = {
+    **{INK: "#e4e9f0", MUTED: "#a3b0bf", GRID: "#2c3743", PAPER: "#12181f"},
+    **{BAR: "#5b8ab8", REJECT: "#f0775e", LIMIT: "#ff8a75", TARGET: "#6cc799", FIT: "#c79be6", OTHER: "#e39a52"},
+    **{DEEP: "#7db5ea", PALE: "#4f6a86", BAND: "#24384d", BETWEEN: "#1b2633", AMBER: "#e0b04c"},
+}
 # Figures are as wide as a telephone, so that their text is readable on one; wider screens show two side by side.
 HALF, TALL = 480.0, 262.0
 # Values that occupy less than this part of the axis are shown enlarged.
 SLIVER = 0.2
+OFF = 0.4  # the same where the values lie beyond a limit, and the rest of the figure is empty
+# A limit farther from the values than this many of their ranges is named at the edge of a figure, not drawn.
+NEAR = 0.75
 _GAP, _WIDEST = 18.0, 240.0
 
 
@@ -105,7 +115,8 @@ def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, ro
     """Return a vertical line with its name above it, inside the figure; a name in row 1 is higher."""
     x = frame.across(value)
     half = 0.5 * text_width(words) * 1.05 + 1
-    middle = min(max(x, half), frame.width - half)
+    # Not over the numbers of the y axis, whose uppermost may be as high as the name.
+    middle = min(max(x, frame.left - 4 + half), frame.width - half)
     name = text(middle, frame.top - 6 - 14 * row, words, colour=colour, more='font-weight="600"')
     return line([(x, frame.ground), (x, frame.top - 3 - 14 * row)], colour, 1.5, dash) + "\n" + name
 
@@ -147,6 +158,16 @@ def around(values: list[float]) -> tuple[float, float]:
     low, high = min(values), max(values)
     room = 0.04 * (high - low) or 0.02 * abs(low) or 1.0
     return low - room, high + room
+
+
+def with_near(values: list[float], limits: Iterable[float]) -> tuple[list[float], list[float]]:
+    """Return the values with the limits near them, which an axis then shows, and the limits that are far from them."""
+    low, high = min(values), max(values)
+    room = NEAR * (high - low or abs(high) or 1.0)
+    near, far = list[float](), list[float]()
+    for limit in limits:
+        (near if low - room <= limit <= high + room else far).append(limit)
+    return [*values, *near], far
 
 
 def axis_name(name: str, unit: str) -> str:
@@ -208,9 +229,9 @@ def _round_step(about: float) -> float:
     return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))
 
 
-def is_sliver(low: float, high: float, frame: PlotArea) -> bool:
-    """Return whether the range from `low` to `high` is too narrow in a figure to be readable."""
-    return 0 < high - low < SLIVER * (frame.x[1] - frame.x[0])
+def is_sliver(low: float, high: float, frame: PlotArea, least: float = SLIVER) -> bool:
+    """Return whether the range from `low` to `high` takes less than a share `least` of the width of a figure."""
+    return 0 < high - low < least * (frame.x[1] - frame.x[0])
 
 
 def inset_area(frame: PlotArea, x: tuple[float, float], y: tuple[float, float], limits: Iterable[float]) -> PlotArea:
@@ -241,7 +262,7 @@ def inset(area: PlotArea, marks: Iterable[str]) -> str:
     corners = [(left, area.top), (right, area.top), (right, area.ground), (left, area.ground), (left, area.top)]
     return "\n".join(
         [
-            box(left - 8, area.top - 18, right - left + 16, area.ground - area.top + 42, "white"),
+            box(left - 8, area.top - 18, right - left + 16, area.ground - area.top + 42, PAPER),
             line(corners, MUTED, 0.8),
             *marks,
             axis_x(area),

@@ -104,7 +104,7 @@ def _difference(name: str, a: Array, b: Array, confidence: float) -> RejectDiffe
     whole = np.concatenate([a, b])
     std = float(np.std(whole, ddof=1))
     shift, (low, high), _ = welch(a, b, confidence)
-    distance = _distance(a, b)
+    distance = largest_distance(a, b)
     return RejectDifference(
         variable=name,
         mean=float(a.mean()),
@@ -116,7 +116,7 @@ def _difference(name: str, a: Array, b: Array, confidence: float) -> RejectDiffe
     )
 
 
-def _distance(a: Array, b: Array) -> float:
+def largest_distance(a: Array, b: Array) -> float:
     """Return the largest distance of two empirical distribution functions."""
     a, b = np.sort(a), np.sort(b)
     at = np.concatenate([a, b])

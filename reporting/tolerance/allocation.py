@@ -250,7 +250,7 @@ def _with_reweighting(
         factors = _factors(variables, optimum.tolerance)
         corrected = _corrected(requirements, factors, columns, rescale(factors, rows))
         if isinstance(corrected, str):
-            note = f"Not corrected by reweighting at the proposed tolerances: {corrected}."
+            note = f"Linear estimate only: too few samples near the proposed tolerances to check it ({corrected})."
             return _proposal(variables, requirements, optimum, CONTRIBUTIONS, None, (note,))
         requirements, effective, found = corrected
         following = _solve(variables, requirements)

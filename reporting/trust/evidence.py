@@ -14,7 +14,7 @@ from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
 from reporting.capability.summary import Capability
-from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, bars_of
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, bars_of
 from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -46,15 +46,15 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     at = widths.index(max(widths))
     response, c = indexed[at]
     counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
-    text = f"Cpk is known to ±{_rounded(widths[at])} or better (widest: {response.spec.name})"
+    text = f"Least certain Cpk: {response.spec.name}, ±{_rounded(widths[at])}"
     if widths[at] > WANTED_HALF_WIDTH:
         # The width of an interval falls as 1 / sqrt(n).
         needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} {what} would give ±5\u00a0%"
-    uncertain = [r.spec.name for r, c in indexed if not r.verdict.certain and _covers_classes(r, c.cpk_interval or ())]
+    uncertain = [r for r, c in indexed if not r.verdict.certain and _covers_classes(r, c.cpk_interval or ())]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
-        text += f". The Cpk interval of {', '.join(uncertain)} covers more than one verdict: more {what} may decide"
+        text += f". {'; '.join(_open_classes(r) for r in uncertain)}: more {what} may decide"
     fewest = min(c.n for _, c in indexed)
     if fewest < FEWEST_FOR_A_VERDICT:
         text = f"{fewest} values are too few for a verdict: at least {FEWEST_FOR_A_VERDICT} are needed. {text}"
@@ -80,14 +80,20 @@ def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...
     if not described:
         return ()
     lots, name = min(described, key=lambda pair: pair[0].effective)
+    if not lots.enough:
+        few = (
+            "All samples are of one production lot"
+            if lots.count == 1
+            else f"The samples are of {lots.count} production lots"
+        )
+        text = f"{few}, which share a shift: intervals need at least {lots.least} lots, so there are none."
+        return (Check("Production lots", "attention", text, float(lots.count)),)
     text = (
         f"Samples of one production lot share a shift. For the mean of {name} the {lots.count} lots are worth "
         f"{format_numbers.grouped(round(lots.effective))} independent samples, for the other responses at least as "
         "many. All intervals are computed from the differences between lots."
     )
-    if not lots.enough:
-        text += f" Intervals need at least {lots.least} lots."
-    elif lots.blind:
+    if lots.blind:
         text += f" {lots.blind}"
     level = "attention" if round(lots.worth) < FEW_LOTS else "info"
     return (Check("Production lots", level, text, float(lots.count)),)
@@ -136,7 +142,12 @@ def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
     alike: dict[str, list[str]] = {}
     for r in doubtful:
         alike.setdefault(f"({_in_words(r)}): {' '.join(r.verdict.reasons)}", []).append(r.spec.name)
-    text = " ".join(f"{', '.join(names)} {words}" for words, names in alike.items())
+    leads = (
+        ("Not certain", [r for r in doubtful if not r.verdict.certain]),
+        ("Not by Cpk", [r for r in doubtful if r.verdict.certain]),
+    )
+    lead = [f"{what}: {', '.join(r.spec.name for r in those)}." for what, those in leads if those]
+    text = " ".join([*lead, *(f"{', '.join(names)} {words}" for words, names in alike.items())])
     return Check("Verdicts", "attention", text, float(len(doubtful)))
 
 
@@ -161,8 +172,8 @@ def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) 
         return Check("All at once", "info", f"Each interval contains the true value in {level} of campaigns.")
     missing = format_numbers.plain(round(count * (1 - confidence), 1))
     text = (
-        f"{_counted(len(judged), 'verdict')} and {_counted(shares, 'share')} of variables are each stated at {level} "
-        f"confidence on their own, so about {missing} of these {count} may be wrong by chance."
+        f"{count} statements at {level} each ({_counted(len(judged), 'verdict')}, {_counted(shares, 'share')} of "
+        f"variables): expect about {missing} to be wrong."
     )
     if len(certain) > 1:
         together = [r.spec.name for r in certain if _certain_among(r, len(judged), confidence)]
@@ -192,6 +203,13 @@ def _covers_classes(response: ResponseAnalysis, ends: Iterable[float]) -> bool:
     """Return whether an interval of an index covers more than one class."""
     bars = bars_of(response.spec.requirement)
     return len({bars.class_of(end) for end in ends}) > 1
+
+
+def _open_classes(response: ResponseAnalysis) -> str:
+    """Return which other verdicts the interval of Cpk of a response covers, in words."""
+    low, high = response.capability.cpk_interval or (0.0, 0.0)
+    classes = bars_of(response.spec.requirement).classes(IndexEstimate("index", low, low, high, ""))
+    return f"{response.spec.name} could still be {' or '.join(c for c in classes if c != response.verdict.word)}"
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
@@ -274,7 +292,7 @@ def _rare_shares_known(rare: RareRejects) -> Check:
     ]
     if loose:
         text = (
-            f"Regions at which no component aims may hold further rejects: {', '.join(loose)}, which the upper ends of"
+            f"Further rejects may lie where no component aims: {', '.join(loose)}, which the upper ends of"
             " the intervals include. More runs of a component of scale 2 narrow this; if rejects were found there,"
             " clearcap design aims at them."
         )

@@ -27,8 +27,7 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
     scattering = {name for name, (_, f) in found.items() if (f.share or 0.0) >= NOTABLE_SHARE}
     moving = {name for name, (r, f) in found.items() if _is_moved(r, f)}
     dependent = [name for name, (_, f) in found.items() if f.beyond_rows is not None]
-    sentences = [f"{repeats.sample.size} samples were simulated a second time, with half the step."]
-    sentences += _scatter([found[name] for name in found if name in scattering])
+    sentences = _scatter([found[name] for name in found if name in scattering])
     sentences += _others([(r, f) for name, (r, f) in found.items() if name not in scattering], bool(scattering))
     sentences += [_shift(*found[name]) for name in found if name in moving]
     if dependent:
@@ -37,6 +36,7 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
             "result depends on the step, and that is no scatter of the samples."
         )
     sentences += _lost(repeats, found)
+    sentences.append(f"{repeats.sample.size} samples were simulated a second time, with half the step.")
     pairs = min(f.pairs for _, f in found.values())
     unseen = max(f.unseen or 0.0 for _, f in found.values())
     if pairs < _ENOUGH:

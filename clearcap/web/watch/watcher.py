@@ -22,7 +22,7 @@ from clearcap.web.watch.index import CampaignIndex
 from reporting.capability.intervals import cpk_interval
 
 CONFIDENCE = 0.95
-PRELIMINARY = "normal theory for independent samples; the report looks at their shape and may give a wider one"
+PRELIMINARY = "these intervals assume normal, independent values; the report checks that"
 LOOK_EVERY = 1.0  # s between two looks at the followed campaigns
 LIST_EVERY = 5.0  # s between two looks at the change tokens of all campaigns
 KEEP_ALIVE = 15.0  # s without news after which a stream sends a comment, so that proxies keep it open

@@ -287,7 +287,7 @@ def test_what_is_not_known_is_a_line_of_the_card():
     request = replace(request, responses=(replace(request.responses[0], usl=None),))
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "attention"
-    assert known.text.startswith("Regions at which no component aims may hold further rejects: y up to ")
+    assert known.text.startswith("Further rejects may lie where no component aims: y up to ")
     table, request = table_of([at(0.8, 1.0, 1.0), WIDE], 3000)
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "attention"

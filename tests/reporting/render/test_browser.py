@@ -55,7 +55,7 @@ def test_every_figure_is_seen(browser) -> None:
     """Each has a size, stays within the page, and its texts lie within its box."""
     browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     sizes = browser.execute_script(
-        "return [...document.querySelectorAll('svg')].map(s => {const r = s.getBoundingClientRect();"
+        "return [...document.querySelectorAll('figure svg')].map(s => {const r = s.getBoundingClientRect();"
         " return [r.width, r.height, r.right, s.querySelectorAll('rect,polyline,path').length]})"
     )
     assert len(sizes) > 30
@@ -108,7 +108,7 @@ def test_no_word_of_a_figure_covers_another(browser) -> None:
     """Names in the goal plot keep clear of each other and of the lines' own names."""
     browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     covered = browser.execute_script(
-        "return [...document.querySelectorAll('#summary ~ .split svg')].flatMap(s => {"
+        "return [...document.querySelectorAll('div.front figure svg, .panels svg')].flatMap(s => {"
         " const t = [...s.querySelectorAll('text')].map(e => [e.textContent, e.getBoundingClientRect()]);"
         " return t.flatMap(([a, r], i) => t.slice(i + 1).filter(([b, q]) =>"
         " r.left < q.right - 1 && q.left < r.right - 1 && r.top < q.bottom - 3 && q.top < r.bottom - 3)"
@@ -143,11 +143,11 @@ def test_axe_would_find_one(browser) -> None:
     """The check sees a figure without a text."""
     browser.execute_script(AXE.read_text(encoding="utf-8"))
     browser.execute_script(
-        "window.kept = document.querySelector('svg').getAttribute('aria-label');"
-        "document.querySelector('svg').removeAttribute('aria-label')"
+        "window.kept = document.querySelector('figure svg').getAttribute('aria-label');"
+        "document.querySelector('figure svg').removeAttribute('aria-label')"
     )
     found = browser.execute_async_script("axe.run(document.querySelector('figure')).then(arguments[0])")
-    browser.execute_script("document.querySelector('svg').setAttribute('aria-label', window.kept)")
+    browser.execute_script("document.querySelector('figure svg').setAttribute('aria-label', window.kept)")
     assert "svg-img-alt" in {v["id"] for v in found["violations"]}
 
 

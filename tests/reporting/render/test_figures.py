@@ -35,7 +35,9 @@ def test_a_sliver_is_shown_enlarged(responses) -> None:
 def test_the_enlarged_view_covers_no_limit(responses) -> None:
     for response in responses[1:]:
         svg = response_figure(response)
-        [(x, width)] = re.findall(r'<rect x="([\d.]+)" y="[\d.]+" width="([\d.]+)" height="[\d.]+" fill="white"/>', svg)
+        [(x, width)] = re.findall(
+            r'<rect x="([\d.]+)" y="[\d.]+" width="([\d.]+)" height="[\d.]+" fill="#ffffff"/>', svg
+        )
         limits = re.findall(r'<polyline points="([\d.]+),[^"]*" fill="none" stroke="#a61c00"', svg)
         assert limits
         assert all(not float(x) <= float(at) <= float(x) + float(width) for at in limits)

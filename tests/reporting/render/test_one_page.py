@@ -1,5 +1,6 @@
 """The summary to sign: one page whatever the number of responses and the length of names, the worst first."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from html import unescape
@@ -8,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from reporting.analysis import Analysis
-from reporting.render.one_page import ROWS, cut, render_one_page
+from reporting.render.one_page import CHECKS, ROWS, cut, render_one_page
 from reporting.spec import DrawnWords, LegendEntry, MechanismDrawing
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
@@ -88,20 +89,29 @@ def test_it_has_what_is_signed() -> None:
     assert page.count("<dd>name</dd>") == 5  # of twenty lines of the header four, and the author
 
 
-def test_checks_take_the_room_that_there_is() -> None:
-    """With few rows their whole text is there; with many they are cut after a whole word."""
+def test_no_text_of_a_usual_campaign_ends_in_dots() -> None:
+    """Each check says what it says first; limits have their source and the requirement, rows a distribution."""
     spec = c60_spec(200)
-    few, many = analysis_of(c60_table(200), replace(spec, responses=spec.responses[:1])), crowded(12, LONG)
-    concerns = [check for check in few.trust if check.level in ("bad", "attention")]
-    assert 1 <= len(concerns) <= 4
-    page = unescape(render_one_page(few))
-    assert all(check.text in page for check in concerns)
-    for check in many.trust:
-        if check.level in ("bad", "attention") and check.name in ("Failures", "Verdicts"):
-            shown = unescape(render_one_page(many)).split(f"<strong>{check.name}</strong>: ")[1].split("</li>")[0]
-            assert len(shown) < len(check.text)
-            assert check.text.startswith(shown.rstrip("…"))
-            assert check.text[len(shown) - 1] in " ,;:"
+    strict = replace(spec.responses[1], requirement=1.67)
+    a = analysis_of(c60_table(200, 9), replace(spec, responses=(spec.responses[0], strict, *spec.responses[2:])))
+    page = " ".join(unescape(render_one_page(a)).split())
+    assert "…" not in page.split("<body")[1]
+    assert page.count('aria-label="Distribution of') == 6
+    assert page.count('aria-label="Goal plot') == 1
+    assert 'data-label="Required">1.67</td>' in page
+    assert "<strong>Source of the limits</strong>: FC-" in page
+    assert "assumption of this project: no limits are published" in page
+    concerns = [check for check in a.trust if check.level in ("bad", "attention")]
+    assert concerns
+    for check in concerns[:CHECKS]:
+        shown = page.split(f"<strong>{check.name}</strong>: ")[1].split("</li>")[0].strip()
+        assert shown.endswith(".")
+        assert " ".join(check.text.split()).startswith(re.split(r" \(|[:.]", shown)[0])
+
+
+def test_too_many_names_in_the_outcome_are_counted() -> None:
+    page = render_one_page(replace(crowded(12, "name"), headline="Not capable: R1, R2, and so on. " * 20))
+    assert re.search(r'<p class="headline">Of 12 responses with limits: \d+ [a-z ]+', page)
 
 
 @pytest.mark.parametrize(

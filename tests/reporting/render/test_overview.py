@@ -19,7 +19,7 @@ def test_one_sided_responses_are_in_the_overview() -> None:
     assert [r.spec.name for r in one_sided(analysis)] == ["FC-6"]
     assert ">FC-6 *</text>" in overview_figure(analysis)
     page = render_html(analysis)
-    assert "Not shown, as they have one limit: FC-6." in page
+    assert "With one limit, not shown: FC-6." in page
     assert "so that a mean at 0 has Cpk 1.33" in page
 
 

@@ -25,7 +25,7 @@ def test_few_values_are_not_enough_whatever_class_their_interval_lies_in(n: int,
     wide = [r for r in spec.responses if r.name in ("FC-2", "FC-3")]
     found = line(analysis_of(table, _with_limits(spec, wide, 2.0)), "Enough samples")
     assert found.level == level
-    width = float(re.search(r"Cpk is known to ±([\d.]+)", found.text).group(1))
+    width = float(re.search(r"Least certain Cpk: FC-[23], ±([\d.]+)", found.text).group(1))
     assert (width <= 25) == (level == "good")
     assert ("too few for a verdict: at least 30 are needed" in found.text) == (n < 30)
 
@@ -88,8 +88,8 @@ def test_many_statements_are_counted() -> None:
     responses = analysis_of(c60_table(300), c60_spec(300)).responses
     found = many_statements(responses, 0.95)
     assert found.value == (6 + 49) * (1 - 0.95)
-    assert "6 verdicts and 49 shares of variables are each stated at 95 % confidence on their own" in found.text
-    assert "about 2.8 of these 55 may be wrong by chance" in found.text
+    assert "55 statements at 95 % each (6 verdicts, 49 shares of variables)" in found.text
+    assert "expect about 2.8 to be wrong" in found.text
 
 
 def test_a_verdict_at_the_edge_does_not_hold_together_with_others() -> None:

@@ -41,7 +41,7 @@ def test_many_lots_are_named_and_independence_is_not_claimed() -> None:
     assert first.lots.effective < 0.1 * first.n
     page = render_html(analysis)
     assert "differences between 40 lots" in page
-    assert "Independent values that they are worth" in page
+    assert "Effective sample size" in page
 
 
 def test_without_lots_nothing_is_said_of_them() -> None:

@@ -44,7 +44,7 @@ def test_an_answer_follows_a_slider(user, finished):
     user.open(user.path)
     assert user.browser.execute_script(CARD) == shown
     assert user.browser.find_element("css selector", "[data-for='v.J1.std']").get_attribute("value") == "0.0119"
-    user.go("As it is", "a")
+    user.go("Reset", "a")
     assert user.path == home
 
 
@@ -60,7 +60,7 @@ def test_what_samples_do_not_carry_is_grey(user, finished):
     user.go("Which tolerances may grow, which must shrink?", "button")
     assert "Spread may grow by" in user.text
     user.look()
-    user.write("What a smaller sigma costs: the text of a cost file", "[variables.J1]\ncost = 1.0\n")
+    user.write("Cost of tightening (cost file)", "[variables.J1]\ncost = 1.0\n")
     user.go("Allocate", "button")
     user.look()
     assert f"set=J1.mean%3D{mean}" in user.path
@@ -102,7 +102,7 @@ def test_two_campaigns_are_compared(user, finished):
     user.write("With the campaign", finished.first)
     user.go("Compare", "button")
     assert user.path.endswith(f"/compare?with={finished.first}")
-    assert "Differences are this one less the other" in user.text
+    assert "Difference = this minus the other" in user.text
     user.look()
     user.go("Write the report of this comparison", "button")
     assert "The report of this comparison: " in user.text

@@ -30,7 +30,7 @@ def test_a_campaign_is_made(user, finished):
     user.go("Check", "button")
     user.look()
     assert "No faults" in user.text
-    user.go("Try some runs for the cost", "button")
+    user.go("Time a few runs", "button")
     assert re.search(r"6\d runs, about .* on 1 worker", user.text)  # some are repeated with half the step
     user.go("Submit", "button")
     assert user.path.startswith(f"/campaigns/latch-{user.width}-")
@@ -44,7 +44,7 @@ def test_a_campaign_is_made(user, finished):
 
 def _fill_in(user, name):
     """Fill in the form from its top; whoever chooses from a list stays where he was."""
-    user.write("Name, with which its id begins", name)
+    user.write("Name (start of the id)", name)
     user.write("Title", f"Latch at {user.width} px")
     user.tab_to("Mechanism", "select").send_keys("l")
     user.until(lambda: 'mechanism = "lever"' in user.browser.execute_script(TEXT), "the mechanism in the file")
@@ -52,11 +52,11 @@ def _fill_in(user, name):
     user.write("Samples", "60")
     user.write("Sampler", "lhs", "select")
     user.write("Seed", "5")
-    user.write("Key, or name", "long")
+    user.write("Name", "long")
     user.tab_to("Distribution", "select").send_keys("u")
     user.until(lambda: user.browser.find_elements("id", "v0.upper") and not _has(user, "v0.mean"), "its own numbers")
     assert user.browser.execute_script(FOCUS) == "v0.distribution"
-    user.write("Key, if different", "parameters.long")
+    user.write("Sets the number", "parameters.long")
     user.write("lower", "29.9")
     user.write("upper", "30.1")
     user.write("LSL", "9.9")

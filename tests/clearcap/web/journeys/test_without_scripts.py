@@ -67,7 +67,7 @@ def test_pages_show_their_content(unscripted, finished):
         (f"{home}/samples", "400 samples"),
         (f"{home}/samples/3?pictures=true", "max_residual"),
         (f"{home}/whatif?set=J1.std%3D0.015", "ppm out of limits"),
-        (f"/campaigns/{finished.wider}/compare?with={finished.first}", "Differences are this one less the other"),
+        (f"/campaigns/{finished.wider}/compare?with={finished.first}", "Difference = this minus the other"),
         (f"{home}/export", "curl -H"),
         (f"{home}/signoff", "Sign plan, rows and report as ada"),
         (f"{home}/share", "Make a link"),
@@ -88,7 +88,7 @@ def test_a_campaign_is_made_and_ended(unscripted):
     """The buttons between form and file; then cancel, resume, labels, and the end."""
     user = unscripted
     user.open("/campaigns/new?mechanism=clearance_pendulum")
-    user.write("Name, with which its id begins", "patient")
+    user.write("Name (start of the id)", "patient")
     user.go("Write the file", "button")
     assert 'name = "patient"' in user.browser.find_element("id", "text").get_attribute("value")
     user.write("Campaign file, TOML", OWN, "textarea")
@@ -101,12 +101,12 @@ def test_a_campaign_is_made_and_ended(unscripted):
     assert home.startswith("/campaigns/patient-")
     refresh = '<meta http-equiv="refresh" content="10">'
     assert refresh in user.browser.page_source
-    user.go("Cancel: keep finished rows", "button")
+    user.go("Stop (finished rows are kept)", "button")
     # the state is there a moment before the request is taken back
     user.until(lambda: _state(user, home) == "cancelled" and refresh not in user.browser.page_source, "the end")
     user.go("Resume", "button")
     user.until(lambda: _state(user, home) in ("queued", "running"), "another beginning")
-    user.go("Cancel: keep finished rows", "button")
+    user.go("Stop (finished rows are kept)", "button")
     user.until(lambda: _state(user, home) == "cancelled", "the end")
     user.press("Owner, tags, note", "summary")
     user.write("Tags, with spaces between them", "slow")
@@ -144,7 +144,7 @@ def test_rows_are_asked(unscripted, finished):
     user, home = unscripted, f"/campaigns/{finished.first}"
     user.open(f"{home}/whatif")
     user.write("Other settings, VARIABLE.KEY=VALUE, one on each line", "J1.std=0.015")
-    user.go("Answer", "button")
+    user.go("Update", "button")
     assert user.path == f"{home}/whatif?set=J1.std%3D0.015"
     assert user.browser.find_element("css selector", "[data-cpk='FC-6']").text
     user.go("Which tolerances may grow, which must shrink?", "button")
@@ -159,7 +159,7 @@ def test_rows_are_asked(unscripted, finished):
     user.open(f"{home}/compare")
     user.write("With the campaign", finished.wider)
     user.go("Compare", "button")
-    assert "Differences are this one less the other" in user.text
+    assert "Difference = this minus the other" in user.text
 
 
 def test_a_mechanism_is_tried(unscripted):

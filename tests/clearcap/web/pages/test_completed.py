@@ -22,7 +22,7 @@ def test_report_is_on_its_way(client, service, reported, browse, monkeypatch, is
     assert ("report is being written" in progress) == ("report is being written" in report) == (not is_late)
     assert ("write it below" in report) == is_late
     assert "Write the report</button>" in report
-    assert "Cancel: keep finished rows" not in progress
+    assert "Stop (finished rows are kept)" not in progress
 
 
 def test_only_what_is_open_is_cancelled(client, service, reported, browse):
@@ -31,4 +31,4 @@ def test_only_what_is_open_is_cancelled(client, service, reported, browse):
         write_state(service.store, reported, state)
         service.watcher.hurry(reported)
         client.get("/campaigns")
-        assert ("Cancel: keep finished rows" in client.get(f"/campaigns/{reported}").text) == may_cancel, state
+        assert ("Stop (finished rows are kept)" in client.get(f"/campaigns/{reported}").text) == may_cancel, state

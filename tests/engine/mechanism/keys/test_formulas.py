@@ -125,7 +125,7 @@ def faults(data):
         (
             "parameters.width",
             3.0,
-            "parameters.width = 3.0: is used nowhere; allowed: parameters that are; write",
+            "parameters.width = 3.0: is not used; write",
         ),
         ("bodies.link.mass", "lenght", "bodies.link.mass = 'lenght': not a finite number, nor is lenght a parameter"),
         ("bodies.link.mass", "1/0", "bodies.link.mass = '1/0': 1 / 0 is not a finite number"),

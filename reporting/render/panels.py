@@ -1,0 +1,324 @@
+"""The panels of a response's page: values in order, the index with its requirement, causes, probability, two scatters.
+
+The page of a response has six: these, and its histogram (`reporting.render.figures.response_figure`). Each row of the
+summary has a small histogram without words.
+"""
+
+import math
+
+import numpy as np
+from scipy.special import ndtr
+
+from reporting import format_numbers
+from reporting.capability.control_chart import ControlChart
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, PERCENTILE, WEIGHTED, IndexEstimate, bars_of
+from reporting.render.figures import PROBABILITIES, density_bars, tick_scores
+from reporting.render.svg import (
+    BAR,
+    DEEP,
+    FIT,
+    GRID,
+    HALF,
+    INK,
+    LIMIT,
+    MUTED,
+    PALE,
+    REJECT,
+    TALL,
+    TARGET,
+    PlotArea,
+    around,
+    axis_name,
+    axis_x,
+    axis_y,
+    box,
+    curve,
+    dots,
+    line,
+    marker,
+    shortened,
+    svg,
+    text,
+    text_width,
+    with_near,
+    y_room,
+)
+from reporting.response import ResponseAnalysis
+from reporting.sensitivity.scatter import Scatter
+from reporting.shape.estimates import index_estimates
+from reporting.shape.fitting import Fit, distribution
+
+_BARS = 6  # causes; the appendix has all variables
+_MINI = (150.0, 34.0)
+_BY = {"fitted distribution": "fitted distribution", "tail": "tail", PERCENTILE: "percentiles"}
+
+
+def mini_histogram(response: ResponseAnalysis) -> str:
+    """Return a small histogram with the limits as lines, without axes and words."""
+    spec, bins = response.spec, response.histogram
+    limits = [value for value in (spec.lsl, spec.usl) if value is not None]
+    width, height = _MINI
+    ends = [*limits, *((bins.edges[0], bins.edges[-1]) if bins else ())]
+    top = max(density_bars(bins)[1]) if bins else 1.0
+    frame = PlotArea(width, height, around(ends or [0.0]), (0.0, top or 1.0), left=2, right=2, top=3, bottom=3)
+    marks = [line([(frame.left, frame.ground), (frame.width - frame.right, frame.ground)], MUTED, 0.8)]
+    if bins:
+        edges, heights = density_bars(bins)
+        for left, right, tall in zip(edges[:-1], edges[1:], heights, strict=True):
+            outside = (spec.lsl is not None and right <= spec.lsl) or (spec.usl is not None and left > spec.usl)
+            if tall:
+                x, up = frame.across(left), min(frame.up(tall), frame.ground - 1.5)
+                marks.append(
+                    box(x, up, max(frame.across(right) - x, 0.6), frame.ground - up, REJECT if outside else BAR)
+                )
+    marks += [line([(frame.across(v), frame.ground), (frame.across(v), 1)], LIMIT, 1.6) for v in limits]
+    c = response.capability
+    label = f"{c.n} values between the limits" if limits else f"{c.n} values"
+    if limits and (c.below or c.above):
+        label = f"{(c.below or 0) + (c.above or 0)} of {c.n} values out of limits"
+    return svg(frame, f"Distribution of {spec.name}: {label}.", marks)
+
+
+def control_chart_figure(response: ResponseAnalysis) -> str | None:
+    """Return the values in order, or means of them, with control limits; None without a chart."""
+    chart, spec = response.chart, response.spec
+    if chart is None:
+        return None
+    y = around([*chart.points, chart.low, chart.high])
+    frame = PlotArea(HALF, TALL, (0.5, len(chart.points) + 0.5), y, left=y_room(*y), right=44, top=14)
+    at = [(frame.across(i + 1), frame.up(point)) for i, point in enumerate(chart.points)]
+    marked = [at[i] for i in chart.marked]
+    marks = [axis_y(frame, axis_name(spec.name, spec.unit))]
+    for value, name, colour, dash in (
+        (chart.low, "LCL", TARGET, "7 4"),
+        (chart.centre, "mean", MUTED, ""),
+        (chart.high, "UCL", TARGET, "7 4"),
+    ):
+        marks.append(
+            line([(frame.left, frame.up(value)), (frame.width - frame.right, frame.up(value))], colour, 1.2, dash)
+        )
+        marks.append(text(frame.width - frame.right + 4, frame.up(value) + 4, name, "start", colour))
+    marks += [line(at, BAR, 1), dots(at, DEEP, 2.4)]
+    marks += [dots(marked, REJECT, 4)] if marked else []
+    marks.append(axis_x(frame, chart_words(chart)))
+    low, high = (format_numbers.significant(end, 4) for end in (chart.low, chart.high))
+    label = (
+        f"Control chart of {spec.name}, {len(chart.points)} {chart_words(chart)}: limits {low} to {high}, "
+        f"{len(marked)} points marked."
+    )
+    return svg(frame, label, marks)
+
+
+def chart_words(chart: ControlChart) -> str:
+    """Return what the points of a chart are."""
+    if chart.of == "lots":
+        return "means of lots, in order" if chart.size == 1 else f"means of {chart.size} lots, in order"
+    return "samples, in order" if chart.size == 1 else f"means of {chart.size} samples, in order"
+
+
+def deciding_fit(response: ResponseAnalysis) -> Fit | None:
+    """Return the fitted family of a response that is not judged by Cpk; None for the normal distribution."""
+    fit = response.fits.of(response.fits.best)
+    by_normal = response.verdict.by in ("", "index")
+    return fit if not by_normal and fit is not None and fit.family != "normal" else None
+
+
+def decides(response: ResponseAnalysis) -> bool:
+    """Return whether the family of the probability plot decides the verdict, and no tail, count or weighted run."""
+    by = response.verdict.by
+    return by == "index" or (by in ("fitted distribution", PERCENTILE) and response.fits.best is not None)
+
+
+def deciding_probability_figure(response: ResponseAnalysis) -> str | None:
+    """Return the probability plot with the family that decides; None without one."""
+    plot, spec, c = response.plot, response.spec, response.capability
+    if plot is None or c.mean is None or not c.std:
+        return None
+    limits = [v for v in (spec.lsl, spec.usl) if v is not None]
+    reach = max(3.1, float(np.max(np.abs(plot.scores))) + 0.2)
+    shown, far = with_near([*plot.values], limits)
+    frame = PlotArea(HALF, TALL, around(shown), (-reach, reach), left=76, top=28)
+    z = np.linspace(-reach, reach, 161)
+    fit = deciding_fit(response)
+    marks = [axis_y(frame, "values below [%]", tick_scores(PROBABILITIES, reach))]
+    curves = [(c.mean + z * c.std, MUTED if fit else INK, "2 3" if fit else "")]
+    if fit is not None:
+        with np.errstate(all="ignore"):
+            curves.append((distribution(fit).ppf(ndtr(z)), FIT, ""))
+    else:
+        for side in (plot.low, plot.high):
+            marks.append(_inside(frame, np.asarray(side), np.asarray(plot.scores), MUTED, "4 3"))
+    marks += [_inside(frame, x, z, colour, dash) for x, colour, dash in curves]
+    points = ((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True))
+    marks += [dots(points, DEEP, 1.8), axis_x(frame, axis_name(spec.name, spec.unit))]
+    named = [(v, f"{name} {format_numbers.plain(v)}") for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))]
+    marks += [marker(frame, v, words, LIMIT, "7 4") for v, words in named if v is not None and v not in far]
+    marks += _far_names(frame, [(v, words) for v, words in named if v in far])
+    family = fit.title if fit else "the normal distribution"
+    return svg(frame, f"Probability plot of {spec.name} with {family}. {response.normality.reason}", marks)
+
+
+def index_figure(response: ResponseAnalysis) -> str | None:
+    """Return every estimate of the index with its interval, and the requirement; None with too few values."""
+    found, spec, c = response.verdict, response.spec, response.capability
+    if c.cpk is None or (not found.by and c.n < FEWEST_FOR_A_VERDICT):
+        return None
+    rows = _estimates(response)
+    needed = bars_of(spec.requirement)
+    ends = [needed.capable, needed.marginal]
+    ends += [v for _, e, _ in rows for v in (e.low, e.value, e.high) if math.isfinite(v)]
+    most = 2.5 * max(needed.capable, *(e.value for _, e, _ in rows if math.isfinite(e.value)))
+    x = around([min(max(v, -1.0), most) for v in ends])
+    left = 18 + max(text_width(name) for name, _, _ in rows)
+    height = max(TALL, 84.0 + 34 * len(rows))
+    frame = PlotArea(HALF, height, x, (0.0, 1.0), left=left, right=20, top=28)
+    step = (frame.ground - frame.top) / len(rows)
+    words = f"required {format_numbers.plain(needed.capable)}"
+    marks = [
+        line([(frame.across(needed.marginal), frame.top), (frame.across(needed.marginal), frame.ground)], GRID, 2),
+        marker(frame, needed.capable, words, TARGET, ""),
+    ]
+    for row, (name, estimate, decides) in enumerate(rows):
+        y = frame.top + step * (row + 0.55)
+        low, high = (frame.across(min(max(end, x[0]), x[1])) for end in (estimate.low, estimate.high))
+        colour = INK if decides else MUTED
+        marks.append(line([(low, y), (high, y)], colour, 4 if decides else 1.6))
+        marks += [
+            line([(at, y - 5), (at, y + 5)], colour, 1.6)
+            for at, end in ((low, estimate.low), (high, estimate.high))
+            if x[0] <= end <= x[1]
+        ]
+        value = "none"
+        if math.isfinite(estimate.value) and estimate.value <= x[1]:
+            marks.append(dots([(frame.across(max(estimate.value, x[0])), y)], colour, 5 if decides else 3.5))
+            value = format_numbers.index(estimate.value)
+        elif estimate.value > x[1]:
+            value = f"> {format_numbers.significant(x[1], 3)}"
+        bold = 'font-weight="700"' if decides else ""
+        middle = min(max(0.5 * (low + high), frame.left + 20), frame.width - frame.right - 20)
+        if value != "none":
+            at = frame.across(min(max(estimate.value, x[0]), x[1]))
+            middle = min(max(at, frame.left + 20), frame.width - frame.right - 20)
+            marks.append(text(middle, y - 9, value, colour=colour, more=bold))
+        marks.append(text(frame.left - 8, y + 4, name, "end", colour, bold))
+    marks.append(axis_x(frame, "index"))
+    values = "; ".join(f"{name} {e.words}" for name, e, _ in rows)
+    return svg(frame, f"Index of {spec.name}, required {format_numbers.plain(spec.requirement)}: {values}.", marks)
+
+
+def _estimates(response: ResponseAnalysis) -> list[tuple[str, IndexEstimate, bool]]:
+    """Return name, estimate and whether it decides, the deciding one first."""
+    found, c = response.verdict, response.capability
+    assert c.cpk is not None
+    low, high = c.cpk_interval or (c.cpk, c.cpk)
+    normal = IndexEstimate("index", low, c.cpk, high, format_numbers.index(c.cpk))
+    rows = [("Cpk", normal)]
+    rows += [(_BY[e.by], e) for e in index_estimates(c.n, response.fits, response.methods, response.tails)]
+    known = [(name, e, e.by == found.by) for name, e in rows]
+    if found.by and not any(decides for _, _, decides in known):
+        value = math.inf if found.index is None else found.index
+        ends = (-math.inf if found.index_low is None else found.index_low, found.index_high or math.inf)
+        names = {"count": "count of rejects", WEIGHTED: "weighted runs"}
+        deciding = IndexEstimate(found.by, ends[0], value, ends[1], format_numbers.index(value))
+        known = [(names.get(found.by, found.by), deciding, True), *known]
+    return sorted(known, key=lambda each: not each[2])[:5]
+
+
+def causes_figure(response: ResponseAnalysis) -> str | None:
+    """Return the shares of the variance by variable with their intervals, and what none causes; or None."""
+    s = response.sensitivity
+    shown = [i for i in s.ranked if i.share is not None][:_BARS] if s else []
+    if s is None or not shown:
+        return None
+    rows: list[tuple[str, float, tuple[float, float] | None, str]] = []
+    for i in shown:
+        interval = i.shapley_interval if i.shapley is not None else i.total_interval if i.total is not None else None
+        interval = interval or (i.first_order_interval if i.shapley is None and i.total is None else None)
+        rows.append((i.variable, i.share or 0.0, interval, DEEP if i.verdict == "critical" else PALE))
+    if s.scatter is not None:
+        rows.append(("scatter", s.scatter, s.scatter_interval, MUTED))
+    rest = s.rest if s.scatter is not None else s.interaction
+    if rest is not None:
+        rows.append(("interactions" if s.scatter is not None else "the rest", max(rest, 0.0), None, MUTED))
+    left = min(18 + max(text_width(name) for name, *_ in rows), 170.0)
+    most = min(max(1.05 * max(max(share, (interval or (0, 0))[1]) for _, share, interval, _ in rows), 0.2), 1.0)
+    frame = PlotArea(HALF, TALL, (0.0, 100 * most), (0.0, 1.0), left=left, right=64, top=10)
+    step = (frame.ground - frame.top) / len(rows)
+    marks = []
+    for row, (name, share, interval, colour) in enumerate(rows):
+        y, tall = frame.top + step * (row + 0.5), min(0.62 * step, 18.0)
+        end = frame.across(100 * min(share, most))
+        marks.append(box(frame.left, y - tall / 2, max(end - frame.left, 0.8), tall, colour))
+        last = end
+        if interval:
+            a, b = (frame.across(100 * min(max(v, 0.0), most)) for v in interval)
+            marks.append(line([(a, y), (b, y)], INK, 1.4))
+            marks += [line([(x, y - 4), (x, y + 4)], INK, 1.4) for x in (a, b)]
+            last = max(end, b)
+        marks.append(text(last + 6, y + 4.5, format_numbers.part(share), "start"))
+        marks.append(text(frame.left - 6, y + 4.5, shortened(name, left - 8), "end"))
+    marks.append(axis_x(frame, "share of the variance [%]"))
+    listed = "; ".join(f"{name} {format_numbers.part(share)}" for name, share, *_ in rows)
+    return svg(frame, f"Causes of the variance of {response.spec.name}: {listed}.", marks)
+
+
+def scatters_figure(response: ResponseAnalysis, units: dict[str, str]) -> str | None:
+    """Return the response against its two strongest inputs, side by side on one axis; `units` of the variables."""
+    pairs, spec = response.scatters, response.spec
+    if not pairs:
+        return None
+    values = [v for pair in pairs for v in (min(pair.y), max(pair.y))]
+    limits = [v for v in (spec.lsl, spec.usl) if v is not None]
+    shown, far = with_near(values, limits)
+    y = around(shown)
+    left, gap, right = y_room(*y), 22.0, 12.0
+    each = (HALF - left - right - gap * (len(pairs) - 1)) / len(pairs)
+    marks, labels = [], []
+    for number, pair in enumerate(pairs):
+        start = left + number * (each + gap)
+        frame = PlotArea(HALF, TALL, around([*pair.x]), y, left=start, right=HALF - start - each, top=26 if far else 14)
+        if number == 0:
+            whole = PlotArea(HALF, TALL, frame.x, y, left=left, right=right, top=frame.top)
+            marks.append(axis_y(whole, axis_name(spec.name, spec.unit)))
+            named = [(v, f"{name} {format_numbers.plain(v)}") for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))]
+            marks += _far_names(frame, [(v, words) for v, words in named if v in far], vertical=True)
+            for v, words in named:
+                if v is not None and v not in far:
+                    marks.append(line([(left, frame.up(v)), (HALF - right, frame.up(v))], LIMIT, 1.5, "7 4"))
+                    below = 14 if frame.up(v) - 14 < frame.top else -4
+                    marks.append(text(HALF - right - 2, frame.up(v) + below, words, "end", LIMIT))
+        marks += _points(frame, pair, spec.lsl, spec.usl)
+        marks.append(axis_x(frame, axis_name(pair.variable, units.get(pair.variable, "1"))))
+        slope = "" if pair.slope is None else f", slope {format_numbers.significant(pair.slope)}"
+        labels.append(f"{pair.variable}{slope}")
+    return svg(PlotArea(HALF, TALL, (0, 1), (0, 1)), f"{spec.name} against {' and '.join(labels)}.", marks)
+
+
+def _points(frame: PlotArea, pair: Scatter, lsl: float | None, usl: float | None) -> list[str]:
+    """Return the points of a scatter plot, those out of limits in red, and the means over groups."""
+    inside, outside = list[tuple[float, float]](), list[tuple[float, float]]()
+    for at, value in zip(pair.x, pair.y, strict=True):
+        out = (lsl is not None and value < lsl) or (usl is not None and value > usl)
+        (outside if out else inside).append((frame.across(at), frame.up(value)))
+    radius = 2.0 if len(pair.x) <= 200 else 1.4
+    marks = [dots(inside, BAR, radius)] if inside else []
+    marks += [dots(outside, REJECT, radius)] if outside else []
+    return marks + ([curve(frame, pair.mean_x, pair.mean_y, INK)] if pair.mean_x else [])
+
+
+def _far_names(frame: PlotArea, far: list[tuple[float | None, str]], *, vertical: bool = False) -> list[str]:
+    """Return the names of limits outside the figure, at the edge where they lie; on one line for a vertical axis."""
+    low, high = frame.y if vertical else frame.x
+    before = [words for v, words in far if v is not None and v < low]
+    after = [words for v, words in far if v is not None and v > high]
+    if vertical:
+        words = [f"{w} is far below" for w in before] + [f"{w} is far above" for w in after]
+        return [text(frame.left, 14, "; ".join(words), "start", LIMIT)] if words else []
+    marks = [text(frame.left, frame.top - 8, f"← {w}", "start", LIMIT) for w in before]
+    return marks + [text(frame.width - frame.right, frame.top - 8, f"{w} →", "end", LIMIT) for w in after]
+
+
+def _inside(frame: PlotArea, x: "np.ndarray", y: "np.ndarray", colour: str, dash: str) -> str:
+    """Return the part of a curve inside the figure; empty without one."""
+    kept = np.isfinite(x) & (x >= frame.x[0]) & (x <= frame.x[1])
+    return curve(frame, x[kept].tolist(), y[kept].tolist(), colour, dash) if kept.any() else ""
