@@ -75,7 +75,7 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             places=PLACES,
             limited=limited,
             unlimited=[r for r in analysis.responses if r not in limited],
-            no_verdict=too_few_ok(analysis.ok, analysis.finished, analysis.spec.min_ok),
+            no_verdict=too_few_ok(analysis.ok, _judged(analysis), analysis.spec.min_ok),
             notes=notes_of(analysis),
             units={v.spec.name: v.spec.unit for v in analysis.variables},
             marks=MARKS,
@@ -96,6 +96,12 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             missing=missing,
         )
     )
+
+
+def _judged(analysis: Analysis) -> int:
+    """Return the number of finished samples but for those that are judged by a limit of their own."""
+    apart = analysis.assembly is not None and analysis.assembly.limit is not None
+    return analysis.finished - (analysis.assembly.count if apart and analysis.assembly else 0)
 
 
 @dataclass(frozen=True)
