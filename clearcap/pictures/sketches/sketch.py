@@ -56,6 +56,12 @@ def _bodies(
             drawing.body_name(drawing.area(outline, colour), name, colour)
         for line in lines:
             drawing.stroke(drawing.on_canvas(line), MUTED)
+    for coupling in mechanism.couplings.values():  # from joint to joint
+        sides = [mechanism.joints[term.joint].sides[1] for term in coupling.terms]
+        places = [
+            mechanism.bodies[side.body].origin + start_rotation(mechanism, side.body) @ side.point for side in sides
+        ]
+        drawing.stroke(np.array([drawing.on_canvas(place) for place in places]), MUTED, "dashed")
     return drawing
 
 

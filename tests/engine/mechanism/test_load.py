@@ -53,6 +53,7 @@ def test_the_shipped_ones_load():
         "four_bar",
         "incline",
         "lever",
+        "push_button",
         "slider_crank",
         "sphere_roll",
         "spinning_top",

@@ -2,13 +2,16 @@
 
 from itertools import combinations
 
+import numpy as np
 import pytest
 
 from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.pictures.sketches.sketch_canvas import LETTER, LINE
+from clearcap.pictures.view import choose_view
 from engine import load_mechanism
 from tests.each import each
 from tests.engine.small import block_on_floor, made
+from tests.engine.test_couplings import wheels
 
 
 def boxes(sketch):
@@ -84,3 +87,14 @@ def test_a_reference_far_away_does_not_shrink_the_mechanism():
     sketch = sketch_mechanism(made(data))
     width = [max(x for x, _ in s.areas[0][0]) - min(x for x, _ in s.areas[0][0]) for s in (plain, sketch)]
     assert width[1] > 0.4 * width[0]
+
+
+def test_a_coupling_is_drawn_from_joint_to_joint():
+    """A dashed line between the two shafts, which are 1 m apart, as long as that on the canvas."""
+    mechanism = made(wheels())
+    view = choose_view(mechanism)
+    (line,) = [stroke for stroke in sketch_mechanism(mechanism).strokes if stroke.style == "dashed"]
+    way = np.diff(view.project(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), axis=0)[0]
+    drawn = np.diff(np.array(line.points), axis=0)[0] * [1.0, -1.0]
+    assert np.linalg.norm(drawn) > 20.0
+    assert drawn / np.linalg.norm(drawn) == pytest.approx(way / np.linalg.norm(way), abs=1e-2)
