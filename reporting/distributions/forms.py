@@ -27,6 +27,9 @@ Moments = tuple[float, float]  # mean and standard deviation
 
 _HALF_LOG_2PI = 0.9189385332046728
 _HALVINGS = 80
+_STEPS, _LAST_DIGITS = 100, 1e-16
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_BLOCK = 256  # values that are computed together
 LARGE = 1e4  # shape of a Weibull distribution
 ZETA = (1.6449340668482264, 1.2020569031595942, 1.0823232337111382)  # zeta(2), zeta(3), zeta(4)
 
@@ -406,6 +409,130 @@ def two_normals(share: Parameter, mean1: Parameter, std1: Parameter, mean2: Para
         ppf=lambda p: between(one.ppf(p), two.ppf(p), lambda z: cdf(z) < p),
         isf=lambda q: between(one.isf(q), two.isf(q), lambda z: sf(z) > q),
     )
+
+
+def selective(middle: float, first: float, second: float, reach: float, classes: int) -> ClosedForm:
+    """Return the distribution of half the difference of two parts that are sorted into classes and then mated.
+
+    Both are normal with standard deviations ``first`` and ``second``, ``middle`` is half the difference of their means.
+    What lies beyond ``reach`` standard deviations is sorted out. The rest of each part is sorted into classes of equal
+    width, and class i of the first is mated at random with class i of the second. As classes of one number hold the
+    same share of both, nothing is left over.
+
+    In a class the parts are truncated normal and independent. The density of their difference is closed (a normal one
+    times the probability of a normal range), its integral a sum over Gauss's nodes.
+    """
+    edges = np.linspace(-reach, reach, classes + 1)
+    a, b = edges[:-1, None], edges[1:, None]  # (classes, 1), in standard deviations
+    share = _between(a, b)
+    weight = share / share.sum()
+    low, high = middle - 0.5 * (first + second) * reach, middle + 0.5 * (first + second) * reach
+    # nodes and weights on (0, 1), in panels of at most two standard deviations
+    panels = math.ceil(reach / classes)
+    node = np.concatenate([(panel + 0.5 * (1.0 + _NODES)) / panels for panel in range(panels)])[:, None]
+    gauss = np.tile(0.5 * _WEIGHTS / panels, panels)[:, None]
+
+    def difference(t: Array) -> Array:
+        return np.asarray(2.0 * (np.clip(t, low, high) - middle))
+
+    def kinks(y: Array) -> tuple[Array, Array]:
+        """Return the second part's scores from which on, and up to which, the first one's limits y."""
+        return np.clip((first * a - y) / second, a, b), np.clip((first * b - y) / second, a, b)
+
+    def mixed(t: Array, of_classes: Function) -> Array:
+        """Return the sum over the classes of a function of y, (n,), that returns (classes, n), by blocks."""
+        y = difference(np.asarray(t, dtype=np.float64))
+        blocks = [_sum_first(weight * of_classes(y.ravel()[i : i + _BLOCK])) for i in range(0, y.size, _BLOCK)]
+        return np.concatenate([*blocks, np.zeros(0)]).reshape(y.shape)
+
+    def inside(y: Array, inner: Function) -> Array:
+        """Return the integral of the second part's density times ``inner`` of the first one's score."""
+        below, above = kinks(y)
+        z = below[:, None] + (above - below)[:, None] * node
+        x = np.clip((y + second * z) / first, a[:, None], b[:, None])
+        terms = np.moveaxis(gauss * exp(-0.5 * z * z - _HALF_LOG_2PI) * inner(x), 1, 0)
+        return np.asarray((above - below) * _sum_first(terms))
+
+    def cdf_of(y: Array) -> Array:
+        within = inside(y, lambda x: _between(a[:, None], x)) / share
+        return np.asarray(np.clip((within + _between(kinks(y)[1], b)) / share, 0.0, 1.0))
+
+    def sf_of(y: Array) -> Array:
+        within = inside(y, lambda x: _between(x, b[:, None])) / share
+        return np.asarray(np.clip((within + _between(a, kinks(y)[0])) / share, 0.0, 1.0))
+
+    def density_of(y: Array) -> Array:
+        spread = math.hypot(first, second)
+        centre, width = -y * second / spread**2, first / spread
+        below, above = kinks(y)
+        of_range = _between((below - centre) / width, (above - centre) / width)
+        return np.asarray(exp(-0.5 * (y / spread) ** 2 - _HALF_LOG_2PI) / spread * of_range / share**2)
+
+    def cdf(t: Array) -> Array:
+        return mixed(t, cdf_of)
+
+    def sf(t: Array) -> Array:
+        return mixed(t, sf_of)
+
+    def density(t: Array) -> Array:
+        return 2.0 * mixed(t, density_of)
+
+    def logpdf(t: Array) -> Array:
+        return np.where((t >= low) & (t <= high), log(density(t)), -math.inf)
+
+    def moments() -> Moments:
+        at_a, at_b = (exp(-0.5 * edge * edge - _HALF_LOG_2PI) for edge in (a, b))
+        score = (at_a - at_b) / share
+        variance = 1.0 + (a * at_a - b * at_b) / share - score**2
+        mean = (first - second) * score
+        whole = float((weight * mean).sum())
+        square = weight * ((first**2 + second**2) * variance + (mean - whole) ** 2)
+        return middle + 0.5 * whole, 0.5 * math.sqrt(float(square.sum()))
+
+    return ClosedForm(
+        logpdf=logpdf,
+        cdf=cdf,
+        sf=sf,
+        ppf=lambda p: _solve(lambda t, share: cdf(t) - share, density, p, low, high),
+        isf=lambda q: _solve(lambda t, share: share - sf(t), density, q, low, high),
+        support=(low, high),
+        moments=moments,
+    )
+
+
+def _sum_first(terms: Array) -> Array:
+    """Return the sum along the first axis, one term after the other: the bits do not depend on the other axes."""
+    return np.asarray(np.cumsum(terms, axis=0)[-1])
+
+
+def _between(a: Array, b: Array) -> Array:
+    """Return the probability of a standard normal value between a and b, a <= b, with the digits of its tail."""
+    return np.asarray(np.where(a > 0.0, ndtr(-a) - ndtr(-b), ndtr(b) - ndtr(a)))
+
+
+def _solve(excess: Callable[[Array, Array], Array], slope: Function, p: Array, low: float, high: float) -> Array:
+    """Return where the increasing ``excess`` of x and p is 0, between two bounds, for each p.
+
+    Newton's method within the bounds found so far, and bisection where it leaves them; an element that has converged is
+    left alone, so that it does not depend on the others.
+    """
+    p = np.asarray(p, dtype=np.float64)
+    wanted, x = p.ravel(), np.full(p.size, 0.5 * (low + high))
+    left = np.arange(p.size)
+    least, most = np.full(p.size, low), np.full(p.size, high)
+    for _ in range(_STEPS):
+        now = x[left]
+        over = excess(now, wanted[left])
+        below, above = np.where(over > 0.0, least[left], now), np.where(over > 0.0, now, most[left])
+        with np.errstate(all="ignore"):
+            tried = now - over / slope(now)
+        after = np.where((tried > below) & (tried < above), tried, 0.5 * (below + above))
+        after = np.where(over == 0.0, now, after)
+        least[left], most[left], x[left] = below, above, after
+        left = left[np.abs(after - now) > _LAST_DIGITS * (high - low)]
+        if not left.size:
+            break
+    return np.asarray(x.reshape(p.shape))
 
 
 def _bisect(under: Callable[[Array], Any], low: Array, high: Array) -> Array:

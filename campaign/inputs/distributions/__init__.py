@@ -16,6 +16,7 @@ from campaign.inputs.distributions.bounded import Beta, Triangular, Uniform
 from campaign.inputs.distributions.continuous import Continuous, ProductionBatch
 from campaign.inputs.distributions.discrete import Constant, Empirical, Geometric, Poisson
 from campaign.inputs.distributions.normal import Normal, TruncatedNormal
+from campaign.inputs.distributions.selective import Selective
 from campaign.inputs.distributions.skewed import Exponential, Gamma, Lognormal, Weibull
 
 __all__ = [
@@ -37,6 +38,7 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
         Normal,
         Uniform,
         Triangular,
+        Selective,
         Beta,
         Lognormal,
         Weibull,

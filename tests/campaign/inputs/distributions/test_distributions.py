@@ -105,7 +105,8 @@ def name(value):
     return "-".join(map(str, value.values())) if isinstance(value, dict) else ""
 
 
-CONTINUOUS = [*(keys for keys, _ in PARENTS), *map(cut, CUTS)]
+SELECTIVE = [entry("selective", fit="12 H7/g6", cpk=1.0, classes=4)]  # test_selective.py
+CONTINUOUS = [*(keys for keys, _ in PARENTS), *map(cut, CUTS), *SELECTIVE]
 U = np.array([1e-9, 1e-4, 0.01, 0.3, 0.5, 0.9, 0.999, 1.0 - 1e-9])
 
 
