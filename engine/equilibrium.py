@@ -198,7 +198,7 @@ def _weights(pose: Assembly) -> Array:
     load, contacts, rows = np.zeros(pose.problem.w.size), pose.model.contacts, pose.problem.rows
     for j, i in enumerate(_touching(pose)):
         if contacts.weight[i, 0] >= 0:
-            load[ROW * contacts.weight[i, 0]] = contacts.bound[i] * rows.G[j, 0, 2 * ROW]
+            load[ROW * contacts.weight[i, 0]] = contacts.breakaway[i] * rows.G[j, 0, 2 * ROW]
     return load
 
 

@@ -127,6 +127,7 @@ class Pair:
     play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
+    breakaway: float = 0.0  # the same of a joint that sticks
     coupling: int = -1  # the number of the coupling of which it is a flank; -1: none
     flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
 
@@ -203,6 +204,7 @@ def contact_arrays(
         flank=np.array([pair.flank for pair in pairs], float),
         terms=terms,
         bound=np.array([pair.bound for pair in pairs], float),
+        breakaway=np.array([pair.breakaway for pair in pairs], float),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))

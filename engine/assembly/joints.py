@@ -119,8 +119,10 @@ def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
         axis[10] = -1.0 if value == "backward" else 1.0
         kind, law = (ONE_WAY, (0.0, 0.0)) if face == "one_way" else (JOINT_FRICTION, (1.0, 0.0))
         bound = 0.0 if face == "one_way" else value
+        breakaway = getattr(joint, face.replace("friction", "breakaway"), None) or bound
         bodies = place.b.index, place.a.index
-        yield Pair(f"{name}.{face}", kind, *bodies, _point(point), axis, 0.0, law, bound=bound)
+        at, row = f"{name}.{face}", _point(point)
+        yield Pair(at, kind, *bodies, row, axis, 0.0, law, bound=bound, breakaway=breakaway if bound else 0.0)
 
 
 FaceRow = tuple[str, int, tuple[BodyFrame, BodyFrame], Array, Array]

@@ -11,6 +11,8 @@ from engine.kernels.couplings import coupled_rows, coupled_velocity
 from engine.kernels.model import COUPLED, ON_BALL, RING_BORE
 from engine.kernels.vectors import CENTRED, cross, transport, world_direction
 
+STICKS = 1e-5  # share of the speed that friction takes in a step; the solver leaves less of a joint that sticks
+
 
 @kernel
 def relative_velocity(x, R, a, b, point, frame, twist, i, u):
@@ -138,13 +140,17 @@ def _add_weight(contacts, i, rows, j):
 
 
 @inner
-def press(contacts, i, time, problem, j):
-    """Press the weight of contact i, contact j of a problem, with its bound for some time; return the impulse."""
-    bound = contacts.bound[i]
-    if bound > 0.0:
-        g = problem.rows.G[j, 0, 2 * ROW]
-        problem.q[j, 0] = -time * bound * g * g
-    return time * bound
+def press(contacts, i, time, speed, problem, j):
+    """Press the weight of contact i, contact j of a problem, with its bound for some time; return the impulse.
+
+    The bound is that of a joint that sticks if the joint's ``speed`` is nothing against what friction takes of it.
+    """
+    g = problem.rows.G[j, 0, 2 * ROW]
+    impulse = time * contacts.breakaway[i]
+    if abs(speed) > STICKS * impulse * g * g:
+        impulse = time * contacts.bound[i]
+    problem.q[j, 0] = -impulse * g * g
+    return impulse
 
 
 @kernel

@@ -85,6 +85,7 @@ class Contacts(NamedTuple):
     flank: np.ndarray  # (nc,) 1 or -1, the side of the coordinate that it limits
     terms: Terms
     bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
+    breakaway: np.ndarray  # (nc,) the same of one that sticks, at least as large
     weight: np.ndarray  # (nc, 3) int64, node of the weight that presses a JOINT_FRICTION (-1: none); pieces with a, b
     surfaces: Surfaces
 

@@ -186,7 +186,7 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
             contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
             work.chosen[nc], problem.mu[nc] = i, model.laws.mu[i]
             if contacts.bound[i] > 0.0:
-                press(contacts, i, h, problem, nc)
+                press(contacts, i, h, 0.0, problem, nc)
                 work.q[i, 0] = problem.q[nc, 0]
             diagonal += square(problem.rows, nc)
             nc += 1

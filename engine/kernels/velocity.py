@@ -84,7 +84,8 @@ def gather_problem(bodies, contacts, laws, state, work, problem, time):
                 problem.r[n, k] = state.r[i, k]
             problem.q[n, 0] += work.shift[i]
             if contacts.bound[i] > 0.0:
-                problem.r[n, 0] = press(contacts, i, time, problem, n)
+                contact_velocity(contacts, state.x, state.R, work.sites, work.start.v, i, work.u)
+                problem.r[n, 0] = press(contacts, i, time, work.u[i, 1], problem, n)
             n += 1
     return n
 

@@ -17,6 +17,7 @@ from engine.mechanism.base import (
     Number,
     PairLaw,
     PositiveLength,
+    PositiveNumber,
     Restitution,
     TableModel,
     check_perpendicular,
@@ -36,6 +37,8 @@ IDEAL = {
     "remove it, and give `friction`, the coefficient of its faces",
     "friction_torque": "a joint with play rubs where its faces touch; allowed: in an ideal joint; "
     "remove it, and give `friction`, the coefficient of its faces",
+    "breakaway_force": "a joint with play has no friction of its own; allowed: in an ideal joint; remove it",
+    "breakaway_torque": "a joint with play has no friction of its own; allowed: in an ideal joint; remove it",
     "one_way": "a joint with play has no motion of its own; allowed: in an ideal joint; "
     "remove it, or make the joint an ideal one",
 }
@@ -98,6 +101,15 @@ class Joint(PairLaw):
             for key, text in IDEAL.items():
                 if getattr(self, key, None) is not None:
                     raise refuse(text, key=key)
+        for key in ("force", "torque"):
+            friction, breakaway = getattr(self, f"friction_{key}", None), getattr(self, f"breakaway_{key}", None)
+            if breakaway is not None and not 0 < (friction or 0.0) <= breakaway:
+                given = "none" if friction is None else f"{friction:g}"
+                text = (
+                    f"what holds a joint is at least what slows it, friction_{key}, which is {given}; allowed: "
+                    f"0 < friction_{key} <= breakaway_{key}; correct one of the two, or remove this one"
+                )
+                raise refuse(text, key=f"breakaway_{key}", value=breakaway)
         return self
 
     def _need(self, *keys: str) -> None:
@@ -171,6 +183,24 @@ FrictionTorque = Annotated[
         default=None,
         exclude_if=_not_given,
         description="the torque with which an ideal joint resists turning, whatever it carries, a number >= 0",
+    ),
+]
+BreakawayForce = Annotated[
+    PositiveNumber | None,
+    Quantity("force"),
+    Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the force at which an ideal joint that sticks begins to slide; default: friction_force",
+    ),
+]
+BreakawayTorque = Annotated[
+    PositiveNumber | None,
+    Quantity("torque"),
+    Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the torque at which an ideal joint that sticks begins to turn; default: friction_torque",
     ),
 ]
 OneWay = Annotated[
@@ -304,6 +334,7 @@ class Prismatic(Joint):
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
     limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
     friction_force: FrictionForce
+    breakaway_force: BreakawayForce
     one_way: OneWay
     guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")
     slider: Slideway = Field(description="the block or shaft: { body, point, axis, normal }")
@@ -446,7 +477,9 @@ class Cylindrical(JournalJoint):
     type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
     limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
     friction_force: FrictionForce
+    breakaway_force: BreakawayForce
     friction_torque: FrictionTorque
+    breakaway_torque: BreakawayTorque
 
 
 class Revolute(JournalJoint):
@@ -457,6 +490,7 @@ class Revolute(JournalJoint):
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
     limits: AngleLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
     friction_torque: FrictionTorque
+    breakaway_torque: BreakawayTorque
     one_way: OneWay
     flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")
     axial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(

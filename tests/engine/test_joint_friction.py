@@ -150,6 +150,52 @@ def test_a_joint_that_moves_one_way_locks_the_other(way, speed):
     assert run.responses["clutch"] == pytest.approx(0.0 if speed else 0.3, rel=1e-6)
 
 
+def test_what_sticks_breaks_away_at_more_than_what_slides():
+    """A torque that grows by 0.5 N m/s breaks away at 0.9 N m after 1.8 s, and then has 0.6 N m against it."""
+    data = rotor(2.4, friction_torque=0.6, breakaway_torque=0.9)
+    data["torques"]["t"] = {"body": "rotor", "torque": [0, 0, 1], "law": {"table": [[0, 0], [4, 2]]}}
+    data["responses"]["breaks"] = {"type": "time", "at": {"response": "speed", "above": 1e-6}}
+    data["responses"]["friction"] = {"type": "contact_force", "contact": "shaft.friction_torque"}
+    data["responses"]["most"] = {**data["responses"]["friction"], "at": "maximum"}
+    run = simulate(made(data))
+    assert run.responses["breaks"] == pytest.approx(1.8, abs=2e-3)
+    assert run.responses["most"] == pytest.approx(0.9, rel=2e-3)
+    assert run.responses["friction"] == pytest.approx(0.6, rel=1e-7)
+    assert run.responses["speed"] == pytest.approx((0.3 * 0.6 + 0.25 * 0.6**2) / INERTIA, rel=5e-3)
+    held = simulate(
+        made(rubbing(rotor(torque=0.8, friction_torque=0.6, breakaway_torque=0.9), "shaft.friction_torque"))
+    )
+    assert held.status == "ok", held.message
+    assert held.responses["friction"] == pytest.approx(0.8, rel=1e-6)
+
+
+def test_a_spring_pulls_a_block_in_jumps():
+    """Stick-slip with 200 N/m at 0.1 m/s: its force swings about the sliding 4 N, from 8 N until the block stands."""
+    data = sliding("prismatic", 4.0, gravity=[0, 0, 0], phases=[{"name": "run", "duration": 2.0}])
+    data["simulation"]["horizon"] = 2.0
+    data["joints"]["slide"]["breakaway_force"] = 8.0
+    data["bodies"]["sled"] = {"mass": 1.0, "inertia": [1, 1, 1], "origin": [0, 0, 1.1]}
+    data["joints"]["lead"] = {
+        "type": "prismatic",
+        "guide": {"body": "ground", "point": [0, 0, 0], "axis": [0, 0, 1]},
+        "slider": {"body": "sled", "point": [0, 0, 0], "axis": [0, 0, 1]},
+    }
+    data["motions"] = {"pull": {"body": "sled", "along": {"direction": [0, 0, 1]}, "law": {"speed": 0.1}}}
+    ends = {"a": {"body": "load", "point": [0, 0, 0]}, "b": {"body": "sled", "point": [0, 0, 0]}}
+    data["springs"] = {"s": {"type": "linear", **ends, "stiffness": 200.0, "free_length": 1.0}}
+    force = {"type": "spring_force", "spring": "s"}
+    data["phases"] = [{"name": "first", "duration": 0.45}, {"name": "later", "duration": 1.55}]
+    data["responses"] = {
+        "most": {**force, "at": "minimum"},
+        "least": {**force, "at": "maximum", "from_phase": "later"},
+    }
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    swing = np.hypot(4.0, 0.1 * np.sqrt(200.0 * MASS))  # the sled goes on while the block slides
+    assert run.responses["most"] == pytest.approx(-4.0 - swing, rel=5e-3)
+    assert run.responses["least"] == pytest.approx(-4.0 + swing, abs=5e-2)
+
+
 def fault(data: dict[str, Any]) -> str:
     """Return the message of the one fault of a mechanism."""
     with pytest.raises(MechanismError) as caught:
@@ -161,6 +207,9 @@ def test_what_makes_no_sense_is_refused():
     """Each message begins with the key."""
     assert fault(rotor(friction_torque=-1.0)).startswith("joints.shaft.friction_torque = -1")
     assert "friction_force" in fault(rotor(friction_force=1.0))
+    weak = rotor(friction_torque=0.6, breakaway_torque=0.5)
+    assert fault(weak).startswith("joints.shaft.breakaway_torque = 0.5")
+    assert "friction_torque, which is 0.6" in fault(weak)
     loose = rotor(friction_torque=0.1)
     loose["joints"]["shaft"] |= {"type": "clearance_revolute", "rings": [0], "radial_clearance": 1e-3, "friction": 0}
     loose["joints"]["shaft"]["journal"]["radius"] = 0.01
