@@ -32,7 +32,25 @@ _GRID, _WIDEST = 2001, 12.0  # points and half width [standard deviations] of a 
 _DIGITS = 7  # of a number for users to write into a file
 
 # Parameters that a distribution may have in place of mean and std.
-_NATURAL = ("dimension", "fit", "cpk", "alpha", "beta", "shape", "scale", "log_mean", "log_std")
+_SHIFTED = {"shift", "sigma_shift", "inertia"}  # the spread follows from more than the tolerance
+_NATURAL = (
+    *("dimension", "fit", "nominal", "tolerance", "cpk", *_SHIFTED, "inflation"),
+    *("alpha", "beta", "shape", "scale", "log_mean", "log_std"),
+)
+    "dimension",
+    "fit",
+    "nominal",
+    "tolerance",
+    "cpk",
+    *_SHIFTED,
+    "inflation",
+    "alpha",
+    "beta",
+    "shape",
+    "scale",
+    "log_mean",
+    "log_std",
+)
 
 
 @dataclass(frozen=True)
@@ -180,7 +198,7 @@ def _scaled(old: Continuous, scale: float) -> Continuous | None:
     """
     table = old.model_dump(exclude_none=True)
     has_moments = {"mean", "std"} <= type(old).model_fields.keys()
-    if "tolerance" in table:  # the capability of the manufacturer stays the same
+    if "tolerance" in table and not _SHIFTED & table.keys():  # the capability of the manufacturer stays the same
         table["tolerance"] *= scale
     elif table["distribution"] == "exponential":
         table = {key: x for key, x in table.items() if key not in ("mean", "std")}

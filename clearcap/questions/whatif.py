@@ -149,7 +149,8 @@ def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | No
 # -- settings become distributions ----------------------------------------------------------------------------------
 
 # Alternative sets of parameters; a distribution is given by one of them.
-_DRAWN = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"))
+_DRAWN = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"), ("nominal", "inertia"))
+_OF_DRAWN = {"shift", "sigma_shift", "inflation"}  # belong to these, not to mean and std
 _PARAMETERS = (
     ("mean", "std"),
     *_DRAWN,
@@ -248,6 +249,8 @@ def _completed(table: dict[str, Any], old: Distribution, written: set[str]) -> t
     if chosen or another:  # except for mean and std, a key has another meaning in another kind of distribution
         same = set() if chosen or model is Exponential else {"mean", "std", *(key for keys in _DRAWN for key in keys)}
         gone |= {key for keys in _PARAMETERS for key in keys} & table.keys() - same - set(chosen or ())
+    if chosen == ("mean", "std"):
+        gone |= _OF_DRAWN & table.keys()
     if model is TruncatedNormal and written & {"dimension", "fit"}:
         gone |= {"lower", "upper"}  # those of the new drawing
     kept = {key: value for key, value in table.items() if key in written or key not in gone}

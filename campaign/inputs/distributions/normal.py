@@ -1,8 +1,12 @@
-"""Normal distributions: given by mean and standard deviation, or by limits on a drawing and an assumed capability."""
+"""Normal distributions: given by mean and standard deviation, or by a tolerance and what is assumed of the process.
+
+That is a capability, or the inertia of inertial tolerancing (ISO 18391, NF XP E04-008): the root of sigma^2 plus the
+square of the distance of the mean from the target. Both hold for a process that is off centre too.
+"""
 
 from collections.abc import Mapping
 from functools import cached_property
-from math import hypot
+from math import hypot, sqrt
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
@@ -69,6 +73,26 @@ class Normal(Continuous):
         " value is the radial clearance, half the difference of the two diameters.",
     )
 
+    inertia: PositiveNumber | None = Field(
+        default=None,
+        description="Inertia of the process about the nominal, in the target's unit, above 0, as ISO 18391 and NF XP"
+        " E04-008 limit it; with nominal, instead of mean and std: std = sqrt(inertia^2 - shift^2).",
+    )
+    shift: Number | None = Field(
+        default=None,
+        description="Distance of the mean from the nominal, or from the middle of the dimension, signed, in the"
+        " target's unit; the stated cpk or inertia includes it; 0 if absent.",
+    )
+    sigma_shift: Number | None = Field(
+        default=None,
+        description="The same in standard deviations, such as 1.5; instead of shift.",
+    )
+    inflation: Annotated[PositiveNumber | None, Field(ge=1.0, le=10.0)] = Field(
+        default=None,
+        description="Factor of the standard deviation that follows from a tolerance or an inertia, from 1 to 10, such"
+        " as Bender's 1.5; 1 if absent.",
+    )
+
     @cached_property
     def drawn(self) -> Drawn | None:
         """What the drawing says; None without one."""
@@ -80,18 +104,32 @@ class Normal(Continuous):
     def location(self) -> float:
         """Mean before the cut."""
         drawn = self.drawn
-        return drawn.middle if drawn is not None else self.mean or 0.0
+        if drawn is None and self.inertia is None:
+            return self.mean or 0.0
+        middle = drawn.middle if drawn is not None else self.nominal or 0.0
+        off = self.shift or 0.0
+        return middle + (self.sigma_shift * self._stated if self.sigma_shift is not None else off)
 
     @property
     def scale(self) -> float:
         """Standard deviation before the cut."""
-        drawn = self.drawn
-        return drawn.width / (3.0 * self.cpk) if drawn is not None and self.cpk is not None else self.std or 0.0
+        if self.drawn is None and self.inertia is None:
+            return self.std or 0.0
+        return (self.inflation or 1.0) * self._stated
+
+    @property
+    def _stated(self) -> float:
+        """Standard deviation with which the process has the stated capability or inertia, shifted as it is."""
+        drawn, off, sigmas = self.drawn, abs(self.shift or 0.0), abs(self.sigma_shift or 0.0)
+        if self.inertia is not None:
+            return sqrt(max(self.inertia**2 - off**2, 0.0)) / sqrt(1.0 + sigmas**2)
+        return (drawn.width - off) / (3.0 * (self.cpk or 1.0) + sigmas) if drawn is not None else 0.0
 
     def check_parameters(self) -> None:
         """Raise ValueError unless one set of parameters is complete and the nominal lies within the bounds."""
-        drawings = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"))
+        drawings = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"), ("nominal", "inertia"))
         check_parameter_groups(self, ("mean", "std"), *drawings, hint=self.hint)
+        self._check_shift()
         low, high = self.cut()
         if self.nominal is not None and not low <= self.nominal <= high:
             raise ValueError(
@@ -99,13 +137,36 @@ class Normal(Continuous):
                 " move the nominal or the bounds"
             )
 
+    def _check_shift(self) -> None:
+        """Raise ValueError if a shift or an inflation does not belong to what states the process, or is too large."""
+        given = {key: x for key in ("shift", "sigma_shift", "inflation") if (x := getattr(self, key)) is not None}
+        if given and self.mean is not None:
+            raise ValueError(f"{next(iter(given))} belongs to a tolerance or an inertia; mean and std include it")
+        shifted = [key for key in given if key != "inflation"]
+        if len(shifted) > 1:
+            raise ValueError("shift and sigma_shift are the same shift; give one of them")
+        if shifted and self.fit is not None:
+            raise ValueError(
+                f"{shifted[0]} needs a process of its own, and a fit has two; allowed: with nominal or dimension;"
+                " give mean and std of the clearance"
+            )
+        most = self.inertia if self.inertia is not None else self.drawn.width if self.drawn is not None else 0.0
+        if self.shift is not None and not abs(self.shift) < most:
+            limit = f"inertia = {most:g}" if self.inertia is not None else f"half the tolerance, {most:g}"
+            raise ValueError(f"shift = {self.shift:g}: allowed: less than {limit}, which includes it; reduce the shift")
+
     def parent(self) -> ClosedForm:
         return forms.normal(self.location, self.scale)
 
     def words(self) -> str:
         by = self.dimension or self.fit or f"tolerance {self.tolerance or 0.0:g}"
-        origin = "" if self.cpk is None else f" ({by}, assumed Cpk {self.cpk:g})"
-        return f"normal, mean {self.location:g}, sd {self.scale:g}{origin}"
+        origin = [] if self.cpk is None else [by, f"assumed Cpk {self.cpk:g}"]
+        origin += [] if self.inertia is None else [f"inertia {self.inertia:g}"]
+        origin += [] if self.shift is None else [f"mean off by {self.shift:g}"]
+        origin += [] if self.sigma_shift is None else [f"mean off by {self.sigma_shift:g} sigma"]
+        origin += [] if self.inflation is None else [f"sd inflated by {self.inflation:g}"]
+        words = f"normal, mean {self.location:g}, sd {self.scale:g}"
+        return f"{words} ({', '.join(origin)})" if origin else words
 
 
 class TruncatedNormal(Normal):

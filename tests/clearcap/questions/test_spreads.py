@@ -59,6 +59,8 @@ def test_a_uniform_variable_fills_its_bounds(campaign):
 KINDS = {
     "truncated": {"distribution": "truncated_normal", "mean": 0.06, "std": 0.02, "lower": 0.01, "upper": 0.13},
     "toleranced": {"distribution": "normal", "nominal": 0.06, "tolerance": 0.03, "cpk": 1.0},
+    "inertial": {"distribution": "normal", "nominal": 0.06, "inertia": 0.01, "shift": 0.004},
+    "shifted": {"distribution": "normal", "nominal": 0.06, "tolerance": 0.03, "cpk": 1.0, "sigma_shift": 1.5},
     "drawn": {"distribution": "truncated_normal", "fit": "25 F8/h9", "cpk": 1.0},
     "selective": {"distribution": "selective", "fit": "25 F8/h9", "cpk": 1.0, "classes": 3},
     "triangular": {"distribution": "triangular", "lower": 0.02, "upper": 0.1, "mode": 0.03, "within": [0.03, 0.09]},

@@ -32,6 +32,13 @@ PARENTS = [
     (entry("normal", dimension="20 +0.05/-0.01", cpk=1.25), stats.norm(20.02, 0.008)),
     # hole 0 to 18, shaft -17 to -6 micrometres: radial 3 to 17.5, and sigma^2 = ((18 / 6)^2 + (11 / 6)^2) / 4
     (entry("normal", fit="12 H7/g6", cpk=1.0), stats.norm(0.01025, 1e-3 * np.hypot(18, 11) / 12)),
+    (entry("normal", nominal=5.0, inertia=0.05), stats.norm(5.0, 0.05)),
+    (entry("normal", nominal=5.0, inertia=0.05, shift=-0.03), stats.norm(4.97, 0.04)),
+    (entry("normal", nominal=5.0, inertia=0.05, sigma_shift=0.75), stats.norm(5.03, 0.04)),
+    # Cp 2 with a shift of 1.5 sigma is Cpk 1.5; with 0.04 of a tolerance of 0.1, 0.06 are left for 3 sigma
+    (entry("normal", nominal=5.0, tolerance=0.3, cpk=1.5, sigma_shift=1.5), stats.norm(5.075, 0.05)),
+    (entry("normal", dimension="20 ±0.1", cpk=1.0, shift=-0.04), stats.norm(19.96, 0.02)),
+    (entry("normal", nominal=5.0, tolerance=0.3, cpk=1.0, inflation=1.5), stats.norm(5.0, 0.15)),
     (entry("uniform", lower=2.0, upper=5.0), stats.uniform(2.0, 3.0)),
     (entry("triangular", lower=0.0, mode=1.0, upper=4.0), stats.triang(0.25, 0.0, 4.0)),
     (entry("triangular", lower=0.0, mode=0.0, upper=1.0), stats.triang(0.0, 0.0, 1.0)),
@@ -330,6 +337,13 @@ IMPOSSIBLE = [
     (entry("normal", mean=1.0, std=0.1, cpk=1.0), "mean and cpk cannot be given together"),
     (entry("normal", nominal=1.0, tolerance=0.1), "nominal is given without cpk"),
     (entry("normal", mean=1.0, std=0.0), "greater than 0"),
+    (entry("normal", mean=1.0, std=0.1, shift=0.1), "shift belongs to a tolerance or an inertia"),
+    (entry("normal", nominal=1.0, inertia=0.1, shift=0.1), "shift = 0.1: allowed: less than inertia = 0.1"),
+    (entry("normal", nominal=1.0, tolerance=0.1, cpk=1.0, shift=-0.2), "less than half the tolerance, 0.1"),
+    (entry("normal", nominal=1.0, inertia=0.1, shift=0.01, sigma_shift=1.0), "give one of them"),
+    (entry("normal", nominal=1.0, inertia=0.1, cpk=1.0), "cannot be given together"),
+    (entry("normal", fit="12 H7/g6", cpk=1.0, sigma_shift=1.5), "a fit has two"),
+    (entry("normal", nominal=1.0, inertia=0.1, inflation=0.5), "greater than or equal to 1"),
     (entry("normal", mean=1.0, std=0.1, lower=2.0, upper=1.0), "lower = 2 is not below upper = 1"),
     (entry("normal", nominal=3.0, tolerance=0.1, cpk=1.0, upper=2.0), "nominal = 3 lies outside of"),
     (
@@ -423,6 +437,18 @@ def test_a_distribution_is_described_as_it_was_asked_for(name):
     """Who gives mean and std reads mean and sd, and not the parameters that follow from them."""
     made = make(entry(name, mean=0.05, std=0.01))
     assert made.text().lower().startswith(f"{name}, mean 0.05, sd 0.01")
+
+
+def test_a_shifted_process_has_the_stated_capability_and_inertia():
+    """By their definitions: Cpk from mean and sigma, and the root mean square distance from the target."""
+    rng = np.random.default_rng(5)
+    for off in ({}, {"shift": 0.02}, {"sigma_shift": -1.5}):
+        process = make(entry("normal", nominal=3.0, tolerance=0.1, cpk=1.33, **off))
+        mean, std = process.moments()
+        assert min(3.1 - mean, mean - 2.9) / (3 * std) == pytest.approx(1.33, rel=1e-12)
+        inertial = make(entry("normal", nominal=3.0, inertia=0.03, **off))
+        x = inertial.ppf(rng.random(1_000_000))
+        assert np.sqrt(np.mean((x - 3.0) ** 2)) == pytest.approx(0.03, rel=4e-3)
 
 
 def test_a_drawing_says_the_bounds():
