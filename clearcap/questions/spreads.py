@@ -37,20 +37,6 @@ _NATURAL = (
     *("dimension", "fit", "nominal", "tolerance", "cpk", *_SHIFTED, "inflation"),
     *("alpha", "beta", "shape", "scale", "log_mean", "log_std"),
 )
-    "dimension",
-    "fit",
-    "nominal",
-    "tolerance",
-    "cpk",
-    *_SHIFTED,
-    "inflation",
-    "alpha",
-    "beta",
-    "shape",
-    "scale",
-    "log_mean",
-    "log_std",
-)
 
 
 @dataclass(frozen=True)
