@@ -73,7 +73,7 @@ def ppm(value: float | None, least: float = 0.0) -> str:
     if value is None:
         return NONE
     if value < least:
-        return f"< {significant(least, 2)}"
+        return f"< {grouped(round(float(f'{least:.2g}')))}" if least >= 100 else f"< {significant(least, 2)}"
     if 0 < value < 1e-3:
         return "< 0.001"
     decimals = 0 if value == 0 or value >= 100 else decimals_for(value)

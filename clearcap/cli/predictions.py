@@ -192,7 +192,7 @@ def _advice_row(advice: "Advice") -> tuple[str, ...]:
     """Return the cells of one variable."""
     if advice.refusal:
         return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
-    ends = number(advice.cpk, 4), " ".join(advice.settings) or "-", advice.method
+    ends = number(advice.cpk, 4), " ".join(advice.written or advice.settings) or "-", advice.method
     if advice.factor is None:
         return advice.variable, f"not reachable (checked down to {advice.reach:.3g})", "-", advice.binding or "-", *ends
     low, high = advice.interval

@@ -20,6 +20,7 @@ from clearcap.questions.whatif import change_distributions
 from engine import MechanismError, check
 from engine.arrays import Array
 from engine.mechanism import Mechanism
+from reporting import format_numbers
 from reporting.tolerance.reweighting import Change
 
 SAME = 1e-6  # relative difference below which two standard deviations are the same
@@ -97,6 +98,11 @@ class Spreads:
             limit="; ".join(dict.fromkeys(each.limit for each in limited)),
             settings=tuple(
                 f"{name}.{key}={_shown(x)}" for name, each in spreads.items() for key, x in each.keys.items()
+            ),
+            written=tuple(
+                f"{name}.{key}={_as_drawn(x, each.law.moments()[1])}"
+                for name, each in spreads.items()
+                for key, x in each.keys.items()
             ),
         )
 
@@ -222,6 +228,14 @@ def _changed_keys(old: Continuous, new: Continuous) -> dict[str, Any]:
 def _shown(value: Any) -> str:
     """Return a value as TOML."""
     return f"[{', '.join(map(_shown, value))}]" if isinstance(value, tuple | list) else f"{value:.{_DIGITS}g}"
+
+
+def _as_drawn(value: Any, std: float) -> str:
+    """Return a value in the digits of a drawing: to 1 % of the standard deviation, or of a smaller value itself."""
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_as_drawn(x, std) for x in value)}]"
+    places = format_numbers.decimals_for(min(std, abs(value)) if value else std)
+    return format_numbers.plain(round(value, places))
 
 
 def _moved(old: Continuous, new: Continuous, x: Array) -> Array:

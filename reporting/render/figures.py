@@ -46,6 +46,7 @@ from reporting.render.svg import (
     inset_area,
     is_sliver,
     labelled,
+    limit_markers,
     line,
     marker,
     shortened,
@@ -90,16 +91,9 @@ def response_figure(response: ResponseAnalysis) -> str:
     marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
     marks += _curves(frame, curves)
     marks.append(axis_x(frame, axis_name(spec.name, spec.unit)))
-    named = (
-        (spec.lsl, "LSL", LIMIT, "7 4", 0),
-        (spec.usl, "USL", LIMIT, "7 4", 0),
-        (spec.target, "target", TARGET, "2 3", 1),
-    )
-    marks += [
-        marker(frame, value, f"{name} {format_numbers.plain(value)}", colour, dash, row)
-        for value, name, colour, dash, row in named
-        if value is not None
-    ]
+    marks += limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL")))
+    if spec.target is not None:
+        marks.append(marker(frame, spec.target, f"target {format_numbers.plain(spec.target)}", TARGET, "2 3", 1))
     is_off = (spec.lsl is not None and (c.mean or 0.0) < spec.lsl) or (
         spec.usl is not None and (c.mean or 0.0) > spec.usl
     )
@@ -145,11 +139,7 @@ def compared_figure(comparison: ResponseComparison) -> str | None:
     steps.append((edges[-1], 0.0))
     marks.append(line(((frame.across(x), frame.up(y)) for x, y in steps), OTHER, 2))
     marks.append(axis_x(frame, axis_name(comparison.response, comparison.unit)))
-    marks += [
-        marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
-        for v, name in ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL"))
-        if v is not None
-    ]
+    marks += limit_markers(frame, ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL")))
     mean, other_mean = (c.mean for c in (comparison.capability, comparison.capability_other))
     label = (
         f"{comparison.response} in both campaigns: bars, {comparison.n} values of this campaign with mean "
@@ -194,11 +184,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
         *(curve(frame, side, plot.scores, MUTED, "4 3") for side in (plot.low, plot.high)),
         dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), DEEP, 1.8),
         axis_x(frame, axis_name(spec.name, spec.unit)),
-        *(
-            marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
-            for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))
-            if v is not None
-        ),
+        *limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL"))),
     ]
     ends = min(plot.values), max(plot.values)
     if is_sliver(*ends, frame):

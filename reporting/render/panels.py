@@ -34,6 +34,7 @@ from reporting.render.svg import (
     box,
     curve,
     dots,
+    limit_markers,
     line,
     marker,
     shortened,
@@ -152,7 +153,8 @@ def deciding_probability_figure(response: ResponseAnalysis) -> str | None:
     points = ((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True))
     marks += [dots(points, DEEP, 1.8), axis_x(frame, axis_name(spec.name, spec.unit))]
     named = [(v, f"{name} {format_numbers.plain(v)}") for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))]
-    marks += [marker(frame, v, words, LIMIT, "7 4") for v, words in named if v is not None and v not in far]
+    near = [(v, name) for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL")) if v is not None and v not in far]
+    marks += limit_markers(frame, near)
     marks += _far_names(frame, [(v, words) for v, words in named if v in far])
     family = fit.title if fit else "the normal distribution"
     return svg(frame, f"Probability plot of {spec.name} with {family}. {response.normality.reason}", marks)

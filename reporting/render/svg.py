@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 from markupsafe import escape
 
+from reporting import format_numbers
+
 INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
 SIZE = 13.0  # font size, in the figure's units
 _WIDTH_OF_A_LETTER = 0.56  # relative to the font size, on average
@@ -119,6 +121,24 @@ def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, ro
     middle = min(max(x, frame.left - 4 + half), frame.width - half)
     name = text(middle, frame.top - 6 - 14 * row, words, colour=colour, more='font-weight="600"')
     return line([(x, frame.ground), (x, frame.top - 3 - 14 * row)], colour, 1.5, dash) + "\n" + name
+
+
+def limit_markers(frame: PlotArea, limits: Iterable[tuple[float | None, str]]) -> list[str]:
+    """Return the vertical lines of limits that are given, with their names and values, which keep off each other."""
+    known = sorted((value, f"{name} {format_numbers.plain(value)}") for value, name in limits if value is not None)
+    halves = [0.5 * text_width(words) * 1.05 + 1 for _, words in known]
+    middles = [max(frame.across(value), frame.left - 4 + half) for (value, _), half in zip(known, halves, strict=True)]
+    for i in range(1, len(known)):
+        middles[i] = max(middles[i], middles[i - 1] + halves[i - 1] + halves[i] + 6)
+    for i in reversed(range(len(known))):
+        last = frame.width if i + 1 == len(known) else middles[i + 1] - halves[i + 1] - 6
+        middles[i] = min(middles[i], last - halves[i])
+    marks = []
+    for (value, words), middle in zip(known, middles, strict=True):
+        x = frame.across(value)
+        marks.append(line([(x, frame.ground), (x, frame.top - 3)], LIMIT, 1.5, "7 4"))
+        marks.append(text(middle, frame.top - 6, words, colour=LIMIT, more='font-weight="600"'))
+    return marks
 
 
 def axis_x(frame: PlotArea, label: str = "", ticks: Sequence[tuple[float, str]] | None = None) -> str:

@@ -67,6 +67,7 @@ class Advice:
     refusal: str = ""  # why there is no advice; empty if there is
     limit: str = ""  # what prevents a factor beyond `reach`, if it is the bounds or the mechanism
     settings: tuple[str, ...] = ()  # of the campaign file for the factor, each ``VARIABLE.KEY=VALUE``
+    written: tuple[str, ...] = ()  # the same, rounded to the digits of a drawing: to 1 % of the new sigma
     # Cpk at the factor of responses that already miss their targets, if the factor makes them worse
     below: dict[str, float] = field(default_factory=dict)
 
@@ -230,7 +231,10 @@ def advise_one(variable: str, question: Question, widen: Callable[[float], Chang
     found = _by_samples(variable, question, changed, (least, most))
     if found.ended_by == BY_BOUNDS or (found.ended_by and most == 1):
         found = replace(found, ended_by=BY_BOUNDS, limit=limit or "the variable's bounds allow no more")
-    return found if found.factor in (None, 1.0) else replace(found, settings=changed(found.factor).settings)
+    if found.factor in (None, 1.0):
+        return found
+    change = changed(found.factor)
+    return replace(found, settings=change.settings, written=change.written)
 
 
 def _by_samples(

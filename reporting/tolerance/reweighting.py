@@ -49,6 +49,7 @@ class Change:
     moved: ArrayLike | Mapping[str, ArrayLike] | None = None
     limit: str = ""  # why `spread` is closer to 1 than requested; empty if it is as requested
     settings: tuple[str, ...] = ()  # of the campaign file for this change, each ``VARIABLE.KEY=VALUE``
+    written: tuple[str, ...] = ()  # the same, rounded to the digits of a drawing
     # Number of new runs that one sample is equivalent to for the sigma of the changed variable itself, by the two
     # distributions alone; 1 if unknown.
     worth: float = 1.0

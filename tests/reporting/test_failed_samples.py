@@ -1,5 +1,7 @@
 """What separates failed samples: the variable that makes them fail comes first, on one side or at both ends."""
 
+import re
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -39,6 +41,7 @@ def test_a_failing_campaign_leads_with_them() -> None:
     page = render_html(analysis_of(failing("J3", lambda x: x > 0.05), c60_spec(60)))
     assert page.index("Failed against ok, by variable") < page.index('id="summary"')
     assert ">Worst</a>" not in page
+    assert not re.search(r'data-label="Index"><strong>', page.split('<section class="appendix"')[0])
     assert "()" not in page.split("<body>")[1]
     few = render_html(analysis_of(failing("J3", lambda x: x > 1.0), c60_spec(60)))
     assert "Failed against ok" not in few

@@ -121,5 +121,6 @@ def test_text_lies_on_the_side_of_the_limit_that_the_value_does(value, limit, pl
 def test_what_is_beyond_the_runs_is_only_bounded() -> None:
     """A model of 500 values shows no share below 2 ppm, and no Z above 4.61."""
     assert [ppm(value, 2.0) for value in (1e-9, 0.0, 1.99, 2.0)] == ["< 2.0", "< 2.0", "< 2.0", "2.00"]
+    assert [ppm(1.0, least) for least in (250.0, 16_667.0)] == ["< 250", "< 17\u202f000"]  # 4 values, and less than one
     assert [z_score(value, 4.61) for value in (22.6, 4.0, None)] == ["> 4.61", "4.000", "–"]
     assert [index(value, 1.54) for value in (7.0, 1.4, None)] == ["> 1.54", "1.400", "–"]

@@ -13,10 +13,13 @@ from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.labels import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
+from reporting.headline import WORST_FIRST
 
 Interval = tuple[float, float]
 logger = logging.getLogger(__name__)
 REPORT_DOCUMENT = f"{REPORT}/capability.json"
+# Campaigns with too few ok samples have no verdict on any response, which is worse than any.
+_WORST_FIRST = ("no verdict", *WORST_FIRST[:-1], "constant", "capable")
 LISTED_STATES = (*STATES, "incomplete", "planned", "broken")
 
 
@@ -59,6 +62,8 @@ class _Response(BaseModel):
     index: float | None = None  # that decides; absent from reports of earlier versions, which have Cpk
     index_low: float | None = None
     index_high: float | None = None
+    verdict: str = "no limits"
+    certain: bool | None = None
 
     @property
     def decides(self) -> tuple[float | None, Interval | None]:
@@ -108,6 +113,13 @@ class Conclusions(BaseModel):
         ]
 
     @property
+    def verdict(self) -> str:
+        """The worst verdict, such as "not capable" or "capable, not certain"; empty without a response with limits."""
+        words = [r.verdict + ("" if r.certain is not False else ", not certain") for r in self.responses]
+        known = [word for word in words if word in _WORST_FIRST]
+        return min(known, key=_WORST_FIRST.index, default="")
+
+    @property
     def share_ok(self) -> float | None:
         """Share of the product within all limits; failed runs count as outside if the report has that share."""
         return None if self.product is None else (self.product.with_failures or self.product.counted).share
@@ -142,6 +154,9 @@ class CampaignEntry(BaseModel):
     weakest: Weakest | None = Field(None, description="Smallest Cpk of the report, or of the rows so far")
     below_target: list[BelowTarget] = Field([], description="Of the report: the Cpk's upper end is below 1.33")
     headline: str = Field("", description="What the report concludes")
+    verdict: str = Field(
+        "", description="The worst verdict of the report; empty without one", examples=["capable, not certain"]
+    )
     has_report: bool = Field(False, description="A report is written")
     decided_by: list[str] = Field(
         [], description="Campaigns whose runs aim at rejects and decide this one", examples=[["c60-rare-4b5c6d7e8f"]]
@@ -216,6 +231,7 @@ def _add_report(entry: CampaignEntry, report: bytes | None) -> None:
         return
     entry.headline, entry.share_ok = concluded.headline, concluded.share_ok
     entry.weakest, entry.below_target = concluded.weakest, concluded.below_target
+    entry.verdict = concluded.verdict
 
 
 def _date(seconds: Any) -> datetime | None:

@@ -87,6 +87,9 @@ def test_what_is_to_be_written_gives_the_spread(campaign, kind):
         new = changed_variables(spec, change.settings).variables["J1"]
         assert new.moments()[1] == pytest.approx(factor * old.moments()[1], rel=1e-4)
         assert type(new) is type(old)
+        rounded = changed_variables(spec, change.written).variables["J1"]
+        assert rounded.moments()[1] == pytest.approx(factor * old.moments()[1], rel=0.02)
+        assert max(len(text.partition("=")[2].lstrip("[-").split(",")[0]) for text in change.written) <= 8
         np.testing.assert_allclose(new.cdf(change.moved["J1"]), old.cdf(x), atol=2e-4)
         assert old.support()[0] <= new.support()[0] or not np.isfinite(new.support()[0])
 

@@ -267,7 +267,7 @@ def test_the_page_and_the_command_say_what_must_shrink(lift, advised):
     shown = json.loads(content)
     assert [s["response"] for s in shown["shortfalls"]] == [s.response for s in found.shortfalls]
     alone = next(a for a in found.shortfalls[0].alone if a.factor)
-    assert alone.settings[0] in page
+    assert alone.written[0] in page
     for short in found.shortfalls:
         page_s = next(s for s in shown["shortfalls"] if s["response"] == short.response)
         assert [a["factor"] for a in page_s["alone"]] == [a.factor for a in short.alone]

@@ -10,7 +10,7 @@ import pytest
 from reporting import format_numbers
 from reporting.render import panels
 from reporting.render.figures import convergence_figure
-from reporting.render.svg import HALF, TALL, PlotArea, marker, with_near
+from reporting.render.svg import HALF, TALL, PlotArea, limit_markers, marker, text_width, with_near
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -99,6 +99,18 @@ def test_convergence_counts_samples_whatever_their_range(first, last) -> None:
 def test_limits_near_the_values_are_shown_and_others_are_named() -> None:
     assert with_near([10.0, 20.0], [5.0, 60.0]) == ([10.0, 20.0, 5.0], [60.0])
     assert with_near([7.0, 7.0], [7.5])[1] == []
+
+
+@pytest.mark.parametrize(("low", "high"), [(4.9, 5.1), (0.0, 0.2), (9.8, 10.0), (-1.0, 11.0)])
+def test_names_of_near_limits_keep_off_each_other(low, high) -> None:
+    """Each beside its line, wherever both lie, and inside the figure."""
+    frame = PlotArea(HALF, TALL, (-1.0, 11.0), (0.0, 1.0), left=76)
+    marks = "".join(limit_markers(frame, ((high, "USL"), (low, "LSL"))))
+    (first, *_), (second, *_) = placed = re.findall(r'<text x="([\d.]+)"[^>]*>([^<]*)<', marks)
+    assert [words for _, words in placed] == [f"LSL {low:g}", f"USL {high:g}"]
+    halves = [0.5 * text_width(words) for _, words in placed]
+    assert float(second) - float(first) >= sum(halves)
+    assert float(second) + halves[1] <= frame.width
 
 
 def test_the_name_of_a_limit_keeps_off_the_numbers_of_the_axis() -> None:

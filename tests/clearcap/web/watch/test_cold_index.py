@@ -241,6 +241,27 @@ def test_report_tells_headline_weakest_and_share(full_store):
     assert (entry.headline, entry.share_ok, entry.has_report, entry.message) == ("capable", 0.98, True, "")
 
 
+@pytest.mark.parametrize(
+    ("verdicts", "worst"),
+    [
+        ([("capable", True), ("no limits", None)], "capable"),
+        ([("capable", True), ("capable", False)], "capable, not certain"),
+        ([("marginal", True), ("not capable", True), ("capable", True)], "not capable"),
+        ([("no verdict", None), ("not capable", True)], "no verdict"),
+        ([("no limits", None)], ""),
+    ],
+)
+def test_list_has_the_worst_verdict(full_store, verdicts, worst):
+    """One that is not certain is worse than the same that is; without a verdict too few samples may be ok."""
+    campaign = sorted(full_store.campaigns())[0]
+    write_state(full_store, campaign, "cancelled")
+    report = json.loads(REPORT)
+    response = report["responses"][0]
+    report["responses"] = [response | {"verdict": word, "certain": certain} for word, certain in verdicts]
+    full_store.files.write(f"{campaign}/{REPORT_DOCUMENT}", json.dumps(report).encode())
+    assert entry_of(full_store, campaign).verdict == worst
+
+
 @pytest.mark.parametrize("report", [b"{", b"[]", b'{"headline": 1}', REPORT.replace(b"1.1", b'"many"'), b"\xff"])
 def test_report_that_is_not_one(full_store, report):
     """The campaign is listed, and says that its report is to be written again."""
