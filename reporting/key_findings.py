@@ -152,10 +152,10 @@ def _trust(analysis: "Analysis") -> KeyFinding:
         text = f"Do not rely on these numbers. {bad[0].name}: {short_form(bad[0].text)}"
         return KeyFinding("Trust", text, "bad")
     if open_:
-        names = _listed([check.name for check in open_[:_NAMED]])
-        more = f" and {len(open_) - _NAMED} more" if len(open_) > _NAMED else ""
+        more = [f"{len(open_) - _NAMED} more"] if len(open_) > _NAMED else []
+        names = _listed([*(check.name for check in open_[:_NAMED]), *more])
         ask = "asks" if len(open_) == 1 else "ask"
-        text = f"Read with care: {names}{more} {ask} for attention. {short_form(open_[0].text)}"
+        text = f"Read with care: {names} {ask} for attention. {short_form(open_[0].text)}"
         return KeyFinding("Trust", text, "attention")
     counted = "1 check is" if good == 1 else f"{good} checks are"
     return KeyFinding("Trust", f"Nothing speaks against these numbers: {counted} good.", "good")
