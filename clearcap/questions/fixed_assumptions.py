@@ -31,6 +31,7 @@ _SETTINGS = {
     "simulation.rest.window": "at rest if nothing moves for",
     "simulation.rest.drift": "at rest if nothing moves by more than",
 }
+_RUBBING = ("friction_force", "breakaway_force", "friction_torque", "breakaway_torque")  # of ideal joints
 _NAMES_SHOWN = 6  # number of joints and contacts listed for a material
 
 
@@ -137,7 +138,10 @@ def _parameters(mechanism: Mechanism) -> Iterator[Assumption]:
 
 
 def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield friction and restitution of each pair of materials, then of joints and contacts with their own values."""
+    """Yield friction and restitution of each pair of materials, then of joints and contacts with their own values.
+
+    Friction of ideal joints is a force or torque.
+    """
     pairs: dict[str, Any] = {f"joints.{n}": p for n, p in mechanism.joints.items() if not p.ideal}
     pairs |= {f"contacts.{n}": p for n, p in mechanism.contacts.items()}
     users = defaultdict(list)
@@ -156,6 +160,12 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
             if getattr(pair, law) is not None:
                 name = f"{law} of {key.partition('.')[2]}, instead of its material's"
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
+    for name, joint in mechanism.joints.items():
+        for field in _RUBBING if joint.ideal else ():
+            number = getattr(joint, field, None)
+            if number is not None:
+                key = f"joints.{name}.{field}"
+                yield Assumption(CONTACT, f"{_in_words(field)} of {name}", number, unit_of(mechanism, key), key)
 
 
 def _material_of(mechanism: Mechanism, pair: Any) -> str | None:
@@ -172,7 +182,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _plays(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the clearances of joints and the offsets of contacts."""
+    """Yield the clearances of joints, the backlash of couplings and the offsets of contacts."""
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             continue
@@ -180,6 +190,9 @@ def _plays(mechanism: Mechanism) -> Iterator[Assumption]:
             if field.endswith("clearance") and isinstance(number, float):
                 key = f"joints.{name}.{field}"
                 yield Assumption(PLAY, f"{_in_words(field)} of {name}", number, unit_of(mechanism, key), key)
+    for name, coupling in mechanism.couplings.items():
+        key = f"couplings.{name}.backlash"
+        yield Assumption(PLAY, f"backlash of {name}", coupling.backlash, unit_of(mechanism, key), key)
     for name, contact in mechanism.contacts.items():
         if contact.offset:
             key = f"contacts.{name}.offset"
@@ -203,7 +216,7 @@ def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, ke
             yield from _entries(mechanism, value, group, name if field != "law" else f"the law of {owner}", path)
         elif isinstance(value, float) and (value or info is None or info.is_required()):
             yield Assumption(group, name, value, unit_of(mechanism, path), path)
-        elif field == "points":
+        elif field == "table":
             yield Assumption(group, f"points of {owner}", f"{len(value)} points", "", path)
         elif _is_vector(value) and quantity and quantity.name != "length":
             yield _vector(mechanism, group, name, path, value, quantity.name)

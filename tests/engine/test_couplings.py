@@ -84,6 +84,20 @@ def test_two_wheels_accelerate_as_one():
     assert run.certificate.max_penetration < 1e-8
 
 
+def test_friction_of_both_shafts_counts_through_the_ratio():
+    """0.05 N m at the pinion, 0.1 N m at the wheel: half of that at the pinion; together they hold 0.1 N m there."""
+    data = wheels()
+    data["joints"]["first"]["friction_torque"] = 0.05
+    data["joints"]["second"]["friction_torque"] = 0.1
+    data["responses"]["taken"] = {"type": "friction_work", "contact": "second.friction_torque"}
+    run = simulate(made(data))
+    assert run.responses["pinion"] == pytest.approx((0.3 - 0.1) / (SMALL + LARGE / 4), rel=1e-7)
+    assert run.responses["taken"] == pytest.approx(-0.1 * run.responses["wheel_angle"], rel=1e-6)
+    for torque, speed in ((0.099, 0.0), (0.11, 0.01 / (SMALL + LARGE / 4))):
+        held = simulate(set_values(made(data), {"torques.motor.torque.z": torque}))
+        assert held.responses["pinion"] == pytest.approx(speed, rel=1e-6, abs=1e-9)
+
+
 def test_the_ratio_holds_over_many_turns():
     """Ten turns and more of the pinion; also turned elsewhere, and with a belt, whose wheels turn alike."""
     data = wheels(5.0, 2.4)

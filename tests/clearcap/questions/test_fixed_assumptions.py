@@ -7,7 +7,9 @@ import pytest
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from clearcap.questions.fixed_assumptions import fixed_assumptions
-from engine.mechanism import get_value, unit_of
+from engine.mechanism import get_value, load_mechanism, set_values, unit_of
+from tests.engine.small import made
+from tests.engine.test_couplings import wheels
 
 
 @pytest.fixture
@@ -84,3 +86,18 @@ def test_what_follows_from_a_parameter_that_varies_is_not_fixed(campaign_file):
     assert "parameters.load" not in by_key
     assert {"forces.load.force.x", "forces.load.force.z"} <= by_key.keys()
     assert "forces.load.force.y" not in by_key
+
+
+def test_friction_of_ideal_joints_and_backlash_are_there(plan):
+    """A force or torque in its unit; what a law has is its number of points."""
+    mechanism = made(wheels(backlash=0.01))
+    mechanism = set_values(mechanism, {"couplings.mesh.backlash": 0.02})
+    shaft = mechanism.joints["first"].model_copy(update={"friction_torque": 0.3})
+    mechanism = mechanism.model_copy(update={"joints": {**mechanism.joints, "first": shaft}})
+    spec = plan.spec.model_copy(update={"variables": {}, "responses": {}})
+    found = fixed_assumptions(replace(plan, spec=spec, mechanism=mechanism))
+    by_key = {each.key: each for each in found}
+    assert (by_key["joints.first.friction_torque"].value, by_key["joints.first.friction_torque"].unit) == (0.3, "N m")
+    assert by_key["couplings.mesh.backlash"].value == 0.02
+    button = fixed_assumptions(replace(plan, spec=spec, mechanism=load_mechanism("push_button")))
+    assert {each.key: each.value for each in button}["springs.dome.law.table"] == "5 points"
