@@ -17,6 +17,7 @@ from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_corr
 from reporting.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
+from reporting.response_correlations import ResponseCorrelation, response_correlations
 from reporting.rounding import leveled_samples
 from reporting.samples import Repeats, Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
@@ -79,6 +80,7 @@ class Analysis:
     assembly: AssemblyShare | None  # samples whose parts cannot be assembled; None without one and without a limit
     variables: tuple[VariableAnalysis, ...]
     correlations: tuple[CorrelationAnalysis, ...]  # the requested ones, and the largest of the others
+    response_correlations: tuple[ResponseCorrelation, ...]  # of the responses with each other, the strongest first
     never_critical: tuple[str, ...]  # variables that are not critical for any response
     advice: tuple[Advice, ...]  # how much each spread may grow while the responses `kept` keep Cpk 1.33; may be empty
     kept: tuple[str, ...]  # responses that have Cpk 1.33 now
@@ -161,6 +163,7 @@ def analyse(
         assembly=fit,
         variables=variables,
         correlations=correlations,
+        response_correlations=response_correlations(drawn, spec, CONFIDENCE),
         never_critical=influences.never_critical() if influences else (),
         advice=advised.growth,
         kept=advised.kept,

@@ -32,6 +32,7 @@ LINEAR, CURVED, OTHER, CONSTANT = "linear", "curved", "not linear", "constant"
 _ROWS = 20_000
 _ROWS_PER_TERM, _LEAST_ROWS = 3, 20
 _ROWS_PER_SQUARE, _MOST_TERMS = 10, 150
+BENDER = 1.5
 _REACH = 3.0  # standard deviations at which a tolerance without a bound ends
 _CENTRAL = (0.135, 99.865)  # percentiles that contain as much as mean +- 3 sigma of a normal distribution
 
@@ -110,6 +111,9 @@ class LinearStack:
     worst: tuple[float, float]  # every variable at its worst end: nominal -+ the sum of the half widths
     rss: tuple[float, float]  # nominal -+ the root of the sum of squares of the half widths
     rss_sigma: float  # root of the sum of squares of slope times the variable's own sigma
+    bender: tuple[float, float]  # nominal -+ 1.5 times the root sum of squares, for shifts that are not known (Bender)
+    shift: float  # of the response, from the means of the variables that are not in the middle of their tolerances
+    inertia: float  # root of rss_sigma^2 + shift^2: inertial tolerancing (ISO 18391, NF XP E04-008)
     # Whether `rss` and `rss_sigma` use the correlations of the samples, because the campaign requests correlations. The
     # worst case does not: every combination of ends is considered possible.
     correlated: bool
@@ -158,6 +162,8 @@ def linear_stack(
     steps = plane.slopes * np.ptp(ends, axis=1) / 2
     nominal = float(plane.mean + plane.slopes @ (ends.mean(axis=1) - x.mean(axis=0)))
     together = _correlations(x) if correlated else np.eye(len(varying))
+    half, sigma = _root(steps, together), _root(plane.slopes * np.array([v.std for v in varying]), together)
+    shift = float(plane.slopes @ (np.array([v.mean for v in varying]) - ends.mean(axis=1)))
     worst = _around(nominal, float(np.abs(steps).sum()))
     sampled = float(y[has].min()), float(y[has].max())
     low, high = np.percentile(y[has], _CENTRAL)
@@ -172,8 +178,11 @@ def linear_stack(
         variables=tuple(sorted(stacked, key=lambda each: -each.half_width)),
         nominal=nominal,
         worst=worst,
-        rss=_around(nominal, _root(steps, together)),
-        rss_sigma=_root(plane.slopes * np.array([v.std for v in varying]), together),
+        rss=_around(nominal, half),
+        rss_sigma=sigma,
+        bender=_around(nominal, BENDER * half),
+        shift=shift,
+        inertia=math.hypot(sigma, shift),
         correlated=correlated,
         sampled=sampled,
         central=(float(low), float(high)),

@@ -40,12 +40,24 @@ def test_a_stack_of_three_dimensions_in_closed_form():
     assert found.worst == pytest.approx((5.05 - sum(half), 5.05 + sum(half)))
     assert found.rss == pytest.approx((5.05 - math.hypot(*half), 5.05 + math.hypot(*half)))
     assert found.rss_sigma == pytest.approx(math.hypot(0.2 / math.sqrt(12), 0.3 / math.sqrt(12), 0.02))
+    assert found.bender == pytest.approx((5.05 - 1.5 * math.hypot(*half), 5.05 + 1.5 * math.hypot(*half)))
+    assert (found.shift, found.inertia) == (pytest.approx(0.0, abs=1e-12), pytest.approx(found.rss_sigma))
     assert [(v.variable, v.bounded) for v in found.variables] == [("B", True), ("A", True), ("C", False)]
     assert found.variables[1].slope == pytest.approx(1.0)
     assert (found.shape, found.exceeded, found.within) == ("linear", False, False)
     assert found.sampled == (GAP.min(), GAP.max())
     assert found.lowest_corner == pytest.approx({"A": 19.9, "B": 10.1, "C": 5.06})
     assert found.highest_command == "A=20.1 C=4.94"
+
+
+def test_shifts_of_the_means_add_up_to_the_inertia_of_the_response():
+    """Gap = A - B - C with A 0.03 and B -0.05 off their middles: 0.08, beside the root sum of squares of the sigmas."""
+    specs = (replace(SPECS[0], mean=20.03, std=0.02), replace(SPECS[1], mean=9.9, std=0.03), SPECS[2])
+    columns = {v.name: RNG.normal(v.mean, v.std, N) for v in specs}
+    found = linear_stack(columns["A"] - columns["B"] - columns["C"], columns, specs)
+    assert found.shift == pytest.approx(0.08)
+    assert found.inertia == pytest.approx(math.hypot(0.08, 0.02, 0.03, 0.02))
+    assert found.nominal + found.shift == pytest.approx(20.03 - 9.9 - 5.0)
 
 
 def test_a_curved_response_is_called_curved():
