@@ -214,9 +214,10 @@ def _print_allocation(proposal: "Allocation") -> None:
     """Print the proposal: sigmas, cost, Cpk of each response, and the campaign to confirm it."""
     if proposal.refusal:
         return
-    heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma")
+    heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma", "write")
     rows: list[tuple[str, ...]] = [
-        (name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()
+        (name, number(sigma, 4), f"{proposal.factors[name]:.3g}", " ".join(proposal.written.get(name, ())) or "-")
+        for name, sigma in proposal.tolerances.items()
     ]
     if proposal.processes:
         heads, rows = (*heads, "process"), [(*row, proposal.processes.get(row[0], "-")) for row in rows]

@@ -99,12 +99,14 @@ class Spreads:
             settings=tuple(
                 f"{name}.{key}={_shown(x)}" for name, each in spreads.items() for key, x in each.keys.items()
             ),
-            written=tuple(
-                f"{name}.{key}={_as_drawn(x, each.law.moments()[1])}"
-                for name, each in spreads.items()
-                for key, x in each.keys.items()
-            ),
+            written=tuple(text for name, factor in factors.items() for text in self.written(name, factor)),
         )
+
+    def written(self, name: str, factor: float) -> tuple[str, ...]:
+        """Return what to write for a factor on one standard deviation, in the digits of a drawing."""
+        spread = self.of_variable(name, factor)
+        std = spread.law.moments()[1]
+        return tuple(f"{name}.{key}={_as_drawn(x, std)}" for key, x in spread.keys.items())
 
     def _find_largest(self, name: str, factor: float) -> Spread:
         """Return a variable with the largest spread that its bounds and the mechanism allow, up to the tried factor."""

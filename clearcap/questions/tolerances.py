@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -186,7 +186,8 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
             if x.size > 1
         ]
         responses = {requirement.response: samples[requirement.response] for requirement in requirements}
-        return allocate(variables, requirements, responses, scale_all, correlated)
+        found = allocate(variables, requirements, responses, scale_all, correlated)
+        return replace(found, written={name: spreads.written(name, factor) for name, factor in found.factors.items()})
 
 
 @contextmanager

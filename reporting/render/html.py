@@ -159,6 +159,7 @@ def environment() -> Environment:
         scatter_plot=lambda s, r, unit: as_markup(figures.scatter_figure(r, s, unit)),
         slope_unit=figures.slope_unit,
         mini=lambda r: as_markup(panels.mini_histogram(r)),
+        marked_words=panels.marked_words,
         control_chart=lambda r: as_markup(panels.control_chart_figure(r)),
         deciding_plot=lambda r: as_markup(panels.deciding_probability_figure(r)),
         deciding_fit=panels.deciding_fit,

@@ -104,8 +104,8 @@ def control_chart_figure(response: ResponseAnalysis) -> str | None:
     marks.append(axis_x(frame, chart_words(chart)))
     low, high = (format_numbers.significant(end, 4) for end in (chart.low, chart.high))
     label = (
-        f"Control chart of {spec.name}, {len(chart.points)} {chart_words(chart)}: limits {low} to {high}, "
-        f"{len(marked)} points marked."
+        f"Control chart of {spec.name}, {len(chart.points)} {chart_words(chart)}: limits {low} to {high}. "
+        f"{marked_words(chart)}."
     )
     return svg(frame, label, marks)
 
@@ -115,6 +115,12 @@ def chart_words(chart: ControlChart) -> str:
     if chart.of == "lots":
         return "means of lots, in order" if chart.size == 1 else f"means of {chart.size} lots, in order"
     return "samples, in order" if chart.size == 1 else f"means of {chart.size} samples, in order"
+
+
+def marked_words(chart: ControlChart) -> str:
+    """Return how many points of a chart break a rule."""
+    count = len(chart.marked)
+    return {0: "No point breaks a rule", 1: "1 point breaks a rule"}.get(count, f"{count} points break a rule")
 
 
 def deciding_fit(response: ResponseAnalysis) -> Fit | None:

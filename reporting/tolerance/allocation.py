@@ -134,6 +134,8 @@ class Allocation:
     refusal: str = ""  # why there is no proposal; empty if there is one
     notes: tuple[str, ...] = ()
     processes: dict[str, str] = field(default_factory=dict)  # the chosen process of each variable with named processes
+    # What to write into the campaign file for each variable that changes, in the digits of a drawing.
+    written: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def allocate(

@@ -47,6 +47,9 @@ def test_the_cheapest_set_keeps_what_is_locked(filled, tmp_path):
     if not found.refusal:
         assert found.factors["preload"] == pytest.approx(1.0)
         assert found.cost <= found.cost_now
+        assert found.written["preload"] == ()
+        new = changed_variables(plan.spec, found.written["J1"]).variables["J1"]
+        assert new.moments()[1] == pytest.approx(found.tolerances["J1"], rel=0.02)
 
 
 def test_every_cost_law_gets_a_proposal_from_the_command(campaign_file, tmp_path):

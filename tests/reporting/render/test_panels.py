@@ -57,6 +57,15 @@ def test_causes_show_the_shares() -> None:
         assert format_numbers.part(i.share) in found
 
 
+@pytest.mark.parametrize(
+    ("marked", "words"),
+    [((), "No point breaks a rule"), ((4,), "1 point breaks a rule"), ((4, 7), "2 points break a rule")],
+)
+def test_marked_points_are_counted_in_words(marked, words) -> None:
+    chart = replace(analysed().responses[0].chart, beyond=marked, one_side=(), trend=())
+    assert panels.marked_words(chart) == words
+
+
 def test_two_scatters_share_an_axis_and_name_limits_that_are_far() -> None:
     r = analysed().responses[0]
     figure = panels.scatters_figure(r, {v.spec.name: v.spec.unit for v in analysed().variables})
