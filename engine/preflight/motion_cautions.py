@@ -269,11 +269,13 @@ def undamped_modes(mechanism: Mechanism, small: SmallMotions) -> Iterator[Cautio
 
 
 def _linked(mechanism: Mechanism) -> list[set[str]]:
-    """Return the groups of moving bodies that are linked by joints, contacts, springs or dampers."""
+    """Return the groups of moving bodies that are linked by joints, couplings, contacts, springs or dampers."""
     groups = [{name} for name, body in mechanism.bodies.items() if not body.fixed]
     pairs = [{side.body for side in pair.sides} for pair in (*mechanism.joints.values(), *mechanism.contacts.values())]
     for link in (*mechanism.springs.values(), *mechanism.dampers.values()):
         pairs.append({end if isinstance(end, str) else end.body for end in (link.a, link.b)})
+    for coupling in mechanism.couplings.values():
+        pairs.append({side.body for term in coupling.terms for side in mechanism.joints[term.joint].sides})
     for pair in pairs:
         met = [group for group in groups if group & pair]
         groups = [group for group in groups if not group & pair] + ([set().union(*met)] if met else [])

@@ -16,6 +16,7 @@ from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
 from engine.kernels.motion import move
 from engine.mechanism import set_values
+from engine.preflight.cautions import cautions
 from tests.engine.small import GRAVITY, coordinates, made, small, turned
 
 SMALL, LARGE = 0.1, 0.4  # inertias
@@ -262,6 +263,16 @@ def test_rows_and_velocities_are_the_rates_of_the_gap(seed):
     dense = dense_rows(rows.node, rows.G, whitened.size)
     assert dense[:, 0] @ whitened == pytest.approx(rates, rel=1e-5, abs=1e-6)
     assert not dense[:, 1:].any()
+
+
+def test_a_coupled_wheel_is_not_warned_of():
+    """It has no load of its own, but its pinion has; without friction the two never rest."""
+    data = wheels()
+    data["phases"] = [{"name": "settle"}]
+    (warning,) = cautions(made(data))
+    assert "it never comes to rest" in str(warning)
+    data["joints"]["second"]["friction_torque"] = 1.0
+    assert cautions(made(data)) == []
 
 
 def fault(data: dict[str, Any]) -> str:
