@@ -350,6 +350,12 @@ def _centred(y: Array, lsl: float | None, usl: float | None) -> float | None:
     return (usl - lsl) / (6 * float(np.nanstd(y, ddof=1)))
 
 
+def _beyond(y: Array, lsl: float | None, usl: float | None) -> float:
+    """Return how far the mean lies beyond the one limit."""
+    mean = float(np.nanmean(y))
+    return lsl - mean if lsl is not None else mean - (usl or 0.0)
+
+
 def _remedy(
     name: str,
     y: Array,
@@ -363,7 +369,16 @@ def _remedy(
     words = [f"{name} has Cpk {cpk:.4g}, below {target:g}."]
     lsl, usl = limits
     if cpk < 0:
-        return " ".join([*words, "Its mean lies beyond a limit: no smaller tolerance helps. Move the mean."])
+        words.append("Its mean lies beyond a limit: no smaller tolerance helps.")
+        if centred is None or lsl is None or usl is None:
+            return " ".join([*words, f"Move the mean, by more than {_beyond(y, lsl, usl):.3g}."])
+        shift = (lsl + usl) / 2 - float(np.nanmean(y))
+        end = "." if centred >= target else f", still below {target:g}."
+        words.append(
+            f"Moving the mean by {shift:+.3g}, to the middle of the limits, gives Cpk {centred:.4g} with the present "
+            f"tolerances{end}"
+        )
+        return " ".join(words)
     if centred is not None and lsl is not None and usl is not None and centred >= target:
         shift = (lsl + usl) / 2 - float(np.nanmean(y))
         words.append(

@@ -133,9 +133,32 @@ def test_a_keyboard_reaches_everything(browser) -> None:
 @needs_axe
 def test_axe_finds_no_fault(browser) -> None:
     """The usual check of accessibility, all its rules of WCAG 2.2 AA and good practice."""
-    found = axe_run(browser)
-    assert axe_faults(found) == []
-    assert len(found["passes"]) > 20
+    try:
+        for scheme in ("light", "dark"):
+            preferred = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", preferred)
+            found = axe_run(browser)
+            assert axe_faults(found) == [], scheme
+            assert len(found["passes"]) > 20
+            ground = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+            assert (ground == "rgb(255, 255, 255)") == (scheme == "light")
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_a_telephone_shows_the_panels_of_the_response_that_is_tapped(browser) -> None:
+    """Ten screens at most before that; then its six figures are there, and only its own."""
+    set_width(browser, 400, 850)
+    shown = "return [...document.querySelectorAll('.panels')].filter(p => p.offsetHeight > 0).length"
+    try:
+        browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = false); location.hash = ''")
+        assert browser.execute_script(shown) == 0
+        assert browser.execute_script("return document.documentElement.scrollHeight / innerHeight") <= 10
+        browser.execute_script("document.querySelector('.show a').click()")
+        assert browser.execute_script(shown) == 1
+    finally:
+        browser.execute_script("location.hash = ''")
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 @needs_axe

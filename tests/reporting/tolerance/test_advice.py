@@ -7,7 +7,16 @@ import pytest
 from scipy.optimize import brentq
 
 from reporting import ReportError, capability
-from reporting.tolerance.advice import BY_BOUNDS, BY_SAMPLES, LEAST_FACTOR, REGRESSION, REWEIGHTING, advise
+from reporting.tolerance.advice import (
+    BY_BOUNDS,
+    BY_SAMPLES,
+    LEAST_FACTOR,
+    REGRESSION,
+    REWEIGHTING,
+    AdvisedSamples,
+    advise,
+    tolerance_advice,
+)
 from reporting.tolerance.reweighting import Change
 
 RNG = np.random.default_rng(41)
@@ -216,3 +225,25 @@ def test_lots_widen_the_interval_and_few_give_none():
     assert together.interval[0] < alone.interval[0]
     assert "worth 4 production lots" in few.refusal
     assert few.factor is None
+
+
+@pytest.mark.parametrize("usl", [1.0, 12.0, None])
+def test_a_mean_beyond_a_limit_is_told_how_far_to_move(usl):
+    """No tolerance helps; the shift to the middle, the Cpk there, and whether even that is too small."""
+    z = np.random.default_rng(3).normal(size=(400, 1))
+    y = 20.0 + z[:, 0]
+    limits = {"y": (0.0, usl)} if usl else {"y": (24.0, None)}
+    found = tolerance_advice(
+        AdvisedSamples({"y": y}, limits, {"J1": z[:, 0]}, ["J1"]),
+        {"y": -1.0},
+        1.33,
+        lambda factors, rows: widening(z)("J1", factors["J1"], rows),
+    )
+    text, std = found.shortfalls[0].text, y.std(ddof=1)
+    assert "no smaller tolerance helps" in text
+    if usl is None:
+        assert f"Move the mean, by more than {24 - y.mean():.3g}." in text
+        return
+    assert f"Moving the mean by {usl / 2 - y.mean():+.3g}, to the middle of the limits" in text
+    assert f"gives Cpk {usl / (6 * std):.4g} with" in text
+    assert ("still below 1.33" in text) == (usl / (6 * std) < 1.33)
