@@ -1,5 +1,7 @@
 """All cautions about a mechanism, and one about a fixed step with which it does not come to rest."""
 
+from collections.abc import Iterator
+
 from engine.mechanism import Mechanism, set_values
 from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
 from engine.preflight.start_gaps import start_gap_cautions
@@ -14,7 +16,10 @@ LONGEST_TRIAL = 10.0  # s
 
 def cautions(mechanism: Mechanism) -> list[Caution]:
     """Return the cautions about a mechanism that `engine.check` accepts: numbers, then motions, in the file's order."""
-    drawn = [*start_gap_cautions(mechanism), *duplicates(mechanism), *fast_spins(mechanism), *_closed_loops(mechanism)]
+    drawn = [
+        *(*_moved_start(mechanism), *start_gap_cautions(mechanism)),
+        *(*duplicates(mechanism), *fast_spins(mechanism), *_closed_loops(mechanism)),
+    ]
     numbers = [*implausible_numbers(mechanism), *stiff_springs(mechanism)]
     moving = sum(not body.fixed for body in mechanism.bodies.values())
     ends_at_rest = any(phase.duration is None and phase.until is None for phase in mechanism.phases)
@@ -31,6 +36,23 @@ def cautions(mechanism: Mechanism) -> list[Caution]:
         *unloaded_cautions(mechanism, small),
         *undamped_modes(mechanism, small),
     ]
+
+
+def _moved_start(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield a caution if the assembly step moves bodies from where they are drawn."""
+    from engine.assembly import assemble
+
+    moved = assemble(mechanism).travel
+    if moved:
+        yield Caution(
+            "simulation.assembly_travel",
+            mechanism.simulation.assembly_travel,
+            mechanism.unit("length"),
+            "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
+            f" so: it moves a body by {moved:.4g} {mechanism.unit('length')}",
+            "",
+            "correct the poses, or let it be if the drawing is meant so; with 0 such a start is refused",
+        )
 
 
 def _closed_loops(mechanism: Mechanism) -> list[Caution]:

@@ -6,6 +6,7 @@ from engine import library_names, load_mechanism, set_values
 from engine.preflight import cautions
 from tests.each import each
 from tests.engine.preflight.examples import lever, warned
+from tests.engine.small import block_on_floor, made
 
 
 @each("name", library_names())
@@ -27,3 +28,13 @@ def test_nor_the_clearances_of_the_paper(clearance):
 def test_nor_the_example_of_the_docs():
     """The lever of the page on mechanism files."""
     assert warned(lever()) == []
+
+
+def test_a_start_that_is_not_the_drawn_one_is_said():
+    """A block drawn 1 mm into the floor: the key, and how far it is moved; nothing where it stands on it."""
+    data = block_on_floor(origin=[0, 0, 0.099])
+    found = [caution for caution in cautions(made(data)) if caution.key == "simulation.assembly_travel"]
+    assert len(found) == 1
+    assert "it moves a body by 0.001 m" in found[0].text
+    data["bodies"]["block"]["origin"] = [0, 0, 0.1]
+    assert not [caution for caution in cautions(made(data)) if caution.key == "simulation.assembly_travel"]
