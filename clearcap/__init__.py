@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
+    from clearcap.questions.measured import capability_report
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
     from engine import (
@@ -68,6 +69,7 @@ __all__ = [
     "UnreachableError",
     "campaign_text",
     "capability",
+    "capability_report",
     "check",
     "connect",
     "library_names",
@@ -93,6 +95,7 @@ _HOMES = {
     "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
+    "clearcap.questions.measured": ("capability_report",),
     "clearcap.results": ("Results", "open_campaign", "report"),
     "clearcap.running": ("run_campaign",),
     "engine": (

@@ -154,7 +154,7 @@ def analyse(
         statuses=count_statuses(every),
         trust=(
             *trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE, fit),
-            repeatable(responses, repeats),
+            *(() if spec.measured else (repeatable(responses, repeats),)),
             *rare_checks(rare),
         ),
         responses=responses,

@@ -49,7 +49,8 @@ def _outcome(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence["R
     if withheld:
         return f"No verdict: {withheld}"
     changed = [r.spec.name for r in limited if changed_by_failures(r.nonconforming, r.verdict.word)]
-    lead = f"{failed}; if they were rejects, the verdict on {', '.join(changed)} would be worse. " if changed else ""
+    missing = failed if ok < finished else "Some values are missing"
+    lead = f"{missing}; if they were rejects, the verdict on {', '.join(changed)} would be worse. " if changed else ""
     return lead + _by_verdict(limited)
 
 

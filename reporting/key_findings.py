@@ -85,10 +85,11 @@ def _yield(analysis: "Analysis") -> str:
     if product is None or not product.with_failures.n:
         return ""
     counted = product.with_failures if analysis.failed else product.counted or product.with_failures
+    parts = "parts" if analysis.spec.measured else "samples"
     low, high = (format_numbers.percent(end) for end in counted.interval)
     failed = ", failed samples counted as rejects" if analysis.failed else ""
     return (
-        f"{format_numbers.percent(counted.share)} ({low} to {high}) of {format_numbers.grouped(counted.n)} samples "
+        f"{format_numbers.percent(counted.share)} ({low} to {high}) of {format_numbers.grouped(counted.n)} {parts} "
         f"keep all limits{failed}."
     )
 

@@ -256,6 +256,9 @@ class ReportSpec:
         The mechanism and what its responses measure.
     drawing_note : str
         Why there is no drawing; may be empty.
+    measured : bool
+        Whether the rows are measured parts: the report then says nothing of runs and inputs, and first of all whether
+        the process is stable.
     """
 
     title: str
@@ -284,6 +287,7 @@ class ReportSpec:
     min_ok: float = 0.99
     max_not_assemblable: float | None = None
     ordered: bool = True
+    measured: bool = False
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would be treated as independent."""

@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from json import loads
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from clearcap.cli.drive import fail_without_enough_ok
 from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_campaign
-from clearcap.cli.output import Json, print_json, print_text, say
+from clearcap.cli.output import Json, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from clearcap.questions.verification import VerifiedSignoff
@@ -68,6 +69,55 @@ def report(
     other = None if against is None else opened.find(against)
     _print_files({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
     fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+
+
+def capability(
+    parts: Annotated[
+        Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")
+    ],
+    limits: Annotated[Path, typer.Option(metavar="FILE", help="TOML file with the characteristics and their limits.")],
+    folder: Annotated[Path, typer.Option(metavar="DIR", help="Where the report is written.")] = Path("capability"),
+    pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf.")] = False,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
+    ] = False,
+    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
+    json: Json = False,
+) -> None:
+    """Write the capability report of measured parts, and print it in short."""
+    from clearcap.questions.measured import capability_report
+    from reporting.write import NAMES
+
+    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
+    kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
+    files = capability_report(parts, limits, folder, kinds)
+    document = loads((folder / NAMES["json"]).read_text("utf-8"))
+    if json:
+        verdicts = {r["spec"]["name"]: r["verdict"] for r in document["responses"]}
+        print_json(
+            {"parts": document["finished"], "headline": document["headline"], "verdicts": verdicts, "report": files}
+        )
+        return
+    print_text(document["headline"])
+    heads = ("characteristic", "verdict", "index", "n", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+    print_table(document["title"], heads, map(_cells, document["responses"]), texts=2, bold="index")
+    for check in document["trust"]:
+        if check["level"] in ("bad", "attention"):
+            print_text(f"{check['name']}: {check['text']}")
+    print_text(f"report: {files['html']}")
+
+
+def _cells(response: dict[str, Any]) -> tuple[str, ...]:
+    """Return the row of a characteristic."""
+    from reporting.format_numbers import index
+
+    spec, found = response["spec"], response["capability"]
+    name = spec["name"] if spec["unit"] in ("", "1") else f"{spec['name']} [{spec['unit']}]"
+    verdict = response["verdict"] + (", not certain" if response["certain"] is False else "")
+    decides = "-" if response["index"] is None else index(response["index"])
+    ppm = "-" if found["ppm_observed"] is None else f"{found['ppm_observed']:.0f}"
+    numbers = number(found["mean"]), number(found["std"], 3), number(spec["lsl"]), number(spec["usl"])
+    return (name, verdict, decides, str(found["n"]), *numbers, index(found["cpk"]), ppm)
 
 
 def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:

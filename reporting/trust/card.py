@@ -5,6 +5,7 @@ statistics support the verdicts.
 """
 
 from reporting.assembly import AssemblyShare
+from reporting.format_numbers import grouped
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -31,9 +32,12 @@ from reporting.trust.evidence import (
     missing_values,
     production_lots,
     row_order,
+    stability,
     verdicts_hold,
 )
 from reporting.trust.normal_shape import normal_shape
+
+_ORDER = {True: "in the order in which they were made", False: "in an order that means nothing"}
 
 
 def trust_checks(
@@ -50,6 +54,8 @@ def trust_checks(
     ``samples`` are those that can be assembled, where a limit judges the others (``fit``).
     """
     unit, design = samples.penetration_unit, spec.design
+    if spec.measured:
+        return _checks_of_parts(spec, samples, responses, confidence)
     return (
         Check("Sampling", "info" if design.production else "attention", _sampling(spec, samples)),
         *production_lots(responses),
@@ -72,6 +78,26 @@ def trust_checks(
         settled(samples),
         *accidents(samples),
         drawn_as_requested(variables, correlations, production=design.production),
+    )
+
+
+def _checks_of_parts(
+    spec: ReportSpec, samples: Samples, responses: tuple[ResponseAnalysis, ...], confidence: float
+) -> tuple[Check, ...]:
+    """Return the lines on measured parts; stability comes first, because no index predicts an unstable process."""
+    parts = f"{grouped(samples.sample.size)} measured parts, {_ORDER[spec.ordered]}."
+    return (
+        stability(responses, ordered=spec.ordered),
+        Check("Parts", "info", parts),
+        *production_lots(responses),
+        enough_samples(responses, production=True),
+        verdicts_hold(responses),
+        many_statements(responses, confidence),
+        converged(responses, production=True),
+        *(row_order(responses) if spec.ordered else ()),
+        missing_values(responses, measured=True),
+        *limits_in_place(responses),
+        normal_shape(responses),
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from reporting.capability.control_chart import MOST_POINTS, control_chart
+from reporting.trust.evidence import BEYOND_BAR
 
 
 def test_few_values_are_individuals_with_sigma_from_moving_ranges() -> None:
@@ -69,3 +70,17 @@ def test_there_is_none_of_few_or_equal_values() -> None:
     assert control_chart(np.arange(4.0)) is None
     assert control_chart(np.full(50, 7.0)) is None
     assert control_chart(np.arange(8.0), np.repeat([0, 1], 4)) is None
+
+
+def test_three_points_beyond_the_limits_are_no_chance():
+    """Of 500 stable processes of four shapes, at most as many have them as docs/measured.md says, within chance."""
+    rng = np.random.default_rng(5)
+    shapes = {
+        "normal": lambda n: rng.normal(size=n),
+        "gamma": lambda n: rng.gamma(16.0, size=n),
+        "lognormal": lambda n: np.exp(0.3 * rng.normal(size=n)),
+        "t": lambda n: rng.standard_t(5, size=n),
+    }
+    for name, draw in shapes.items():
+        alarms = sum(len(control_chart(draw(60)).beyond) >= BEYOND_BAR for _ in range(500))
+        assert alarms <= 24, name  # more than 24 of 500 at 2.1 % has a probability of 1e-4

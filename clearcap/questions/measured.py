@@ -1,0 +1,330 @@
+"""The capability of measured parts: a table of measurements and a file of limits become the same report as samples do.
+
+The limits file is TOML: a title, a table for each characteristic with the keys of a campaign's response, and what the
+table's other columns mean.
+"""
+
+import csv
+import io
+import platform
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.spec.campaign_file import Response, ShortName
+from campaign.spec.faults import SpecFault, structure_faults
+from campaign.version import clearcap_version
+from clearcap.questions.report import report_date
+from clearcap.questions.report_source import sha256
+from engine.faults.toml_positions import with_positions
+from engine.mechanism.base import PositiveNumber, TableModel
+from engine.mechanism.faults import did_you_mean
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
+from reporting import Design, ReportError, ReportSpec, ResponseSpec, write_report
+from reporting.analysis import Analysis, analyse
+from reporting.arrays import Array
+from reporting.capability.verdict import CAPABLE
+from reporting.samples import read_samples
+from reporting.write import USUAL
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+LARGEST_TABLE = 100_000_000  # bytes
+MOST_PARTS = 1_000_000
+FORMATS = (".csv", ".txt", ".parquet", ".xlsx")
+_LOT = "lot"  # column of the report's table
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_MEASURED = Design(True, "Measured parts.")
+
+
+class Characteristic(Response):
+    """A measured characteristic: a column of the table, and its limits."""
+
+    title: str = Field(default="", description="What is measured, in words.")
+    unit: str = Field(default="1", description="Unit of the column and of the limits; 1 if it has none.")
+    column: str | None = Field(
+        default=None, min_length=1, description="The column; the characteristic's name if absent."
+    )
+
+
+class LimitsFile(TableModel, strict=True):
+    """Limits of measured characteristics, and what the columns of the table mean."""
+
+    format: Literal[1] = Field(default=1, description="Version of this file format: 1.")
+    title: str = Field(default="", description="Heading of the report; the name of the table's file if absent.")
+    author: str = Field(default="", description="Who is responsible for the report.")
+    header: dict[str, str] = Field(
+        default={}, description="Texts under the title, as part, drawing, gauge, machine, class or customer."
+    )
+    order: str | None = Field(
+        default=None,
+        min_length=1,
+        description="The column by which parts were made one after the other, a time or a number; if absent, the rows"
+        " are in that order.",
+    )
+    ordered: bool = Field(
+        default=True, description="false: the rows are in no order, so that nothing is said of stability."
+    )
+    lot: str | None = Field(default=None, min_length=1, description="The column that names each part's lot.")
+    requirements: dict[ShortName, PositiveNumber] = Field(
+        default={}, description="Classes of characteristics, and the index that each requires."
+    )
+    characteristics: dict[ShortName, Characteristic] = Field(
+        min_length=1, max_length=200, description="The characteristics by name."
+    )
+
+    @model_validator(mode="after")
+    def _classes_are_known(self) -> Self:
+        for name, each in self.characteristics.items():
+            if isinstance(each.requirement, str) and each.requirement not in self.requirements:
+                known = ", ".join(self.requirements) or "none is given"
+                raise ValueError(
+                    f'characteristics.{name}.requirement = "{each.requirement}": no such class; allowed: a number, or'
+                    f" one of requirements: {known}"
+                )
+        return self
+
+
+def load_limits(source: "str | Path | Mapping[str, Any]") -> LimitsFile:
+    """Return checked limits from a TOML file or from its tables; SpecError tells all faults."""
+    if isinstance(source, Mapping):
+        return _checked(dict(source), "limits:", b"")
+    try:
+        content = read_regular_file(source, LARGEST)
+        return _checked(parse_toml(content), f"limits {source}:", content)
+    except OSError as error:
+        raise SpecError(f"limits {source}: cannot be read ({error.strerror or error}); name a limits file") from error
+    except UnfitToml as error:
+        at = SpecFault((), str(error), line=error.line, column=error.column)
+        raise SpecError(f"limits {source}: {error}", [at]) from error
+
+
+def _checked(tables: dict[str, Any], heading: str, content: bytes) -> LimitsFile:
+    try:
+        return LimitsFile.model_validate(tables)
+    except ValidationError as error:
+        faults = structure_faults(error, LimitsFile)
+        message = "\n  ".join([heading, *map(str, faults)])
+        raise SpecError(message, with_positions(faults, content) if content else faults) from error
+
+
+def read_parts(path: str | Path) -> "pd.DataFrame":
+    """Return the table of a CSV, Parquet or Excel file.
+
+    The cells of CSV are texts; columns may be separated by comma, semicolon or tab. Raises SpecError if the file cannot
+    be read.
+    """
+    import pandas as pd
+
+    path, suffix = Path(path), Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise SpecError(f"parts {path}: its name ends in none of {', '.join(FORMATS)}; name a table of measurements")
+    try:
+        content = read_regular_file(path, LARGEST_TABLE)
+        if suffix == ".parquet":
+            return pd.read_parquet(io.BytesIO(content))
+        if suffix == ".xlsx":
+            return pd.read_excel(io.BytesIO(content), engine="openpyxl")
+        return _csv(content)
+    except OSError as error:
+        raise SpecError(f"parts {path}: cannot be read ({error.strerror or error}); name a file") from error
+    except ImportError as error:
+        raise SpecError(f"parts {path}: openpyxl is not installed; pip install openpyxl") from error
+    except SpecError as error:
+        raise SpecError(f"parts {path}: {error}") from error
+    except Exception as error:  # each reader has its own errors for a damaged file
+        raise SpecError(f"parts {path}: not a table ({str(error).splitlines()[0]:.200}); correct the file") from error
+
+
+def _csv(content: bytes) -> "pd.DataFrame":
+    """Return the cells of a CSV file as texts; the separator is that of its first line."""
+    import pandas as pd
+
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")  # Excel's CSV in Western Europe
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    separator = max(";\t,", key=first.count)
+    if first.count(separator) == 0 and len(next(csv.reader([first]), [])) < 1:
+        raise SpecError("it is empty; the first line must name the columns")
+    return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True)
+
+
+def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "tuple[pa.Table, list[int]]":
+    """Return the rows of a report in the order in which parts were made, and the number of each part's row, from 1.
+
+    A missing value is NaN. Raises SpecError if a column is missing or holds a text that is no number.
+    """
+    import pyarrow as pa
+
+    if not 0 < len(parts) <= MOST_PARTS:
+        raise SpecError(f"the table has {len(parts)} rows; allowed: 1 to {MOST_PARTS}")
+    order = np.arange(len(parts)) if limits.order is None else _ranks(_column(parts, limits.order, "order"))
+    columns: dict[str, Any] = {}
+    for name, each in limits.characteristics.items():
+        key = f"characteristics.{name}.column" if each.column else f"characteristics.{name}"
+        columns[name] = _numbers(_column(parts, each.column or name, key), each.column or name)[order]
+    if limits.lot is not None:
+        lots = _column(parts, limits.lot, "lot").astype(str).to_numpy()[order]
+        _, first, number = np.unique(lots, return_index=True, return_inverse=True)
+        columns[_LOT] = np.argsort(np.argsort(first))[number]  # numbered in the order in which they begin
+    n = len(parts)
+    fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
+    zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
+    return pa.table({**fixed, **zeros, **columns}), (order + 1).tolist()
+
+
+def _column(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
+    """Return a column of the table; SpecError names the key of the limits file that asks for it."""
+    there = [str(column) for column in parts.columns]
+    if there.count(name) != 1:
+        what = "no column" if name not in there else f"{there.count(name)} columns"
+        listed = ", ".join(f"{column:.40}" for column in there[:20])
+        raise SpecError(f"{key}: the table has {what} {name}; its columns: {listed}{did_you_mean(name, there[:1000])}")
+    return parts.iloc[:, there.index(name)]
+
+
+def _numbers(column: "pd.Series[Any]", name: str) -> Array:
+    """Return a column as numbers, NaN where it is empty; texts may have a decimal comma or point, but not both."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
+        numbers: Array = column.to_numpy(float, na_value=np.nan)
+        return numbers
+    texts = ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
+    commas = [at for at, text in enumerate(texts) if _DECIMAL_COMMA.fullmatch(text)]
+    points = [at for at, text in enumerate(texts) if "." in text]
+    if commas and points:
+        raise SpecError(
+            f"column {name}: row {commas[0] + 1} has a decimal comma ({texts[commas[0]]:.20}), row {points[0] + 1} a"
+            f" decimal point ({texts[points[0]]:.20}); use one of them"
+        )
+    values = np.full(len(texts), np.nan)
+    for at, text in enumerate(texts):
+        if text.lower() in ("", "nan", "na", "n/a", "-"):
+            continue
+        try:
+            values[at] = float(text.replace(",", ".") if commas else text)
+        except ValueError:
+            raise SpecError(
+                f"column {name}, row {at + 1} of {len(texts)}: {text:.40} is no number; correct it, or leave it empty"
+            ) from None
+    return values
+
+
+def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
+    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts."""
+    import pandas as pd
+
+    try:
+        keys: Any = _numbers(column, str(column.name))
+    except SpecError:
+        keys = pd.to_datetime(column, errors="coerce", format="mixed", utc=True)
+        keys = column.astype(str).to_numpy() if keys.isna().any() else keys.to_numpy()
+    return np.argsort(keys, kind="stable")
+
+
+def report_spec_of_parts(limits: LimitsFile, parts: int, name: str, provenance: Mapping[str, str]) -> ReportSpec:
+    """Return what a report on measured parts needs besides the table."""
+    lots = limits.lot is not None
+    return ReportSpec(
+        title=limits.title or name,
+        campaign=name,
+        header=limits.header,
+        responses=tuple(_response(each, limits, key) for key, each in limits.characteristics.items()),
+        variables=(),
+        provenance=dict(provenance),
+        requested=parts,
+        sampler="measured",
+        design=_MEASURED,
+        production_batch_column=_LOT if lots else "",
+        author=limits.author,
+        written=report_date(),
+        ordered=limits.ordered,
+        measured=True,
+    )
+
+
+def _response(each: Characteristic, limits: LimitsFile, name: str) -> ResponseSpec:
+    lsl, usl, target = each.limits()
+    required = limits.requirements[each.requirement] if isinstance(each.requirement, str) else each.requirement
+    return ResponseSpec(
+        *(name, each.title, each.unit, lsl, usl, target, each.source),
+        requirement=CAPABLE if required is None else required,
+        index=each.index or "share",
+        boundary=each.boundary or "",
+    )
+
+
+def capability_report(
+    parts: "str | Path | pd.DataFrame",
+    limits: "str | Path | Mapping[str, Any] | LimitsFile",
+    folder: str | Path = "capability",
+    kinds: Collection[str] = USUAL,
+) -> dict[str, str]:
+    """Write the capability report of measured parts.
+
+    Parameters
+    ----------
+    parts : str, Path or pandas.DataFrame
+        The measurements, one row a part: a CSV, Parquet or Excel file, or a table. An empty cell is a missing value.
+    limits : str, Path or mapping
+        The characteristics and their limits: a TOML file, or its tables.
+    folder : str or Path
+        Folder of the files; created if it does not exist.
+    kinds : collection of str
+        Files to write: "html", "json", "parquet", "xlsx" (extra ``clearcap[excel]``), "pdf" and "summary_pdf" (extra
+        ``clearcap[pdf]``), "summary".
+
+    Returns
+    -------
+    dict of str to str
+        Path of each file by kind.
+
+    Raises
+    ------
+    SpecError
+        The limits are wrong, or the table does not fit them.
+    CampaignError
+        The report cannot be written.
+    """
+    table, spec = _asked(parts, limits)
+    try:
+        return write_report(table, spec, Path(folder), kinds=kinds)
+    except ReportError as error:
+        raise (unwritable(str(error), error.__cause__) if error.__cause__ else CampaignError(str(error))) from error
+
+
+def capability_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> Analysis:
+    """Return the analysis that `capability_report` writes; raises what it raises."""
+    table, spec = _asked(parts, limits)
+    try:
+        return analyse(read_samples(table, spec), spec)
+    except ReportError as error:
+        raise CampaignError(str(error)) from error
+
+
+def _asked(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa.Table, ReportSpec]":
+    known = limits if isinstance(limits, LimitsFile) else load_limits(limits)
+    provenance, name, where = {}, "measured parts", "parts"
+    if isinstance(parts, str | Path):
+        frame, name, where = read_parts(parts), Path(parts).stem, f"parts {parts}"
+        digest = sha256(read_regular_file(parts, LARGEST_TABLE))
+        provenance = {"table": Path(parts).name, "SHA-256 of the table": digest}
+    else:
+        frame = parts
+    try:
+        table, _ = parts_table(frame, known)
+    except SpecError as error:
+        raise SpecError(f"{where}: {error}") from error
+    provenance |= {"clearcap": clearcap_version(), "Python": platform.python_version()}
+    return table, report_spec_of_parts(known, len(frame), name, provenance)

@@ -1,0 +1,169 @@
+"""The capability of measured parts: what the table's files say, in which order, and what the report says of them."""
+
+import html
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+import clearcap
+from campaign.errors import SpecError
+from clearcap.cli import app
+from clearcap.questions.measured import capability_of_parts, load_limits, parts_table, read_parts
+from tests.each import each
+
+LIMITS = {"characteristics": {"d": {"unit": "mm", "nominal": 20.0, "tolerance": 0.02, "source": "drawing 7"}}}
+OF_SIMULATIONS = (
+    "simulat",
+    "campaign",
+    "mechanism",
+    "replay",
+    "penetration",
+    "residual",
+    " runs",
+    "repeated",
+    "half the step",
+)
+
+
+def normal(n=200, seed=1):
+    return np.random.default_rng(seed).normal(20.002, 0.004, n).round(4)
+
+
+def texts(values, decimal="."):
+    return [("" if np.isnan(x) else f"{x:.4f}".replace(".", decimal)) for x in values]
+
+
+def check_of(analysis, name):
+    return next(check for check in analysis.trust if check.name == name)
+
+
+def test_the_numbers_are_those_of_the_formulas():
+    d = normal()
+    capability = capability_of_parts(pd.DataFrame({"d": d}), LIMITS).responses[0].capability
+    assert (capability.n, capability.mean, capability.std) == (
+        200,
+        pytest.approx(d.mean()),
+        pytest.approx(d.std(ddof=1)),
+    )
+    assert capability.cpk == pytest.approx(min(20.02 - d.mean(), d.mean() - 19.98) / (3 * d.std(ddof=1)), rel=1e-12)
+
+
+def test_a_table_is_the_same_in_every_format(tmp_path):
+    """Comma, semicolon, tab, decimal point and comma, Parquet, Excel, and a table of pandas; one value is missing."""
+    d = normal(30)
+    d[7] = np.nan
+    files = {}
+    for name, separator, decimal in (
+        ("a.csv", ",", "."),
+        ("b.csv", ";", ","),
+        ("c.txt", "\t", ","),
+        ("d.csv", ";", "."),
+    ):
+        rows = [f"{i}{separator}{text}" for i, text in enumerate(texts(d, decimal))]
+        files[name] = tmp_path / name
+        files[name].write_bytes("\r\n".join([f"no{separator}d", *rows, ""]).encode("utf-8-sig"))
+    frame = pd.DataFrame({"no": range(30), "d": d})
+    frame.to_parquet(tmp_path / "e.parquet")
+    frame.to_excel(tmp_path / "f.xlsx", index=False)
+    files |= {name: tmp_path / name for name in ("e.parquet", "f.xlsx")}
+    limits = load_limits(LIMITS)
+    tables = {name: read_parts(path) for name, path in files.items()} | {"table": frame}
+    for name, table in tables.items():
+        np.testing.assert_array_equal(parts_table(table, limits)[0]["d"].to_numpy(), d, err_msg=name)
+
+
+def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_begin():
+    d, when = normal(6), ["2026-11-03 10:00", "2026-11-03 09:00", "2026-11-02 23:00", "2026-11-03 11:00"]
+    frame = pd.DataFrame({"d": d, "at": [*when, "2026-11-04 01:00", "2026-11-04 00:00"], "lot": list("BAABCC")})
+    frame["number"] = [30, 20, 9, 40, 60, 50]
+    frame["text"] = frame["number"].astype(str)
+    for column in ("at", "number", "text"):
+        limits = load_limits(LIMITS | {"order": column, "lot": "lot"})
+        table, rows = parts_table(frame, limits)
+        assert rows == [3, 2, 1, 4, 6, 5], column
+        assert table["d"].to_pylist() == [d[row - 1] for row in rows]
+        assert table["lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_an_unstable_process_is_called_one():
+    """A step, spikes, and the same values in another order; nothing is said where the order means nothing."""
+    d = normal(120)
+    step, spiked = d.copy(), d.copy()
+    step[60:] += 0.006
+    spiked[[10, 11, 40, 41, 90, 91]] += 0.03
+    for values in (step, spiked):
+        assert check_of(capability_of_parts(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "bad"
+    mixed = np.random.default_rng(3).permutation(step)
+    for values in (d, mixed):
+        assert check_of(capability_of_parts(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "good"
+    unordered = capability_of_parts(pd.DataFrame({"d": step}), LIMITS | {"ordered": False})
+    assert check_of(unordered, "Stability").level == "info"
+    few = capability_of_parts(pd.DataFrame({"d": d[:4]}), LIMITS)
+    assert check_of(few, "Stability").level == "info"
+
+
+def test_the_report_says_nothing_of_simulations(tmp_path):
+    frame = pd.DataFrame({"d": normal(80), "lot": np.repeat(list("ABCDEFGH"), 10)})
+    frame.loc[5, "d"] = np.nan
+    for limits in (LIMITS, LIMITS | {"lot": "lot", "header": {"part": "lever"}}):
+        files = clearcap.capability_report(frame, limits, tmp_path, ["html", "json", "summary", "xlsx", "parquet"])
+        assert set(files) == {"html", "json", "summary", "xlsx", "parquet"}
+        for kind in ("html", "summary"):
+            page = re.sub(r"<style.*?</style>|<[^>]+>", " ", Path(files[kind]).read_text("utf-8"), flags=re.S)
+            said = " ".join(html.unescape(page).split()).lower()
+            assert [word for word in OF_SIMULATIONS if word in said] == []
+            assert "20.0" in said
+            assert "measured parts" in said
+
+
+@each(
+    "limits, table, words",
+    [
+        ({"characteristics": {}}, {"d": [1.0]}, ["characteristics"]),
+        (LIMITS | {"colour": 1}, {"d": [1.0]}, ["colour", "unknown key"]),
+        ({"characteristics": {"d": {"lsl": 2.0, "usl": 1.0}}}, {"d": [1.0]}, ["characteristics.d", "lsl = 2"]),
+        ({"characteristics": {"d": {"usl": 1.0, "requirement": "high"}}}, {"d": [1.0]}, ["requirement", "high"]),
+        (LIMITS, {"dia": [1.0]}, ["characteristics.d", "no column d", "dia"]),
+        (LIMITS | {"order": "time"}, {"d": [1.0]}, ["order", "time"]),
+        (LIMITS, {"d": ["20.1", "about 20"]}, ["row 2 of 2", "about 20"]),
+        (LIMITS, {"d": ["20.1", "20,2"]}, ["decimal comma (20,2)", "decimal point (20.1)"]),
+        (LIMITS, {"d": []}, ["0 rows"]),
+    ],
+)
+def test_what_does_not_fit_is_refused(limits, table, words):
+    with pytest.raises(SpecError) as refused:
+        capability_of_parts(pd.DataFrame(table), limits)
+    assert [word for word in words if word not in str(refused.value)] == []
+
+
+def test_files_that_are_no_tables_are_refused(tmp_path):
+    for name, content in (
+        ("a.pdf", b"%PDF"),
+        ("b.parquet", b"PAR1"),
+        ("c.xlsx", b"PK"),
+        ("d.csv", b""),
+        ("e.csv", None),
+    ):
+        if content is not None:
+            (tmp_path / name).write_bytes(content)
+        with pytest.raises(SpecError, match=name):
+            read_parts(tmp_path / name)
+
+
+def test_the_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "parts.csv").write_text("\n".join(["d", *texts(normal(400))]))
+    (tmp_path / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nnominal = 20\ntolerance = 0.02\n')
+    done = CliRunner().invoke(app, ["capability", "parts.csv", "--limits", "limits.toml", "--json"])
+    document = json.loads(done.stdout)
+    assert (document["parts"], set(document["verdicts"])) == (400, {"d"})
+    assert (tmp_path / document["report"]["html"]).exists()
+    told = CliRunner().invoke(app, ["capability", "parts.csv", "--limits", "limits.toml", "--folder", "other"])
+    assert told.exit_code == 0
+    assert "other/report.html" in told.stdout
+    assert "d [mm]" in told.stdout
