@@ -194,6 +194,8 @@ def _scaled(old: Continuous, scale: float) -> Continuous | None:
     has_moments = {"mean", "std"} <= type(old).model_fields.keys()
     if "tolerance" in table and not _SHIFTED & table.keys():  # the capability of the manufacturer stays the same
         table["tolerance"] *= scale
+    elif "zone" in table:
+        table |= {key: table[key] * scale for key in ("zone", "std") if key in table}
     elif table["distribution"] == "exponential":
         table = {key: x for key, x in table.items() if key not in ("mean", "std")}
         table["scale"] = old.parent().moments()[1] * scale

@@ -16,6 +16,7 @@ from campaign.inputs.distributions.bounded import Beta, Triangular, Uniform
 from campaign.inputs.distributions.continuous import Continuous, ProductionBatch
 from campaign.inputs.distributions.discrete import Constant, Empirical, Geometric, Poisson
 from campaign.inputs.distributions.normal import Normal, TruncatedNormal
+from campaign.inputs.distributions.position import Position
 from campaign.inputs.distributions.selective import Selective
 from campaign.inputs.distributions.skewed import Exponential, Gamma, Lognormal, Weibull
 
@@ -39,6 +40,7 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
         Uniform,
         Triangular,
         Selective,
+        Position,
         Beta,
         Lognormal,
         Weibull,

@@ -62,6 +62,8 @@ KINDS = {
     "inertial": {"distribution": "normal", "nominal": 0.06, "inertia": 0.01, "shift": 0.004},
     "shifted": {"distribution": "normal", "nominal": 0.06, "tolerance": 0.03, "cpk": 1.0, "sigma_shift": 1.5},
     "drawn": {"distribution": "truncated_normal", "fit": "25 F8/h9", "cpk": 1.0},
+    "position": {"distribution": "position", "zone": 0.1, "std": 0.02},
+    "placed": {"distribution": "position", "zone": 0.1},
     "selective": {"distribution": "selective", "fit": "25 F8/h9", "cpk": 1.0, "classes": 3},
     "triangular": {"distribution": "triangular", "lower": 0.02, "upper": 0.1, "mode": 0.03, "within": [0.03, 0.09]},
     "beta": {"distribution": "beta", "lower": 0.0, "upper": 0.1, "alpha": 3.0, "beta": 4.0},

@@ -9,7 +9,13 @@ from campaign.inputs.distributions import DISTRIBUTIONS
 from clearcap.questions.whatif import changed_variables
 from tests.each import each
 
-STANDS_ALONE = {"poisson": "rate", "geometric": "probability", "empirical": "values", "selective": "fit"}
+STANDS_ALONE = {
+    "poisson": "rate",
+    "geometric": "probability",
+    "empirical": "values",
+    "selective": "fit",
+    "position": "zone",
+}
 
 
 @each("kind", [kind for kind in DISTRIBUTIONS if kind not in STANDS_ALONE])

@@ -199,6 +199,22 @@ def test_no_other_pose_is_nearer_in_the_mass_metric(name, seeds):
         np.testing.assert_allclose(best.x * size, w, atol=2e-2 * size)
 
 
+def test_a_bore_off_its_true_position_starts_where_its_play_lets_it():
+    """Distance and direction as two parameters: within the play nothing moves, beyond it the link follows."""
+    data = free(shipped("clearance_pendulum"), 0.01)
+    data["parameters"] = {"off": 0.0, "way": 0.0}
+    side = data["joints"]["J1"]["bearing"]
+    x, y, z = side["point"]
+    side["point"] = [f"{x} + off * cos(way)", f"{y} + off * sin(way)", z]
+    mechanism, play = made(data), data["joints"]["J1"]["radial_clearance"]
+    for way in (0.0, 2.0):
+        inside = set_values(mechanism, {"parameters.off": 0.9 * play, "parameters.way": way})
+        assert assemble(inside).travel == 0.0
+        beyond = assemble(set_values(mechanism, {"parameters.off": 3.0 * play, "parameters.way": way}))
+        assert 0.0 < beyond.travel <= 2.0 * play * (1 + 1e-6)
+        assert beyond.state.gap.min() >= -mechanism.simulation.penetration
+
+
 def test_parts_that_are_too_long_are_proved_impossible_with_the_pair():
     """A block 0.2 high between a floor and a ceiling 0.19 apart: no displacement helps, both contacts are named."""
     data = free(block_on_floor(origin=[0, 0, 0.1]), 0.05)

@@ -43,6 +43,12 @@ PARENTS = [
     (entry("triangular", lower=0.0, mode=1.0, upper=4.0), stats.triang(0.25, 0.0, 4.0)),
     (entry("triangular", lower=0.0, mode=0.0, upper=1.0), stats.triang(0.0, 0.0, 1.0)),
     (entry("triangular", lower=0.0, mode=1.0, upper=1.0), stats.triang(1.0, 0.0, 1.0)),
+    # distances in a zone of diameter 0.2: uniform in a disc; two normal ones cut off at a circle
+    (entry("position", zone=0.2), stats.triang(1.0, 0.0, 0.1)),
+    (
+        entry("position", zone=0.2, std=0.05),
+        stats.truncweibull_min(2.0, 0.0, 2.0**0.5, scale=0.05 * 2.0**0.5),
+    ),
     (entry("beta", lower=1.0, upper=3.0, alpha=2.0, beta=5.0), stats.beta(2.0, 5.0, 1.0, 2.0)),
     (entry("beta", lower=1.0, upper=3.0, alpha=0.5, beta=0.7), stats.beta(0.5, 0.7, 1.0, 2.0)),
     (entry("beta", lower=-1.0, upper=1.0, mean=0.2, std=0.25), stats.beta(8.616, 5.744, -1.0, 2.0)),
@@ -437,6 +443,26 @@ def test_a_distribution_is_described_as_it_was_asked_for(name):
     """Who gives mean and std reads mean and sd, and not the parameters that follow from them."""
     made = make(entry(name, mean=0.05, std=0.01))
     assert made.text().lower().startswith(f"{name}, mean 0.05, sd 0.01")
+
+
+@each("std", [None, 0.02, 0.05])
+def test_a_position_is_a_place_in_its_zone(std):
+    """With a uniform direction, x and y are those of a million places: uniform in the disc, or normal and in it."""
+    rng, n = np.random.default_rng(4), 1_000_000
+    variable = make(entry("position", zone=0.2, **({} if std is None else {"std": std})))
+    x, y = rng.uniform(-0.1, 0.1, (2, n)) if std is None else std * rng.standard_normal((2, n))
+    inside = np.hypot(x, y) <= 0.1
+    distance, angle = variable.ppf(rng.random(n)), 2 * np.pi * rng.random(n)
+    along, across = distance * np.cos(angle), distance * np.sin(angle)
+    count = np.count_nonzero(inside)
+    for power in (2, 4):
+        drawn, expected = along**power, x[inside] ** power
+        error = np.hypot(drawn.std() / np.sqrt(n), expected.std() / np.sqrt(count))
+        assert abs(drawn.mean() - expected.mean()) < 4 * error
+    assert abs(np.corrcoef(along, across)[0, 1]) < 4 / np.sqrt(n)
+    for u in (0.1, 0.5, 0.9):
+        below = np.mean(np.hypot(x, y)[inside] <= variable.ppf(np.array([u]))[0])
+        assert abs(below - u) < 4 * np.sqrt(u * (1 - u) / count)
 
 
 def test_a_shifted_process_has_the_stated_capability_and_inertia():
