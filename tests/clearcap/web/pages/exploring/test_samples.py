@@ -11,10 +11,10 @@ def test_worst_samples_and_pages(visit, explored):
     home = f"/campaigns/{explored[1]}/samples"
     text = visit(home, "viewer").text
     assert "400 samples" in text
-    assert f'href="{home}?&amp;cursor=50">Further' in text
+    assert f'href="{home}?&amp;cursor=50">Next 50' in text
     text = visit(f"{home}?sort=sample&cursor=350").text
     assert f'<a href="{home}/399">399</a>' in text
-    assert "Further" not in text
+    assert ">Next" not in text
     assert "0 samples" in visit(f"{home}?status=crashed").text
 
 
