@@ -155,7 +155,7 @@ def test_run_shows_numbers_and_motion(browser):
     assert of_unit == {
         **{"simulated time": "ms", "real time": "s", "max penetration": "mm", "max violation": "mm"},
         **dict.fromkeys(("max created energy", "created energy", "max lost energy", "lost energy"), "mJ"),
-        **{"max kinetic energy": "mJ", "max turn": "rad"},
+        **{"max kinetic energy": "mJ", "max turn": "rad", "start travel": "mm"},
     }
     run = simulate(load_mechanism("c60"), {"J1": 0.05})
     assert facts["simulated time [ms]"] == f"{run.certificate.time:.4g}"
