@@ -291,6 +291,7 @@ class Simulation(TableModel):
     )
     assembly_travel: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
         default=None,
+        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
         description="how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
         " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism",
     )

@@ -29,6 +29,7 @@ STAGES_OF_STEP = {
     "apply_loads": LOADS,
     "free_twist": LOADS,
     "damp": LOADS,
+    "impulse_time": LOADS,
     "row_targets": JOINTS,
     "find_redundant_rows": JOINTS,
     "hold_joints": JOINTS,

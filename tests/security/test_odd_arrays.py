@@ -275,6 +275,7 @@ def test_every_public_name_that_takes_arrays_or_numbers_is_attacked():
             "FolderError",
             "Mechanism",
             "MechanismError",
+            "NotAssemblable",
             "TextPosition",
             "Run",
             "Trajectory",
