@@ -62,6 +62,12 @@ def make_hostile():
     for plain in ("Block on a slope", "way down the slope", "A block of 0.2 x 0.2 x 0.1 m on four corners"):
         text = text.replace(f'"{plain}', f'"{quoted(HOSTILE)}')
     Path("mechanism [x].toml").write_text(text)
+    Path("parts [x].csv").write_text("\n".join([f'"{MARKUP}"', *(f"10.{digit}" for digit in range(10))]))
+    Path("limits [x].toml").write_text(
+        f'title = "{quoted(HOSTILE)}"\nheader = {{ "{quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
+        f'[characteristics."{quoted(MARKUP)}"]\nunit = "{quoted(MARKUP)}"\ntitle = "{quoted(HOSTILE)}"\n'
+        f'lsl = 9.0\nusl = 11.0\nsource = "{quoted(HOSTILE)}"\n'
+    )
     Path("campaign [x].toml").write_text(
         'format = 1\nname = "demo"\nmechanism = "./mechanism [x].toml"\nsamples = 40\n'
         f'title = "{quoted(HOSTILE)}"\nheader = {{ "author {quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
@@ -116,6 +122,7 @@ def words_of(verb, campaign_id):
         "folder": [FOLDER],
         "export": [f"runs/{campaign_id}"],
         "file": ["backup [x].zip"],
+        "parts": ["parts [x].csv"],
         "pattern": ["*"],
         "step_file": [str(ROOT / "docs" / "examples" / "latch.step")],
     }
@@ -127,6 +134,7 @@ def words_of(verb, campaign_id):
     options = {
         ("submit",): ["--queue-only"],
         ("delete",): ["--yes"],
+        ("capability",): ["--limits", "limits [x].toml"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
         ("mechanism", "import"): ["--output", f"imported-{uuid4().hex}.toml"],
