@@ -10,7 +10,7 @@ from reporting.capability.intervals import share_interval
 from studies.coverage.families import all_tallies, cases
 from studies.coverage.limit_states import DESIGNED
 from studies.coverage.outcomes import COVERED
-from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES
+from studies.coverage.productions import JUDGED_SHAPES, JUMPS, LOTS, LOTS_IN_TURN, SHAPES
 from studies.coverage.rarities import AIMED
 from studies.coverage.tables import GROUPS, faults
 from tests.house import ROOT
@@ -38,7 +38,7 @@ def documented() -> dict[tuple[str, str], list[str]]:
 def test_the_document_has_every_group_and_production():
     found = documented()
     assert {group for group, _ in found} == set(GROUPS)
-    productions = (*SHAPES, *LOTS, *JUMPS, *LOTS_IN_TURN, *AIMED, *DESIGNED)
+    productions = (*SHAPES, *JUDGED_SHAPES, *LOTS, *JUMPS, *LOTS_IN_TURN, *AIMED, *DESIGNED)
     assert {name for _, name in found} == {production.name for production in productions}
 
 

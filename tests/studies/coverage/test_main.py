@@ -70,6 +70,7 @@ def test_every_number_has_a_row():
     numbers = set()
     for estimate in (*families.REPLICATIONS, families.attributions, families.verdicts):
         numbers |= {key[0] for key in Case(estimate, LOTS[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(families.verdicts_in_turn, SHAPES[0], 100, 1).tallies()}
     numbers |= {key[0] for key in Case(families.rare_shares, AIMED[0], 50, 1).tallies()}
     numbers |= {key[0] for key in Case(families.designed_shares, DESIGNED[0], 50, 1).tallies()}
     numbers |= {key[0] for key in Case(families.stops, LOTS_IN_TURN[0], 100, 1).tallies()}
