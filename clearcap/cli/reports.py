@@ -42,7 +42,7 @@ def report(
     The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
     server has are fetched.
     """
-    from campaign.errors import CampaignError, SpecError
+    from campaign.errors import SpecError
 
     if remote := asked_server(context, server):
         if against is not None or pdf or summary:
@@ -55,16 +55,9 @@ def report(
     if folder is not None:
         raise SpecError("--folder: is for --server; a store has a folder for each report")
     from clearcap.questions.report import report as write_report
-    from reporting.write import lacks_package
 
-    if pdf and lacks_package("pdf"):
-        raise CampaignError(
-            "--pdf: WeasyPrint is not installed; nothing was written. pip install 'clearcap[pdf]', or leave --pdf out"
-        )
-
+    kinds = _kinds(pdf=pdf, excel=excel, summary=summary)
     opened, plan = opened_campaign(store, campaign)
-    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
-    kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)
     other = None if against is None else opened.find(against)
     _print_files({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
@@ -88,9 +81,7 @@ def capability(
     from clearcap.questions.measured import capability_report
     from reporting.write import NAMES
 
-    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
-    kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
-    files = capability_report(parts, limits, folder, kinds)
+    files = capability_report(parts, limits, folder, _kinds(pdf=pdf, excel=excel, summary=summary))
     document = loads((folder / NAMES["json"]).read_text("utf-8"))
     if json:
         verdicts = {r["spec"]["name"]: r["verdict"] for r in document["responses"]}
@@ -105,6 +96,19 @@ def capability(
         if check["level"] in ("bad", "attention"):
             print_text(f"{check['name']}: {check['text']}")
     print_text(f"report: {files['html']}")
+
+
+def _kinds(*, pdf: bool, excel: bool, summary: bool) -> list[str]:
+    """Return the kinds of files that the options ask for; CampaignError if what writes the PDF is not installed."""
+    from campaign.errors import CampaignError
+    from reporting.write import lacks_package
+
+    if pdf and lacks_package("pdf"):
+        raise CampaignError(
+            "--pdf: WeasyPrint is not installed; nothing was written. pip install 'clearcap[pdf]', or leave --pdf out"
+        )
+    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
+    return ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
 
 
 def _cells(response: dict[str, Any]) -> tuple[str, ...]:

@@ -159,8 +159,8 @@ def _csv(content: bytes) -> "pd.DataFrame":
     return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True)
 
 
-def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "tuple[pa.Table, list[int]]":
-    """Return the rows of a report in the order in which parts were made, and the number of each part's row, from 1.
+def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
+    """Return the rows of a report in the order in which parts were made.
 
     A missing value is NaN. Raises SpecError if a column is missing or holds a text that is no number.
     """
@@ -180,7 +180,7 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "tuple[pa.Table, l
     n = len(parts)
     fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
     zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
-    return pa.table({**fixed, **zeros, **columns}), (order + 1).tolist()
+    return pa.table({**fixed, **zeros, **columns})
 
 
 def _column(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
@@ -323,7 +323,7 @@ def _asked(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa.Table, 
     else:
         frame = parts
     try:
-        table, _ = parts_table(frame, known)
+        table = parts_table(frame, known)
     except SpecError as error:
         raise SpecError(f"{where}: {error}") from error
     provenance |= {"clearcap": clearcap_version(), "Python": platform.python_version()}

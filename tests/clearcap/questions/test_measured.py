@@ -74,7 +74,7 @@ def test_a_table_is_the_same_in_every_format(tmp_path):
     limits = load_limits(LIMITS)
     tables = {name: read_parts(path) for name, path in files.items()} | {"table": frame}
     for name, table in tables.items():
-        np.testing.assert_array_equal(parts_table(table, limits)[0]["d"].to_numpy(), d, err_msg=name)
+        np.testing.assert_array_equal(parts_table(table, limits)["d"].to_numpy(), d, err_msg=name)
 
 
 def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_begin():
@@ -84,9 +84,8 @@ def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_
     frame["text"] = frame["number"].astype(str)
     for column in ("at", "number", "text"):
         limits = load_limits(LIMITS | {"order": column, "lot": "lot"})
-        table, rows = parts_table(frame, limits)
-        assert rows == [3, 2, 1, 4, 6, 5], column
-        assert table["d"].to_pylist() == [d[row - 1] for row in rows]
+        table = parts_table(frame, limits)
+        assert table["d"].to_pylist() == [d[row - 1] for row in (3, 2, 1, 4, 6, 5)], column
         assert table["lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
 
 
