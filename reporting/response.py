@@ -9,6 +9,7 @@ from scipy.special import ndtr, ndtri
 from reporting.arrays import Array
 from reporting.capability.control_chart import ControlChart, control_chart
 from reporting.capability.convergence import Convergence, convergence
+from reporting.capability.historical import Historical, historical
 from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
@@ -60,6 +61,7 @@ class ResponseAnalysis:
     verdict: CapabilityVerdict
     capability: Capability  # of the ok samples
     target_indices: TargetIndices | None  # Cpm* and Cpmk; None without a target between the limits
+    historical: Historical | None  # with the mean and sigma of the process so far; None where these are not given
     # sigma within production batches from ranges and from sigmas; empty without batches
     subgroups: tuple[SubgroupSigma, ...]
     missing: int  # ok samples whose value is not finite
@@ -147,6 +149,7 @@ def analyse_response(
         ),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
+        historical=None if spec.historical is None else historical(numbers, *spec.historical),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,

@@ -126,6 +126,8 @@ class ResponseSpec:
     boundary : str
         "lower" or "upper" if that limit is a bound that no value can pass, as 0 for a gap: it has no index and no share
         beyond it, unless a value does pass it; else empty.
+    historical : (float, float) or None
+        Mean and sigma that the process is known to have, in the unit of the column.
     resolution, relative_resolution : float
         Largest meaningless difference between two values, because it is within the solver's tolerances: in the unit
         of the column, and as a share of the largest value.
@@ -143,6 +145,7 @@ class ResponseSpec:
     requirement: float = 1.33
     index: str = "share"
     boundary: str = ""
+    historical: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

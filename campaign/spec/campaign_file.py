@@ -193,6 +193,13 @@ SamplerName = Annotated[str, BeforeValidator(_known_sampler)]
 Column = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_LIST)]
 
 
+class Historical(TableModel, strict=True):
+    """Mean and sigma that a process is known to have, in the unit of the response."""
+
+    mean: Number = Field(description="Historical mean, in the response's unit.")
+    sigma: PositiveNumber = Field(description="Historical standard deviation, in the response's unit, above 0.")
+
+
 class Response(TableModel, strict=True):
     """Limits of one functional condition, in its unit; all of them are optional."""
 
@@ -224,6 +231,11 @@ class Response(TableModel, strict=True):
         default=None,
         description="The limit that no value can pass, as 0 for a gap, ovality or run-out: it has no index and no share"
         " beyond it.",
+    )
+    historical: Historical | None = Field(
+        default=None,
+        description="Mean and sigma that the process is known to have: the report adds the indices with them, and says"
+        " whether the values agree.",
     )
     requirement: PositiveNumber | ShortName | None = Field(
         default=None,

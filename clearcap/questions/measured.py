@@ -262,6 +262,7 @@ def _response(each: Characteristic, limits: LimitsFile, name: str) -> ResponseSp
         requirement=CAPABLE if required is None else required,
         index=each.index or "share",
         boundary=each.boundary or "",
+        historical=None if each.historical is None else (each.historical.mean, each.historical.sigma),
     )
 
 

@@ -349,6 +349,7 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
         requirement=plan.spec.requirement(name) or CAPABLE,
         index=response.index or "share",
         boundary=response.boundary or "",
+        historical=None if response.historical is None else (response.historical.mean, response.historical.sigma),
     )
 
 

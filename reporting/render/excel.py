@@ -154,6 +154,10 @@ def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
                          "min(USL − T, T − LSL) / 3τ"))  # fmt: skip
             rows.append((r.spec.name, "Cpmk", "", t.cpmk, *(t.cpmk_interval or (None, None)),
                          "min(USL − m, m − LSL) / 3τ"))  # fmt: skip
+        if r.historical:
+            h = r.historical
+            rows += [(r.spec.name, f"{name}, historical", "", value, None, None, "with historical mean and sigma")
+                     for name, value in (("Cp", h.cp), ("Cpk", h.cpk))]  # fmt: skip
         rows += [(r.spec.name, f"Cpk, {s.method}", "", s.cpk, None, None, "sigma within batches") for s in r.subgroups]
         for m in r.methods:
             interval = m.ppk_interval or (None, None)

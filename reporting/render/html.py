@@ -126,6 +126,7 @@ def notes_of(analysis: Analysis) -> Notes:
 def _notes(response: ResponseAnalysis) -> list[str]:
     """Return the notes on capability, methods, sensitivity and fits of a response."""
     found = list(response.capability.notes)
+    found += [response.historical.finding] if response.historical and response.historical.finding else []
     found += [f"{METHODS[method.method]}: {note}" for method in response.methods for note in method.notes]
     found += response.sensitivity.notes if response.sensitivity else ()
     return found + list(response.fits.notes)
