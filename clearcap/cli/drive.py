@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from campaign.waits import counted
-from clearcap.cli.output import console, number, print_json, print_table, print_text, say
+from clearcap.cli.output import console, mean_number, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -169,7 +169,7 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
         label = each.response if each.unit in ("", "1") else f"{each.response} [{each.unit}]"
         limits = number(each.lsl), number(each.usl)
         ppm = "-" if each.ppm is None else f"{each.ppm:.3g}" if each.is_weighted else f"{each.ppm:.0f}"
-        cells = (number(each.mean), number(each.std, 3), *limits, index(each.cpk), ppm)
+        cells = (mean_number(each.mean, each.std), number(each.std, 3), *limits, index(each.cpk), ppm)
         table.append((label, verdicts.words.get(each.response, "-"), verdicts.indices.get(each.response, "-"), *cells))
     heads = ("response", "verdict", "index", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
     if verdicts.headline:

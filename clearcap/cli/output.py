@@ -106,6 +106,15 @@ def number(value: float | None, digits: int = 5) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+def mean_number(mean: float | None, std: float | None) -> str:
+    """Return a mean for a table with five digits, or with those that its standard deviation makes meaningful."""
+    from reporting.format_numbers import decimals_for, fixed
+
+    if mean is None or not std or abs(float(number(mean)) - mean) <= std / 20:
+        return number(mean)
+    return fixed(mean, decimals_for(std, 2))
+
+
 LOGGED = ("campaign", "clearcap")  # packages whose log is shown
 
 

@@ -10,7 +10,7 @@ import typer
 
 from clearcap.cli.drive import fail_without_enough_ok
 from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_campaign
-from clearcap.cli.output import Json, number, print_json, print_table, print_text, say
+from clearcap.cli.output import Json, mean_number, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from clearcap.questions.verification import VerifiedSignoff
@@ -120,7 +120,8 @@ def _cells(response: dict[str, Any]) -> tuple[str, ...]:
     verdict = response["verdict"] + (", not certain" if response["certain"] is False else "")
     decides = "-" if response["index"] is None else index(response["index"])
     ppm = "-" if found["ppm_observed"] is None else f"{found['ppm_observed']:.0f}"
-    numbers = number(found["mean"]), number(found["std"], 3), number(spec["lsl"]), number(spec["usl"])
+    mean = mean_number(found["mean"], found["std"])
+    numbers = mean, number(found["std"], 3), number(spec["lsl"]), number(spec["usl"])
     return (name, verdict, decides, str(found["n"]), *numbers, index(found["cpk"]), ppm)
 
 

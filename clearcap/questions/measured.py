@@ -41,6 +41,8 @@ LARGEST_TABLE = 100_000_000  # bytes
 MOST_PARTS = 1_000_000
 FORMATS = (".csv", ".txt", ".parquet", ".xlsx")
 _LOT = "lot"  # column of the report's table
+_DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2\d{2}(?:\d{2})?\b")
+_DIGITS = re.compile(r"(\d+)")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _MEASURED = Design(True, "Measured parts.")
 
@@ -132,7 +134,9 @@ def read_parts(path: str | Path) -> "pd.DataFrame":
         if suffix == ".parquet":
             return pd.read_parquet(io.BytesIO(content))
         if suffix == ".xlsx":
-            return pd.read_excel(io.BytesIO(content), engine="openpyxl")
+            frame = pd.read_excel(io.BytesIO(content), engine="openpyxl")
+            heads = pd.read_excel(io.BytesIO(content), engine="openpyxl", header=None, nrows=1)
+            return _with_heads(frame, heads.iloc[0].tolist() if len(heads) else [])
         return _csv(content)
     except OSError as error:
         raise SpecError(f"parts {path}: cannot be read ({error.strerror or error}); name a file") from error
@@ -156,7 +160,15 @@ def _csv(content: bytes) -> "pd.DataFrame":
     separator = max(";\t,", key=first.count)
     if first.count(separator) == 0 and len(next(csv.reader([first]), [])) < 1:
         raise SpecError("it is empty; the first line must name the columns")
-    return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True)
+    frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True)
+    return _with_heads(frame, next(csv.reader([first], delimiter=separator, skipinitialspace=True)))
+
+
+def _with_heads(frame: "pd.DataFrame", heads: list[Any]) -> "pd.DataFrame":
+    """Name the columns as the file does: pandas gives the second of two equal names another one."""
+    if len(heads) == len(frame.columns):
+        frame = frame.set_axis([str(head) for head in heads], axis="columns")
+    return frame
 
 
 def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
@@ -166,8 +178,9 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     """
     import pyarrow as pa
 
+    parts = _without_empty_rows(parts)
     if not 0 < len(parts) <= MOST_PARTS:
-        raise SpecError(f"the table has {len(parts)} rows; allowed: 1 to {MOST_PARTS}")
+        raise SpecError(f"the table has {len(parts)} rows with a value; allowed: 1 to {MOST_PARTS}")
     order = np.arange(len(parts)) if limits.order is None else _ranks(_column(parts, limits.order, "order"))
     columns: dict[str, Any] = {}
     for name, each in limits.characteristics.items():
@@ -181,6 +194,15 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
     zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
     return pa.table({**fixed, **zeros, **columns})
+
+
+def _without_empty_rows(parts: "pd.DataFrame") -> "pd.DataFrame":
+    """Return the rows that have a value in any column, numbered as in the file: spreadsheets leave empty ones."""
+    parts = parts.reset_index(drop=True)
+    is_empty = np.ones(len(parts), bool)
+    for _, column in parts.items():
+        is_empty &= (column.isna() | (column.astype(str).str.strip() == "")).to_numpy(bool)
+    return parts[~is_empty]
 
 
 def _column(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
@@ -200,13 +222,13 @@ def _numbers(column: "pd.Series[Any]", name: str) -> Array:
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         numbers: Array = column.to_numpy(float, na_value=np.nan)
         return numbers
-    texts = ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
+    texts, rows = _texts(column), column.index + 1
     commas = [at for at, text in enumerate(texts) if _DECIMAL_COMMA.fullmatch(text)]
     points = [at for at, text in enumerate(texts) if "." in text]
     if commas and points:
         raise SpecError(
-            f"column {name}: row {commas[0] + 1} has a decimal comma ({texts[commas[0]]:.20}), row {points[0] + 1} a"
-            f" decimal point ({texts[points[0]]:.20}); use one of them"
+            f"column {name}: row {rows[commas[0]]} has a decimal comma ({texts[commas[0]]:.20}), row {rows[points[0]]}"
+            f" a decimal point ({texts[points[0]]:.20}); use one of them"
         )
     values = np.full(len(texts), np.nan)
     for at, text in enumerate(texts):
@@ -216,21 +238,63 @@ def _numbers(column: "pd.Series[Any]", name: str) -> Array:
             values[at] = float(text.replace(",", ".") if commas else text)
         except ValueError:
             raise SpecError(
-                f"column {name}, row {at + 1} of {len(texts)}: {text:.40} is no number; correct it, or leave it empty"
+                f"column {name}, row {rows[at]}: {text:.40} is no number; correct it, or leave it empty"
             ) from None
     return values
 
 
-def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
-    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts."""
+def _texts(column: "pd.Series[Any]") -> list[str]:
+    """Return the cells of a column as texts, empty where there is none."""
     import pandas as pd
 
+    return ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
+
+
+def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
+    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts.
+
+    Raises SpecError if a cell is empty, if only some cells are times, or if day and month cannot be told apart.
+    """
+    import pandas as pd
+
+    name, rows, texts = str(column.name), column.index + 1, _texts(column)
+    if "" in texts:
+        raise SpecError(f"order: column {name}, row {rows[texts.index('')]} is empty; say when that part was made")
     try:
-        keys: Any = _numbers(column, str(column.name))
+        numbers = _numbers(column, name)
+        if not np.isnan(numbers).any():
+            return np.argsort(numbers, kind="stable")
     except SpecError:
-        keys = pd.to_datetime(column, errors="coerce", format="mixed", utc=True)
-        keys = column.astype(str).to_numpy() if keys.isna().any() else keys.to_numpy()
-    return np.argsort(keys, kind="stable")
+        pass  # times or texts
+    times = pd.to_datetime(column, errors="coerce", format="mixed", utc=True, dayfirst=_day_is_first(texts, name))
+    is_time = times.notna().to_numpy()
+    if is_time.all():
+        return np.argsort(times.to_numpy(), kind="stable")
+    if is_time.any():
+        at = int(np.argmin(is_time))
+        raise SpecError(f"order: column {name}, row {rows[at]}: {texts[at]:.40} is no time, as others are; correct it")
+    # numbers within texts count as numbers: part 9 was made before part 10
+    words = [[_sort_key(part) for part in _DIGITS.split(text)] for text in texts]
+    return np.array(sorted(range(len(texts)), key=words.__getitem__), np.intp)
+
+
+def _sort_key(part: str) -> tuple[int, str]:
+    """Return by what a run of digits is sorted as the number that it is, and any other text as it stands."""
+    digits = part.lstrip("0") if part.isdigit() else ""
+    return (len(digits), digits) if digits else (0, part)
+
+
+def _day_is_first(texts: list[str], name: str) -> bool:
+    """Return whether dates as 03.04.2026 or 03/04/2026 begin with the day; SpecError if nothing tells."""
+    found = [match for text in texts if (match := _DAY_AND_MONTH.match(text))]
+    first, second = (max((int(match[at]) for match in found), default=0) for at in (1, 3))
+    if not found or first > 12 or second > 12:
+        return first > 12
+    if all(match[2] == "." for match in found):
+        return True  # nobody writes the month first with dots
+    raise SpecError(
+        f"order: column {name}: in {found[0][0]} either number may be the month; write times as 2026-04-03 08:15"
+    )
 
 
 def report_spec_of_parts(limits: LimitsFile, parts: int, name: str, provenance: Mapping[str, str]) -> ReportSpec:

@@ -137,7 +137,7 @@ def _too_few(lots: Lots) -> str:
     unequal = "" if lots.worth > lots.count - 0.5 else f", of unequal size, worth {lots.worth:.1f}"
     return (
         f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because "
-        "each lot counts as one value for the spread between lots; simulate more lots."
+        "each lot counts as one value for the spread between lots; add more lots."
     )
 
 

@@ -82,11 +82,28 @@ def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_
     frame = pd.DataFrame({"d": d, "at": [*when, "2026-11-04 01:00", "2026-11-04 00:00"], "lot": list("BAABCC")})
     frame["number"] = [30, 20, 9, 40, 60, 50]
     frame["text"] = frame["number"].astype(str)
-    for column in ("at", "number", "text"):
+    frame["serial"] = "P" + frame["text"] + "-007"
+    times = pd.to_datetime(frame["at"])
+    frame["dotted"], frame["slashed"] = times.dt.strftime("%d.%m.%Y %H:%M"), times.dt.strftime("%m/%d/%y %H:%M")
+    frame.loc[5, "slashed"], frame.loc[4, "slashed"] = "11/13/26", "11/14/26"  # the second number is a day
+    for column in ("at", "number", "text", "serial", "dotted", "slashed"):
         limits = load_limits(LIMITS | {"order": column, "lot": "lot"})
         table = parts_table(frame, limits)
         assert table["d"].to_pylist() == [d[row - 1] for row in (3, 2, 1, 4, 6, 5)], column
         assert table["lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_empty_rows_are_no_parts_and_two_columns_of_one_name_are_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("no;d\n1;20,01\n;\n2;\n3;20,02\n;\n")
+    (tmp_path / "b.csv").write_text("d,d\n20.01,30\n")
+    pd.DataFrame([[20.01, 30.0]], columns=["d", "d"]).to_excel(tmp_path / "c.xlsx", index=False)
+    limits = load_limits(LIMITS)
+    np.testing.assert_array_equal(
+        parts_table(read_parts(tmp_path / "a.csv"), limits)["d"].to_numpy(), [20.01, np.nan, 20.02]
+    )
+    for name in ("b.csv", "c.xlsx"):
+        with pytest.raises(SpecError, match="2 columns d"):
+            parts_table(read_parts(tmp_path / name), limits)
 
 
 def test_an_unstable_process_is_called_one():
@@ -129,9 +146,13 @@ def test_the_report_says_nothing_of_simulations(tmp_path):
         ({"characteristics": {"d": {"usl": 1.0, "requirement": "high"}}}, {"d": [1.0]}, ["requirement", "high"]),
         (LIMITS, {"dia": [1.0]}, ["characteristics.d", "no column d", "dia"]),
         (LIMITS | {"order": "time"}, {"d": [1.0]}, ["order", "time"]),
-        (LIMITS, {"d": ["20.1", "about 20"]}, ["row 2 of 2", "about 20"]),
+        (LIMITS, {"d": ["20.1", "about 20"]}, ["row 2", "about 20"]),
         (LIMITS, {"d": ["20.1", "20,2"]}, ["decimal comma (20,2)", "decimal point (20.1)"]),
         (LIMITS, {"d": []}, ["0 rows"]),
+        (LIMITS, {"d": ["", " "], "no": [None, ""]}, ["0 rows"]),
+        (LIMITS | {"order": "at"}, {"d": [1.0, 2.0], "at": ["3/4/26", "4/5/26"]}, ["at", "3/4/26", "month"]),
+        (LIMITS | {"order": "at"}, {"d": [1.0, 2.0], "at": ["2026-11-03", "later"]}, ["row 2", "later"]),
+        (LIMITS | {"order": "at"}, {"d": [1.0, 2.0], "at": ["2026-11-03", None]}, ["row 2", "empty"]),
     ],
 )
 def test_what_does_not_fit_is_refused(limits, table, words):
