@@ -229,6 +229,31 @@ def test_recomputed(finished, file, tmp_path):
     assert difference.startswith("responses[0].capability.mean is ")
 
 
+def test_recomputed_by_another_version(finished, tmp_path):
+    """Its sentences and what it does not state are left out; its numbers and verdicts are not."""
+    store, plan = finished
+    name = f"{plan.campaign_id}/report/capability.json"
+    content = store.files.read(name)
+    document = json.loads(content)
+    document["provenance"]["clearcap"] = "0.0.1"
+    document["responses"][0]["capability"]["interval_reason"] = "Other words of the same meaning stood here."
+    del document["responses"][0]["capability"]["median"]
+    texts = {"older": json.dumps(document)}
+    document["responses"][0]["capability"]["std"] *= 2.0
+    document["responses"][0]["verdict"] = "something else"
+    texts["changed"] = json.dumps(document)
+    found = {}
+    try:
+        for which, text in texts.items():
+            store.files.write(name, text.encode())
+            path = tmp_path / f"{which}.zip"
+            path.write_bytes(export(finished, [signoff(plan.campaign_id, signed_files(store, plan))]))
+            found[which] = [words.split(" is ")[0] for words in recomputed(open_archive(path))]
+    finally:
+        store.files.write(name, content)
+    assert found == {"older": [], "changed": ["responses[0].capability.std", "responses[0].verdict"]}
+
+
 def test_key_of_another_kind(folder):
     """A key that no server has is refused."""
     pem = generate_private_key(65537, 2048).public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
