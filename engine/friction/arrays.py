@@ -52,6 +52,7 @@ class ContactLanes(NamedTuple):
     best: np.ndarray  # (3, m) impulses with the smallest residual within an attempt
     base: np.ndarray  # (3, m) impulses to continue from if the natural map fails
     kept: np.ndarray  # (3, m) impulses of the best attempt
+    given: np.ndarray  # (3, m) impulses given to start from
 
 
 @by_address
@@ -87,7 +88,7 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
         (nc, 3, ROW * runs),
         (2, nc),
         (5, m),
-        (12, 3, m),
+        (13, 3, m),
         (3, 9, m),
         n,
         n,

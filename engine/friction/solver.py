@@ -14,7 +14,9 @@ two, which change no digit.
    become small, the natural map is tried from there, which takes three steps where further smoothing takes ten.
 3. The interior-point method at a careful pace and with patience: it solves nine out of ten problems on which both
    others have failed.
-4. Both with other starting points and other weights of impulses against velocities, relative to the Delassus scale.
+4. Gauss-Seidel sweeps over the contacts, and the natural map from there: heaps of rolling balls.
+5. Both of 2 and 3 with other starting points and other weights of impulses against velocities, relative to the Delassus
+   scale; at last sweeps again, from the best impulses found, so that what is not solved is at least nearly so.
 
 Coulomb's problem is not convex, and the weight that leads past a fold of the smoothed solutions is not known
 beforehand. The attempts and their order are those that solved the most of 16,000 problems made to be hard, in the
@@ -37,6 +39,8 @@ from engine.friction.arrays import (
     take_contacts,
 )
 from engine.friction.blocks import BODY, ROW
+from engine.friction.complementarity import residual
+from engine.friction.gauss_seidel import gauss_seidel
 from engine.friction.interior import BOLD, Pace, interior_point
 from engine.friction.newton import newton
 from engine.jit import inner, kernel
@@ -50,18 +54,20 @@ INSIDE_GIVEN = 0.01  # share of the load: distance inside the cones at which the
 INTERIOR_STEPS, INTERIOR_STALL = 160, 80  # from zero impulses, patience and caution pay off
 CAUTION, REACH = 0.6, 0.9
 INTERIOR_STEPS_GIVEN, INTERIOR_STALL_GIVEN = 60, 12
+SWEEPS, LAST_SWEEPS = 100, 300
 # The nine attempts from zero impulses, one column each: numbers and order are those that solved most of 16,000 hard
 # problems, not theory. The first two failed on 1,454 of them, of which the third solved 92 %. The last six vary these
 # three, because it cannot be known beforehand which of them will lead past a fold.
-# RISE: of the interior-point method, see `Pace`; 0: smoothed equations
+# Two more are Gauss-Seidel sweeps: before the costly ones, and at last.
+# RISE: of the interior-point method, see `Pace`; 0: smoothed equations; below 0: Gauss-Seidel sweeps
 # BEGINNING: its distance inside the cones at the start, or the initial smoothing, as a share of the load
 # WEIGHT: of impulses against velocities, as a multiple of the contact's Delassus scale
-RISE = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.02, 0.0, 0.1)
-BEGINNING = (1e-2, 1e-4, 1.0, 1e-4, 1e-4, 1e-4, 1e-2, 1e-1, 1e-1)
-WEIGHT = (0.3, 0.1, 10.0, 0.03, 0.003, 1.0, 1.0, 0.03, 1.0)
+RISE = (0.0, 0.0, -1.0, 0.1, 0.0, 0.0, 0.0, 0.02, 0.0, 0.1, -1.0)
+BEGINNING = (1e-2, 1e-4, 0.0, 1.0, 1e-4, 1e-4, 1e-4, 1e-2, 1e-1, 1e-1, 0.0)
+WEIGHT = (0.3, 0.1, 1.0, 10.0, 0.03, 0.003, 1.0, 1.0, 0.03, 1.0, 1.0)
 SMOOTHED_STEPS = 80
 BUDGET = 80_000  # steps times (contacts + 30 for the system): 8 to 10 ms; an interior-point step counts twice
-LEAST_BUDGET = 500  # steps
+LEAST_BUDGET = 200  # steps, of hundreds of contacts
 NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is first tried; FALL is the factor to the next try
 FALL = 1e-2
 SMALLEST = 1e-30  # of the load squared: tau^2 below which the natural map is tried for the last time
@@ -72,7 +78,8 @@ def solve_friction(nc, p, tolerance):
     """Solve the first ``nc`` contacts of ``p`` from the impulses in ``p.r``; return status, total steps and residual.
 
     On return ``p.r``, ``p.u`` and ``p.w`` hold the solution. If no method reaches ``tolerance``, a relative residual
-    (`complementarity.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual.
+    (`complementarity.residual`), the status is NOT_CONVERGED and they hold the impulses with the smallest residual: of
+    those given, too.
     """
     goal, c = Goal(tolerance, take_contacts(nc, p)), p.contacts
     even_out(nc, p, goal.scale)
@@ -82,19 +89,22 @@ def solve_friction(nc, p, tolerance):
         warm = warm or c.r[0, i] != 0.0
     load /= max(nc, 1)
     warm = warm and load > 0.0  # without any velocity no impulse is the answer, which those given only approach
+    if warm:
+        copy(c.r, c.given)
     budget, total, best, weight, last = max(LEAST_BUDGET, BUDGET // (nc + 30)), 0, np.inf, 1.0, len(WEIGHT) - 1
-    for attempt in range(-2 if warm else 0, last + 1):  # -2, -1: natural map and interior point from given impulses
+    attempt = -2 if warm else 0  # -2, -1: natural map and interior point from given impulses
+    while True:
         given = attempt < 0
         asked = 1.0 if given else WEIGHT[attempt]
+        rise = 0.0 if given else RISE[attempt]
+        sweeping, interior = rise < 0.0, attempt == -1 or rise > 0.0
         # all methods compare s r with u, so the weight is a factor of the scales s; it is taken out again at the end
         for i in range(nc):
             c.scale[i] *= asked / weight
-            if not given:
+            if not (given or attempt == last):
                 c.r[0, i], c.r[1, i], c.r[2, i] = 0.0, 0.0, 0.0
         weight, limit, patience, least = asked, NATURAL_STEPS, NATURAL_PATIENCE, 0
-        rise = 0.0 if given else RISE[attempt]
-        interior = attempt == -1 or rise > 0.0
-        smoothing, before = 0.0 if given or interior else BEGINNING[attempt], np.inf
+        smoothing, before = 0.0 if given or interior or sweeping else BEGINNING[attempt], np.inf
         if interior:
             inside, pace = (INSIDE_GIVEN, BOLD) if given else (BEGINNING[attempt], Pace(0.0, rise, CAUTION, REACH))
             most, stall = (INTERIOR_STEPS_GIVEN, INTERIOR_STALL_GIVEN) if given else (INTERIOR_STEPS, INTERIOR_STALL)
@@ -102,6 +112,14 @@ def solve_friction(nc, p, tolerance):
             total += spent
             budget -= 2 * spent
             least, patience = 1, NATURAL_PATIENCE if given else INTERIOR_PATIENCE
+        elif sweeping:
+            if attempt == last:
+                copy(c.kept, c.r)
+            before = gauss_seidel(nc, p, goal, LAST_SWEEPS if attempt == last else SWEEPS)
+            patience = INTERIOR_PATIENCE
+            if before < best:
+                best = before
+                copy(c.r, c.kept)
         elif not given:
             limit, patience = min(SMOOTHED_STEPS, budget), 1
         tau2, proximal = smoothing * smoothing * load, PROXIMAL_GIVEN if given else 0.0
@@ -111,11 +129,19 @@ def solve_friction(nc, p, tolerance):
         if reached < best:
             best = reached
             copy(c.r, c.kept)
-        if best <= tolerance or load == 0.0 or budget <= 0:
+        if best <= tolerance or load == 0.0 or attempt == last:
             break
+        attempt = attempt + 1 if budget > 0 else last
     if not best <= tolerance:
-        copy(c.kept, c.r)
-        finish(nc, p)
+        if warm:
+            copy(c.given, c.r)
+            finish(nc, p)
+            reached = residual(c, goal.scale, 1.0)
+        if warm and reached < best:
+            best = reached
+        else:
+            copy(c.kept, c.r)
+            finish(nc, p)
     for i in range(nc):
         c.scale[i] /= weight
     restore(nc, p)
