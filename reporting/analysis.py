@@ -15,7 +15,7 @@ from reporting.failed_samples import FailedAgainstOk, failed_against_ok
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product_yield import ProductYield, product_yield
-from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
+from reporting.rare.rare_rejects import RareRejects, decisive, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.response_correlations import ResponseCorrelation, response_correlations
 from reporting.rounding import leveled_samples
@@ -106,7 +106,7 @@ def analyse(
     standard deviations of some variables are multiplied by factors. Without it there is no tolerance advice. `against`
     is another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
     statistics of this one. `repeats` are samples that were simulated a second time with half the step. `decided` are
-    weighted runs that decide some responses; of those that name a response, the last decide it.
+    weighted runs that decide some responses; of those that name a response, the last that give an interval decide it.
     """
     samples, rounding = leveled_samples(samples, spec)
     every, samples = samples, assembled(samples, spec)
@@ -206,8 +206,9 @@ def _rare(
         aimed, _ = leveled_samples(read_samples(each.rows, of_each), of_each)
         rare = rare_rejects(aimed, _without_boundaries(of_each, aimed), CONFIDENCE)
         if rare is not None:
-            found.append(rare)
-            estimates |= rare_estimates(rare, each.responses)
+            new = decisive(estimates, rare_estimates(rare, each.responses))
+            found += [rare] if new else []
+            estimates |= new
     return (replace(found[0], later=tuple(found[1:])) if found else None), estimates
 
 

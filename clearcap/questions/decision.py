@@ -4,8 +4,8 @@ A plain campaign of a few hundred samples seldom makes a verdict certain: it sho
 small second population. The model is at hand, so a further campaign draws where its rows expect rejects, and its
 weighted runs decide. What they leave open gets another one, which aims where they have found rejects, until all is
 decided or the runs are used up. Each is an importance campaign like any other in the same store, and the last that
-aims at a response decides it alone: weights of runs that have chosen where to aim would be too small. Its file is a
-function of the rows before, so a later call continues with the same bits.
+finds an interval of a response decides it alone: weights of runs that have chosen where to aim would be too small. Its
+file is a function of the rows before, so a later call continues with the same bits.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from reporting.analysis import Analysis
 # Runs of an aimed campaign, and more for each open response, as far as the campaign's `decide.runs` reach. A quarter
 # looks for rejects where nothing aims: 300 of these without a reject leave room for 5 ppm behind a flat limit.
 RUNS, RUNS_EACH, WIDE_SHARE = 1_000, 250, 0.25
-FEWEST_RUNS = 250  # of a further campaign
+FEWEST_RUNS = 500  # of a further campaign: the one before gets what would be left for less
 
 
 def decide(store: Store, plan: Plan, compute: Callable[[Plan], object], say: Callable[[str], object]) -> None:
@@ -69,7 +69,8 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
     check_build(plan.campaign_id, plan.row_build)
     before = stages[-1][0] if stages else plan
     try:
-        aimed = aimed_campaign(store, before, min(left, RUNS + RUNS_EACH * len(names)), names, WIDE_SHARE)
+        runs = RUNS + RUNS_EACH * len(names)
+        aimed = aimed_campaign(store, before, left if left - runs < FEWEST_RUNS else runs, names, WIDE_SHARE)
     except (SpecError, CampaignError):  # production batches, or too few rows for a model
         return None
     spec = CampaignSpec.model_validate(aimed.tables)

@@ -8,7 +8,7 @@ Its expectation is 0 for every limit, and its standard error is known.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,6 +125,18 @@ def rare_estimates(
     none = f"no reject by {by}, which would have met more than {ppm(rare.unseen_ppm)} ppm behind a flat limit"
     bound = IndexEstimate(WEIGHTED, index_of_share(rare.unseen_ppm), math.inf, math.inf, none)
     return found | {r.response: (bound,) for r in rare.responses if r.response in (names or ()) and not r.total.rejects}
+
+
+def decisive(
+    known: Mapping[str, tuple[IndexEstimate, ...]], later: Mapping[str, tuple[IndexEstimate, ...]]
+) -> dict[str, tuple[IndexEstimate, ...]]:
+    """Return which estimates of later runs replace those known: all but a mere bound where an interval is known."""
+    has_interval = {name: all(math.isfinite(e.high) for e in found) for name, found in known.items()}
+    return {
+        name: found
+        for name, found in later.items()
+        if not has_interval.get(name) or all(math.isfinite(e.high) for e in found)
+    }
 
 
 def plain_check(

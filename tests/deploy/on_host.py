@@ -9,6 +9,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from botocore.exceptions import EndpointConnectionError
 from pyarrow.feather import write_feather
 from s3fs import S3FileSystem
 
@@ -61,7 +62,7 @@ def _is_made(bucket):
     """Return whether a bucket is there, and make it if the server answers."""
     try:
         S3FileSystem().mkdir(bucket)
-    except OSError:
+    except (OSError, EndpointConnectionError):  # nobody listens yet
         return False
     return True
 

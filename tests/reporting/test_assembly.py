@@ -73,6 +73,7 @@ def test_trust_card_and_headline_say_so(limit, level, lead):
     assert failures.level == "good"
 
 
+@pytest.mark.slow
 def test_nothing_is_said_where_all_fit_and_no_limit_asks():
     """With a limit the share is stated even if it is 0."""
     assert analysed(0, None).assembly is None

@@ -57,6 +57,7 @@ def test_a_server_that_is_not_there(campaign_file, capsys, monkeypatch):
     assert code == 2, messages
 
 
+@pytest.mark.slow
 def test_report_and_pictures(small_disk, plan, capsys, monkeypatch, tmp_path):
     """A report, a trajectory and a picture that do not fit on the disk, or may not be written."""
     store = open_store(str(small_disk / "runs"))

@@ -81,6 +81,7 @@ def test_strange_labels_break_no_list(store, plan, say):
     assert "labels-000001.json is not what clearcap wrote" in said
 
 
+@pytest.mark.slow
 def test_the_first_who_submits_is_the_owner(tmp_path, campaign_file, say):
     """By default under the own name; whoever submits the same learns whose it is, and its tags are added."""
     campaign_file.write_text(campaign_file.read_text().replace("seed = 7", "seed = 6"))

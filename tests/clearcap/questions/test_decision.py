@@ -82,6 +82,7 @@ def second_contact(mechanism, values, **settings):
     return replace(run, responses={**run.responses, "FC-1": run.responses["FC-1"] + (LIMIT - JUMP_BELOW) * jumps})
 
 
+@pytest.mark.slow
 def test_the_same_samples_get_the_same_aimed_runs(tmp_path) -> None:
     """A campaign that is killed and continued, or computed in other batches, is decided by the same rows."""
     tables = []
@@ -104,6 +105,7 @@ def killed(store, plan):
     raise InterruptedError
 
 
+@pytest.mark.slow
 def test_further_runs_aim_where_the_first_found_rejects(tmp_path) -> None:
     """A contact that the samples did not meet is found by the wide part of the first; the second measures it."""
     store, plan = computed(tmp_path / "s", campaign_with(samples=250), 50, second_contact)
@@ -128,6 +130,7 @@ def test_further_runs_aim_where_the_first_found_rejects(tmp_path) -> None:
     assert recomputed(open_archive(path)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "tables",
     [
@@ -161,6 +164,7 @@ def test_rows_of_another_build_get_no_runs_of_this_one(tmp_path, monkeypatch) ->
     assert len(said) == 1
 
 
+@pytest.mark.slow
 def test_a_sign_off_covers_the_runs_that_decide(tmp_path) -> None:
     """They are exported beside the rows, and the numbers follow from both; without a part of them nothing is signed."""
     store, plan = computed(tmp_path / "s", campaign_with(), 50)

@@ -102,6 +102,7 @@ def expected(name, identity, owner):
     return 403 if name in GIVES_ACCESS else None  # all ask with a token here
 
 
+@pytest.mark.slow
 @each("name", [name for name, way in WAYS.items() if way.is_write])
 def test_table_of_writes(name, world, served):
     """Whoever may not is refused with what the table says; whoever may gets no such answer, whatever else is wrong."""

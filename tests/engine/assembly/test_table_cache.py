@@ -71,6 +71,7 @@ def anew(mechanism: Mechanism) -> Mechanism:
     return mechanism.model_copy(deep=True)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=many(30))
 @given(st.lists(st.tuples(st.sampled_from(EVERY), st.integers(0, 3)), min_size=1, max_size=6))
 def test_an_assembly_does_not_depend_on_those_before(turns):

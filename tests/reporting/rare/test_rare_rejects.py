@@ -10,7 +10,8 @@ from scipy.stats import chi2, norm
 
 from campaign.inputs.sampling.proposal import Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design, ReportSpec, ResponseSpec
-from reporting.rare.rare_rejects import rare_rejects
+from reporting.capability.verdict import IndexEstimate
+from reporting.rare.rare_rejects import decisive, rare_rejects
 from reporting.rare.weighted import Draws, flat_bound, rare_share, tail_shape
 from reporting.render.html import render_html
 from reporting.samples import read_samples
@@ -305,3 +306,12 @@ def test_nothing_to_say():
     table, request = table_of(AIMED, 100)
     assert rare_rejects(read_samples(table, replace(request, proposal=())), replace(request, proposal=()), 0.95) is None
     assert rare_rejects(read_samples(table.slice(0, 0), request), request, 0.95) is None
+
+
+def test_a_bound_replaces_no_interval():
+    """Of runs that decide, the last with an interval count; of mere bounds the last."""
+    interval, bound = ((IndexEstimate("x", 1.0, 1.1, high, ""),) for high in (1.2, np.inf))
+    known = {"a": interval, "b": interval, "c": bound}
+    later = {"a": bound, "b": interval, "c": bound, "d": bound}
+    assert set(decisive(known, later)) == {"b", "c", "d"}
+    assert decisive({}, later) == later

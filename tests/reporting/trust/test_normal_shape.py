@@ -24,6 +24,7 @@ def with_shape(response, *samples):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("draw", "below", "above"),
     [

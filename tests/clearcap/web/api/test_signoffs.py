@@ -84,6 +84,7 @@ def test_signed(client, service, campaign, as_user, url, sign):
     assert listed["key"] == key
 
 
+@pytest.mark.slow
 def test_the_same_again_is_the_same_sign_off(client, as_user, url, sign):
     """Whose answer was lost sends it again; another comment, or another's signature between, is a new sign-off."""
     first = sign("as drawn").json()
@@ -130,6 +131,7 @@ def test_changed_byte_of_the_rows_shows(client, service, campaign, as_user, url,
     assert any("part-000001.parquet" in words for words in found["signoffs"][0]["differences"])
 
 
+@pytest.mark.slow
 @only_in_a_folder
 def test_check_reads_again(client, service, campaign, as_user, url, sign):
     """Files that seem to be as they were are not read, unless that is asked for."""

@@ -68,6 +68,7 @@ def test_a_face_that_cannot_be_converted_loses_its_spline(drawing, read, monkeyp
     assert "of pin, around (0, 0, 2)" in said
 
 
+@pytest.mark.slow
 def test_a_face_that_is_not_meshed_in_time_is_meshed_coarser(drawing, read, monkeypatch):
     """Or not at all; both are said, and kind and size of what is there are as drawn."""
     monkeypatch.setattr("engine.cad.occt.product_geometry._FACE_SECONDS", 0.3)
