@@ -82,7 +82,8 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     """Assemble a mechanism without play."""
     order, frames, state = _placed(mechanism)
     moving = [mechanism.bodies[name] for name in order]
-    inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
+    sizes = np.array([frames[name].scale for name in order], float).reshape(-1, 1, 1)
+    inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3) * sizes**2
     mass = np.array([b.mass for b in moving], float)
     couplings = joint_couplings(mechanism, frames, state)
     of_joints = [*joint_pairs(mechanism, frames, state.R), *coupling_pairs(couplings)]

@@ -65,12 +65,15 @@ KINDS = {
 """The number of every supported pair of primitives."""
 
 
-def profile_pieces(side: Side) -> Array:
-    """Return the pieces of a side's profile, shape (np, PIECE); empty if it has no profile."""
+def profile_pieces(side: Side, scale: float = 1.0) -> Array:
+    """Return the pieces of a side's profile, (np, PIECE), with its lengths times ``scale``; empty if it has none."""
     if side.kind not in ("turned", "extruded"):
         return NO_PIECES
     curve = side.primitive.curve
-    return np.array([_piece_row(piece, curve[i - 1], curve[(i + 1) % len(curve)]) for i, piece in enumerate(curve)])
+    rows = np.array([_piece_row(piece, curve[i - 1], curve[(i + 1) % len(curve)]) for i, piece in enumerate(curve)])
+    rows[:, :8] *= scale
+    rows[rows[:, 7] != 0.0, 8:10] *= scale  # the centres of arcs; a line has its direction there
+    return rows
 
 
 def _piece_row(piece: Piece, before: Piece, after: Piece) -> list[float]:
@@ -140,9 +143,10 @@ def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list
 
 
 @cached
-def contact_profiles(mechanism: Mechanism) -> list[Array]:
+def contact_profiles(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[Array]:
     """Return the pieces of side b's profile for each contact in [contacts], shapes (np, PIECE)."""
-    return [profile_pieces(contact.sides[1]) for contact in mechanism.contacts.values()]
+    sides = [contact.sides[1] for contact in mechanism.contacts.values()]
+    return [profile_pieces(side, frames[side.body].scale) for side in sides]
 
 
 @cached
@@ -156,7 +160,7 @@ def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[st
 
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
     """Yield the contacts in [contacts]."""
-    geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism)
+    geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism, frames)
     trees = surface_trees(mechanism, frames)
     for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
         mechanism.contacts.items(), geometry, profiles, strict=True
@@ -224,57 +228,61 @@ def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Arra
     """
     a, b = contact.sides
     row, skin = _row_a(a, frame_a)
+    offset = contact.offset * (frame_a if contact.a is a else frame_b).scale
     if contact.kind == "ring-cylinder":
         pin = b.primitive
         n = frame_b.direction(pin.axis)
-        return row, _row(frame_b.point(pin.point), n, tangent(n), pin.radius), skin - pin.radius - contact.offset
-    return row, row_b(b, frame_b), -skin - contact.offset
+        radius = frame_b.scale * pin.radius
+        return row, _row(frame_b.point(pin.point), n, tangent(n), radius), skin - radius - offset
+    return row, row_b(b, frame_b), -skin - offset
 
 
 def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
     """Return the row of side a, and its skin."""
-    shape = side.primitive
+    shape, scale = side.primitive, frame.scale
     if side.kind == "point":
         return _row(frame.point(shape)), 0.0
     if side.kind in ("sphere", "ring"):
-        return _row(frame.point(shape.centre)), shape.radius
+        return _row(frame.point(shape.centre)), scale * shape.radius
     if side.kind == "arc":
         n = frame.direction(shape.normal)
         e = tangent(n) if shape.middle is None else _across(n, frame.direction(shape.middle))
-        return _row(frame.point(shape.centre), n, e, shape.radius, shape.half_angle), shape.edge_radius
+        row = _row(frame.point(shape.centre), n, e, scale * shape.radius, shape.half_angle)
+        return row, scale * shape.edge_radius
     n = frame.direction(shape.axis)  # a cylinder, represented by its circle at mid-height
-    return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
+    return _row(frame.point(shape.point), n, tangent(n), scale * shape.radius, math.pi), 0.0
 
 
 def row_b(side: Side, frame: BodyFrame) -> Array:
     """Return the row of side b: place, axis, tangent and bounds."""
-    shape = side.primitive
+    shape, scale = side.primitive, frame.scale
     if side.kind == "surface":
         middle, pole = mean_direction(shape.top)
         n = frame.direction(pole)
         return _row(frame.point(middle), n, tangent(n))
     if side.kind in ("sphere", "socket"):
         pole = np.array([0.0, 0.0, 1.0])
-        bounds = _walls(shape.radius, side.kind == "socket")
+        bounds = _walls(scale * shape.radius, side.kind == "socket")
         return _row(frame.point(shape.centre), pole, tangent(pole), *bounds, -ENDLESS, ENDLESS)
     if side.kind in ("cylinder", "bore"):
-        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
-        return _row(frame.point(shape.point), n, tangent(n), *_walls(shape.radius, side.kind == "bore"), -half, half)
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
+        walls = _walls(scale * shape.radius, side.kind == "bore")
+        return _row(frame.point(shape.point), n, tangent(n), *walls, -half, half)
     if side.kind == "turned":
         n = frame.direction(shape.axis)
         return _row(frame.point(shape.point), n, tangent(n))
     if side.kind == "extruded":
-        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
         return _row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
     n = frame.direction(shape.normal)
     if side.kind == "plane":
         return _row(frame.point(shape.point), n, tangent(n))
     if side.kind == "disc":
-        depth = shape.radius if shape.depth is None else shape.depth
-        return _row(frame.point(shape.centre), n, tangent(n), -ENDLESS, shape.radius, -depth, 0.0)
-    depth = min(shape.half_lengths) if shape.depth is None else shape.depth
+        depth = scale * (shape.radius if shape.depth is None else shape.depth)
+        return _row(frame.point(shape.centre), n, tangent(n), -ENDLESS, scale * shape.radius, -depth, 0.0)
+    depth = scale * (min(shape.half_lengths) if shape.depth is None else shape.depth)
     e = _across(n, frame.direction(shape.along))
-    return _row(frame.point(shape.centre), n, e, *shape.half_lengths, -depth, 0.0)
+    return _row(frame.point(shape.centre), n, e, *(scale * half for half in shape.half_lengths), -depth, 0.0)
 
 
 def _row(*numbers: Any) -> Array:

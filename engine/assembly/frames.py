@@ -14,16 +14,20 @@ from engine.mechanism.models import Mechanism
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """A body's own frame relative to the state's frame: index, and position and rotation from the state's origin."""
+    """A body's own frame relative to the state's frame: index, and position and rotation from the state's origin.
+
+    A length of the file is ``scale`` times as long, see `Mechanism.stretch`.
+    """
 
     index: int
     origin: Array
     rotation: Array
     quaternion: Array
+    scale: float = 1.0
 
     def point(self, p: Iterable[float]) -> Array:
         """Return a point given in the body's own frame, from the state's origin in the state's axes."""
-        return np.asarray(self.origin + self.rotation @ np.asarray(p, float))
+        return np.asarray(self.origin + self.rotation @ (self.scale * np.asarray(p, float)))
 
     def direction(self, d: Iterable[float]) -> Array:
         """Return a direction given in the body's own frame as a unit vector in the state's axes."""
@@ -94,14 +98,14 @@ def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, Bod
     R[nb] = np.eye(3)
     frames = {"world": BodyFrame(nb, np.zeros(3), np.eye(3), p[nb].copy())}
     for name, body in mechanism.bodies.items():
-        q = quaternion(body.axis, body.angle)
+        q, scale = quaternion(body.axis, body.angle), mechanism.stretch(name)
         rotation = np.zeros((3, 3))
         rotation_matrix(q, rotation)
         if body.fixed:
-            frames[name] = BodyFrame(nb, np.array(body.origin, float), rotation, q)
+            frames[name] = BodyFrame(nb, np.array(body.origin, float), rotation, q, scale)
             continue
-        i, centre = moving.index(name), np.array(body.center_of_mass, float)
-        frames[name] = BodyFrame(i, -centre, np.eye(3), p[nb].copy())
+        i, centre = moving.index(name), scale * np.array(body.center_of_mass, float)
+        frames[name] = BodyFrame(i, -centre, np.eye(3), p[nb].copy(), scale)
         x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
         v[i] = [*body.velocity, *body.angular_velocity]
     empty = np.zeros(0)

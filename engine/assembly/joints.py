@@ -67,7 +67,6 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
             continue
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
-            skin = (joint.ball.radius or 0.0) if isinstance(joint, Spherical) else 0.0
             yield Pair(
                 name=f"{name}.{face}",
                 kind=kind,
@@ -75,10 +74,24 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 b=sides[1].index,
                 geometry_a=geometry_a,
                 geometry_b=geometry_b,
-                clearance=-skin,
+                clearance=_drawn_gap(joint, place, face),
                 law=law,
                 play=(name, joint.face_clearance(face)),
             )
+
+
+def _drawn_gap(joint: Any, place: Mate, face: str) -> float:
+    """Return what is added to the distance of two faces for their gap, without the joint's play.
+
+    It is minus the radius of a ball; at a ring it is what bore and pin, alike in the file, differ by in their stretch.
+    """
+    if isinstance(joint, Spherical):
+        return -place.b.scale * (joint.ball.radius or 0.0)
+    if not face.startswith("ring"):
+        return 0.0
+    shaft = getattr(joint, "shaft", None)
+    radius = joint.radii[int(face.removeprefix("ring")) - 1] if shaft is None else shaft.radius
+    return float(radius * (place.a.scale - place.b.scale))
 
 
 def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
@@ -94,7 +107,7 @@ def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
     for face, side, limit in (("lower", 1.0, limits.lower), ("upper", -1.0, limits.upper)):
         if limit is None:
             continue
-        point, plane = place.point_b, _plane(place.point_a + limit * way["n"], side * way["n"])
+        point, plane = place.point_b, _plane(place.point_a + place.a.scale * limit * way["n"], side * way["n"])
         if isinstance(joint, Revolute):
             point = point + other["e"]
             plane = _plane(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
@@ -150,8 +163,8 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
     along, axis = place.a.direction(joint.axes[0]), place.b.direction(joint.axes[1])
     for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
         a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
-        a[:3] = place.point_a + station * along
-        b[:3], b[3:6], b[6:9], b[9] = place.point_b, axis, tangent(axis), radius
+        a[:3] = place.point_a + place.a.scale * station * along
+        b[:3], b[3:6], b[6:9], b[9] = place.point_b, axis, tangent(axis), place.b.scale * radius
         yield f"ring{i + 1}", RING_BORE, (place.a, place.b), a, b
 
 
@@ -161,15 +174,15 @@ def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
     Each flange touches its end face when the journal is centred; the clearance is a number added to the gap.
     """
     along = place.a.direction(joint.axes[0])
-    axis = place.align(along, place.b.direction(joint.axes[1]))
+    axis, size = place.align(along, place.b.direction(joint.axes[1])), place.a.scale
     zero = place.a.direction(_across(joint.axes[0]))
     for side, station in joint.flange_stations.items():
         toward = axis if side == "start" else -axis
         for i in range(3):
             angle = joint.flanges.phase + i * 2 * np.pi / 3
             way = np.cos(angle) * zero + np.sin(angle) * np.cross(along, zero)
-            point = place.point_a + station * along + joint.flanges.radius * way
-            plane = _plane(place.point_b + station * axis, toward)
+            point = place.point_a + size * station * along + size * joint.flanges.radius * way
+            plane = _plane(place.point_b + place.b.scale * station * axis, toward)
             yield f"flange_{side}{i + 1}", POINT_PLANE, (place.a, place.b), _point(point), plane
 
 
@@ -184,10 +197,11 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
     for k, clearance, faces in ((1, joint.clearance, ("bottom", "top")), (2, joint.width_clearance, ("left", "right"))):
         m = 3 - k
         for face, side in zip(faces, (-1, 1), strict=True) if clearance is not None else ():
-            plane = _plane(place.point_a + side * half[k] * guide[k], -side * guide[k])
+            plane = _plane(place.point_a + place.a.scale * side * half[k] * guide[k], -side * guide[k])
             for i, (p, q) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
                 corner = side * half[k] * slider[k] + p * half[0] * slider[0] + q * half[m] * slider[m]
-                yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(place.point_b + corner), plane
+                at = place.point_b + place.b.scale * corner
+                yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(at), plane
 
 
 def _edges(frame: BodyFrame, side: Any) -> list[Array]:
@@ -287,7 +301,8 @@ def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], cleara
     Each of ``faces`` is the number of a contact, its joint, and the key of its clearance.
     """
     for i, joint, key in faces:
-        clearance[i] += getattr(mechanism.joints[joint], key)
+        entry = mechanism.joints[joint]
+        clearance[i] += getattr(entry, key) * mechanism.stretch(entry.sides[entry.carries(key)].body)
 
 
 def faces_with_play(pairs: Iterable[Pair]) -> tuple[tuple[int, str, str], ...]:

@@ -172,7 +172,15 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
+    owner, bodies = bodies_of_contact(mechanism, name)
     clearance = get_value(mechanism, key)
+    if any(mechanism.stretch(body) != 1.0 for body in bodies):
+        at = "" if mechanism.temperature is None else f" at {mechanism.temperature:g} degC"
+        return (
+            f"{key} = {clearance:.6g} {unit}: with the expansion and growth of {' and '.join(bodies)}{at}, "
+            f"{name.partition('.')[2]} overlaps by {-gap:.6g} {unit} at the start; allowed: >= 0; give {owner} more "
+            "play, or bodies that differ less"
+        )
     if ".limits." in key:
         return (
             f"{key} = {clearance:.6g} {unit}: the joint is {-gap:.6g} {unit} beyond it at the start; "

@@ -36,7 +36,7 @@ NO_SURFACES = Surfaces(
 
 def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
     """Return the tree of one surface, from its body's centre of mass in body axes; the root is node 0."""
-    control = frame.origin + surface.boundary @ frame.rotation.T
+    control = frame.origin + (frame.scale * surface.boundary) @ frame.rotation.T
     pieces = _pieces(control)
     coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, pieces)
     centre = 0.5 * (pieces.min(axis=(1, 2)) + pieces.max(axis=(1, 2)))

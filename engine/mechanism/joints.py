@@ -91,6 +91,10 @@ class Joint(PairLaw):
         """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""
         return self.CLEARANCE
 
+    def carries(self, key: str) -> int:
+        """Return the side whose body a clearance is a length of: the hollow one."""
+        return 0
+
     def _check_play(self) -> None:
         """Refuse a joint with play that cannot be made of what is given."""
 
@@ -500,6 +504,10 @@ class Revolute(JournalJoint):
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at a ring or flange."""
         return "axial_clearance" if face.startswith("flange") else self.CLEARANCE
+
+    def carries(self, key: str) -> int:
+        """Return the side whose body a clearance is a length of: the journal has the flanges, and reaches around."""
+        return int(key == "axial_clearance")
 
     @property
     def flange_stations(self) -> dict[str, float]:

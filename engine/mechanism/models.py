@@ -48,6 +48,7 @@ from engine.mechanism.geometry.cad_table import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.keys.key_paths import Place, along, formulas_in, with_formulas
 from engine.mechanism.loads import Damper, Force, Spring, Torque
+from engine.mechanism.materials import REFERENCE, expansion_of
 from engine.mechanism.parameters import (
     PREFIX,
     Uses,
@@ -129,6 +130,11 @@ def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
     return tuple((float(c[0]), float(c[1]), float(c[2]) if len(c) == 3 else 0.0) for c in corners)
 
 
+def _not_given(value: Any) -> bool:
+    """Return whether there is none; the digests of earlier mechanisms stay."""
+    return value is None
+
+
 class Body(TableModel):
     """A rigid body. At the start its frame is at ``origin``, rotated by ``angle`` about ``axis``."""
 
@@ -144,6 +150,16 @@ class Body(TableModel):
     )
     material: Name | None = Field(
         default=None, description="the material the body is made of, as `between` of [materials] calls it"
+    )
+    expansion: Annotated[Annotated[Number, Field(ge=-1e-3, le=1e-3)] | None, Quantity("expansion")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the coefficient of linear thermal expansion, a number; default: that of its material by name",
+    )
+    growth: Annotated[Annotated[Number, Field(ge=-0.5, le=0.5)] | None, Quantity("number")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="by which share all lengths of the body exceed those of the file, as by shrinkage or moisture",
     )
     center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
@@ -291,7 +307,7 @@ class Simulation(TableModel):
     )
     assembly_travel: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
         default=None,
-        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        exclude_if=_not_given,
         description="how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
         " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism",
     )
@@ -363,6 +379,11 @@ class Mechanism(TableModel):
     units: UnitSystem = Field(description='the unit system of all numbers: "mm-g-ms" or "SI"')
     gravity: Annotated[Vector, Quantity("acceleration")] = Field(
         default=(0.0, 0.0, 0.0), description="the acceleration of gravity, in the world"
+    )
+    temperature: Annotated[Annotated[Number, Field(gt=-273.15, le=1000)] | None, Quantity("temperature")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the temperature of all bodies, whose lengths in the file are those at 20 degC; default: 20",
     )
     validity: tuple[ValidityCondition, ...] = Field(
         default=(), description='the conditions a valid result meets, such as "latch_overlap > 0"'
@@ -499,6 +520,15 @@ class Mechanism(TableModel):
             material.friction if pair.friction is None else pair.friction,
             material.restitution if pair.restitution is None else pair.restitution,
         )
+
+    def stretch(self, body: str) -> float:
+        """Return the factor of all lengths of a body: 1 at 20 degC without growth (ISO 1)."""
+        made = self.bodies[body]
+        factor = 1.0 if made.growth is None else 1.0 + made.growth
+        if self.temperature is None:
+            return factor
+        expansion = expansion_of(made.material or "") if made.expansion is None else made.expansion
+        return factor * (1.0 + (expansion or 0.0) * (self.temperature - REFERENCE))
 
     def unit_at(self, place: Place) -> str:
         """Return the unit of the number at a place that is not a parameter; ``"1"`` for a pure number."""

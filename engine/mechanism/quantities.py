@@ -29,6 +29,8 @@ _UNITS: dict[str, tuple[str, str]] = {
     "damping": ("N ms/mm", "N s/m"),
     "torsional damping": ("N mm ms/rad", "N m s/rad"),
     "real time": ("s", "s"),
+    "temperature": ("degC", "degC"),
+    "expansion": ("1/K", "1/K"),
 }
 
 

@@ -8,6 +8,7 @@ from engine.faults.fault import Fault
 from engine.mechanism.conditions import CONDITION
 from engine.mechanism.expression import ExpressionFault, names_in, parse
 from engine.mechanism.faults import as_table, did_you_mean, list_under, named_tables, phase_names, sub_table
+from engine.mechanism.materials import EXPANSIONS, expansion_of
 from engine.mechanism.responses import in_formulas
 
 _PAIRED = {
@@ -39,6 +40,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_used_twice(data),
         *_nothing_moves(data),
         *_unknown_coordinates(data),
+        *_unknown_expansions(data),
         *_unknown_laws(data),
         *_unknown_responses(data),
         *_derived_faults(data),
@@ -187,6 +189,19 @@ def _unknown_coordinates(data: Mapping[str, Any]) -> Iterator[Fault]:
                 yield Fault(key, text)
             elif kind in only and of not in (None, only[kind]):
                 yield Fault(key, f"{joint} has only its {only[kind]}; allowed: {only[kind]}; remove it", of)
+
+
+def _unknown_expansions(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield a fault for each body of which nothing says how it expands, if the mechanism has a temperature."""
+    for name, body in named_tables(data, "bodies").items() if data.get("temperature") is not None else ():
+        made = body.get("material")
+        if body.get("expansion") is None and (not isinstance(made, str) or expansion_of(made) is None):
+            meant = did_you_mean(made, EXPANSIONS) if isinstance(made, str) else ""
+            text = (
+                f"missing, and {made or 'no material'} is not in the table of materials; allowed: a coefficient in 1/K,"
+                f" or a material of the body such as {', '.join([*EXPANSIONS][:4])} or POM{meant}; give one of the two"
+            )
+            yield Fault(("bodies", name, "expansion"), text)
 
 
 def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:

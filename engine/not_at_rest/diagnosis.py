@@ -277,11 +277,11 @@ def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Arr
 
 def joint_lines(mechanism: Mechanism, body: str, rotation: Array) -> Iterator[tuple[str, Array, Array]]:
     """Yield the joints of a body that have an axis: name, point from the centre of mass, unit axis; in world axes."""
-    centre = np.array(mechanism.bodies[body].center_of_mass)
+    centre, scale = np.array(mechanism.bodies[body].center_of_mass), mechanism.stretch(body)
     for name, joint in mechanism.joints.items():
         for side, axis in _own_lines(joint, body):
             vector = np.array(axis, float)
-            yield name, rotation @ (np.array(side) - centre), rotation @ (vector / np.linalg.norm(vector))
+            yield name, scale * rotation @ (np.array(side) - centre), rotation @ (vector / np.linalg.norm(vector))
 
 
 def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:

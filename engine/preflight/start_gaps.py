@@ -49,7 +49,8 @@ def _compared(
         assembly = assemble(mechanism)
     except EngineError:
         return dict(gaps)
-    if assembly.travel:  # its gaps are not those of the drawing
+    if assembly.travel or any(mechanism.stretch(body) != 1.0 for body in mechanism.bodies):
+        # its gaps are not those of the drawing
         return dict(gaps)
     millimetre = _millimetre(mechanism)
     at_start = dict(zip(assembly.contact_names, assembly.state.gap.tolist(), strict=True))

@@ -62,7 +62,8 @@ def series_of(mechanism: Mechanism, assembly: Assembly) -> Iterator[Series]:
 
 
 def _of_body(mechanism: Mechanism, name: str, at: int) -> Iterator[Series]:
-    length, centre = mechanism.unit("length"), np.array(mechanism.bodies[name].center_of_mass)
+    length = mechanism.unit("length")
+    centre = mechanism.stretch(name) * np.array(mechanism.bodies[name].center_of_mass)
     group = f"bodies/{name}"
     origin = partial(_origin, at=at, centre=centre)
     yield _vector(f"{group}/position", at, length, "centre of mass, in the world")

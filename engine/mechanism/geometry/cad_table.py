@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, StringConstraints, WithJsonSchema
 
 from engine.mechanism.base import Number, Point, PositiveLength, TableModel, is_number, refuse
-from engine.mechanism.geometry.densities import density_of, unknown_material
+from engine.mechanism.materials import density_of, unknown_material
 
 AS_DRAWN = "as drawn"
 DENSITY = (

@@ -14,8 +14,8 @@ from engine.cad import CadPart
 from engine.faults.fault import some
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import did_you_mean
-from engine.mechanism.geometry.densities import density_of, unknown_material
 from engine.mechanism.geometry.face_search import direction, lengths, significant
+from engine.mechanism.materials import density_of, unknown_material
 
 POSE = {"origin", "axis", "angle"}
 """The keys of a body's pose: the file gives either all of them or none, and then the pose is that of the part."""

@@ -9,6 +9,7 @@ number are checked again, not the whole mechanism.
 
 import fnmatch
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -178,6 +179,8 @@ def _rebuilt(
 ) -> Any:
     """Return a place's value with the settings below it applied and every table on the path checked; collect faults."""
     if isinstance(settings, _Setting):
+        if isinstance(place.owner, Mechanism) and (text := _outside(place, settings.number)):
+            faults.append(settings.fault(text))  # a table checks the numbers in it, and this one is in none
         return settings.number
     below = {token: place.at(token) or place for token in settings}
     new = {token: _rebuilt(mechanism, below[token], [*path, token], inner, faults) for token, inner in settings.items()}
@@ -187,6 +190,14 @@ def _rebuilt(
         for fault in faults_of(error, type(place.value), mechanism.units):
             faults.append(_refusal(mechanism, fault, path, dict(_ends(settings))))
         return place.value
+
+
+def _outside(place: Place, number: float) -> str:
+    """Return what is wrong with a number beyond the limits of its field; empty if it is within them."""
+    found = limits(place.field)
+    if all(getattr(operator, relation)(number, bound) for relation, bound in found.items()):
+        return ""
+    return f"allowed: {', '.join(f'{_RELATIONS[relation]} {bound:g}' for relation, bound in found.items())}; correct it"
 
 
 def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, _Setting]]:

@@ -8,7 +8,7 @@ import pytest
 import tomli_w
 
 from engine import MechanismError, load_mechanism
-from engine.mechanism.geometry.densities import DENSITIES, density_of
+from engine.mechanism.materials import DENSITIES, density_of
 from tests.engine.cad.crane import ARM, BORE, COVER, FOOT, PIN, PLAY, WEIGHT, crane
 
 pytestmark = pytest.mark.processes
