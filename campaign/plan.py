@@ -67,7 +67,7 @@ class Plan(PlanHeader):
             if campaign_id != header.campaign_id or columns != header.columns:
                 raise changed_plan()
         content = (header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)
-        return cls(*content, repeats=header.repeats)
+        return cls(*content, repeats=header.repeats, judges_unfit=header.judges_unfit)
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
@@ -82,7 +82,8 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     campaign_id = _identity(spec, mechanism, {"build": build})
     columns = _columns(spec, mechanism, campaign_id)
     content = (campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build, build_id())
-    return Plan(*content, repeats=_repeated_share(spec))
+    judged = spec.failures.max_not_assemblable is not None
+    return Plan(*content, repeats=_repeated_share(spec), judges_unfit=judged)
 
 
 def batch_size_is_fixed(samples: int) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.errors import StoreError
+from campaign.run_status import FailedStatus
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,6 +44,16 @@ class PlanHeader:
     columns: list[dict[str, Any]]  # ``name``, ``type``, ``unit`` and ``nullable`` of each column of the table
     # Share of the samples simulated again with half the step; see `repeated_samples`.
     repeats: float = field(default=0.0, kw_only=True)
+    # Whether samples that cannot be assembled are a result with a limit of their own, and no failures.
+    judges_unfit: bool = field(default=False, kw_only=True)
+
+    def is_failed(self, status: str) -> bool:
+        """Return whether a row of a status counts as failed."""
+        return status != "ok" and not (self.judges_unfit and status == FailedStatus.NOT_ASSEMBLABLE)
+
+    def failed(self, statuses: Mapping[str, int]) -> int:
+        """Return how many rows count as failed, from the number of rows by status."""
+        return sum(count for status, count in statuses.items() if self.is_failed(status))
 
     @property
     def samples(self) -> int:
@@ -110,7 +121,7 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
         if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
             _check_digest(text, document.get("sha256"))
         content = (document["campaign"], _title(document), _batches(document), _columns(document))
-        header = PlanHeader(*content, repeats=_repeats(document))
+        header = PlanHeader(*content, repeats=_repeats(document), judges_unfit=_judges_unfit(document))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise unreadable_plan(error) from error
     return header, document
@@ -146,6 +157,10 @@ def _title(document: Mapping[str, Any]) -> str:
     if not isinstance(title, str) or not isinstance(document["campaign"], str):
         raise ValueError("its title or its id is not a text")
     return title
+
+
+def _judges_unfit(document: Mapping[str, Any]) -> bool:
+    return document["spec"].get("failures", {}).get("max_not_assemblable") is not None
 
 
 def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:

@@ -11,6 +11,7 @@ from campaign.errors import CampaignError
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
+from campaign.run_status import FailedStatus
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from engine.arrays import Array
@@ -36,7 +37,7 @@ class SampleColumns:
 
 def independent_samples(store: Store, plan: Plan) -> SampleColumns:
     """Return variables and responses of all independently drawn samples; raise CampaignError if there are no rows."""
-    columns = samples_in(plan, store.stream(plan, ["sample", *column_names(plan)]))
+    columns = samples_in(plan, store.stream(plan, columns_read(plan)))
     if not columns.number.size:
         raise no_samples(plan)
     return columns
@@ -45,13 +46,15 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
 def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
     """Return the variables and responses of the rows of independent samples, in the order of the rows.
 
-    The tables have the columns ``sample`` and `column_names`.
+    The tables have the columns `columns_read`. Samples that cannot be assembled are left out where a limit judges them.
     """
     pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
     samples = [np.empty(0, np.int64)]
     for table in tables:
         numbers = table["sample"].to_numpy()
         rows = sampler_named(plan.spec.sampler).independent(plan.spec, numbers)
+        if plan.judges_unfit:
+            rows = rows & (table["status"].to_numpy(zero_copy_only=False) != FailedStatus.NOT_ASSEMBLABLE)
         chosen = slice(None) if rows.all() else rows  # usually all rows, which need no copy
         samples.append(numbers[chosen])
         for name, columns in pieces.items():
@@ -66,8 +69,13 @@ def no_samples(plan: Plan) -> CampaignError:
 
 
 def column_names(plan: Plan) -> list[str]:
-    """Return the names of the columns to read: variables, then responses."""
+    """Return the names of the columns of a sample: variables, then responses."""
     return [*plan.spec.variables, *plan.mechanism.responses]
+
+
+def columns_read(plan: Plan) -> list[str]:
+    """Return the names of the columns that `samples_in` reads."""
+    return ["sample", *column_names(plan), *(["status"] if plan.judges_unfit else [])]
 
 
 def lots_of(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:

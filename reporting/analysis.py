@@ -69,7 +69,7 @@ class Analysis:
     design: Design  # how the samples were drawn, and what follows for the report
     finished: int  # samples
     ok: int  # of the finished samples
-    failed: int  # of the finished samples
+    failed: int  # of the finished samples; not those that cannot be assembled, where a limit judges them
     used: int  # ok samples in the statistics: all, or those of A and B in Saltelli's design
     run_seconds: float | None  # total time of the runs [s]
     statuses: tuple[StatusCount, ...]
@@ -148,7 +148,7 @@ def analyse(
         design=spec.design,
         finished=every.sample.size,
         ok=ok,
-        failed=every.sample.size - ok,
+        failed=samples.sample.size - ok,
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
         statuses=count_statuses(every),
@@ -169,7 +169,7 @@ def analyse(
         kept=advised.kept,
         shortfalls=advised.shortfalls,
         advice_note=advised.note,
-        failures=list_failures(spec, every),
+        failures=list_failures(spec, samples),
         failed_against_ok=failed_against_ok(every, spec.variables),
         comparison=None if other is None else compare(drawn, spec, *other, CONFIDENCE),
         confidence=CONFIDENCE,

@@ -21,7 +21,7 @@ from reporting.capability.intervals import Interval, welch
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
-from reporting.samples import Samples
+from reporting.samples import OK, Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.statuses import counts_by_status, judged_counts, why_no_verdict
@@ -93,7 +93,11 @@ def compare(
         campaign=other_spec.campaign,
         title=other_spec.title,
         samples=other.sample.size,
-        failed=int(np.count_nonzero(~other.ok)),
+        failed=sum(
+            count
+            for status, count in judged_counts(counts_by_status(other), other_spec.max_not_assemblable).items()
+            if status != OK
+        ),
         responses=tuple(_response(mine, their, samples, other, confidence) for mine, their in shared),
         only_here=tuple(r.name for r in spec.responses if r.name not in theirs),
         only_there=tuple(name for name in theirs if name not in {r.name for r in spec.responses}),

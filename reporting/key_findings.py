@@ -27,6 +27,7 @@ DECIDING = {
     PERCENTILE: "by percentiles (ISO 22514-2)",
     WEIGHTED: "by weighted runs",
 }
+UNFIT = "samples that cannot be assembled"
 _NAMED = 3  # variables, or checks, in a sentence
 _BRACKET, _LINE = 30, 150  # letters of a bracket that is left out, and of what is said of a finding
 _NOTABLE = 0.01  # share of the variance of a cause that is named
@@ -84,10 +85,12 @@ def _yield(analysis: "Analysis") -> str:
     product = analysis.product
     if product is None or not product.with_failures.n:
         return ""
-    counted = product.with_failures if analysis.failed else product.counted or product.with_failures
+    unfit = analysis.finished - analysis.ok - analysis.failed
+    lost = [what for what, n in (("failed samples", analysis.failed), (UNFIT, unfit)) if n]
+    counted = product.with_failures if lost else product.counted or product.with_failures
     parts = "parts" if analysis.spec.measured else "samples"
     low, high = (format_numbers.percent(end) for end in counted.interval)
-    failed = ", failed samples counted as rejects" if analysis.failed else ""
+    failed = f", {' and '.join(lost)} counted as rejects" if lost else ""
     return (
         f"{format_numbers.percent(counted.share)} ({low} to {high}) of {format_numbers.grouped(counted.n)} {parts} "
         f"keep all limits{failed}."

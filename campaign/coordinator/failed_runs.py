@@ -9,6 +9,7 @@ from campaign.coordinator.heartbeat import Progress
 from campaign.coordinator.state import resume_command
 from campaign.errors import CampaignError
 from campaign.plan import Plan
+from campaign.run_status import FailedStatus
 from campaign.store import Store
 
 
@@ -27,7 +28,9 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
     if progress.failed > most:
         why = f"{progress.failed} of {progress.done} runs failed, and failures.max_failed allows {most:g}"
         on = "raise failures.max_failed and run the campaign again"
-    elif progress.done < end and policy.is_hopeless(progress.statuses.get("ok", 0), progress.computed):
+    elif progress.done < end and policy.is_hopeless(
+        progress.statuses.get("ok", 0), min(progress.computed, progress.failed)
+    ):
         why = f"{lack_of_ok(plan, progress.statuses)}, so the campaign of {end} samples stops here"
         resume = resume_command(store, plan.campaign_id)
         on = f"{resume}; with failures.max_failed = {end} in the campaign file it never stops"
@@ -64,7 +67,7 @@ def what_to_do(store: Store, plan: Plan) -> str:
     counts: Counter[str] = Counter()
     first: dict[str, tuple[int, str]] = {}
     for table in store.stream(plan, ["sample", "status", "message"]):
-        failed = table.filter(pc.field("status") != "ok").to_pylist()
+        failed = [row for row in table.filter(pc.field("status") != "ok").to_pylist() if plan.is_failed(row["status"])]
         counts.update(row["status"] for row in failed)
         for row in failed:
             first.setdefault(row["status"], (row["sample"], row["message"] or "no message"))
@@ -73,7 +76,10 @@ def what_to_do(store: Store, plan: Plan) -> str:
     (status, _), *_ = counts.most_common(1)
     sample, message = first[status]
     look = store.command("replay", plan.campaign_id, str(sample))
+    other = "give such runs other settings in failures.retry, or state in failures.min_ok how many may fail"
+    if status == FailedStatus.NOT_ASSEMBLABLE:
+        other = "or make their share a result with a limit of its own, failures.max_not_assemblable"
     return (
         f"sample {sample}, {status}: {message}\nlook at it: {look}\nthen remove the cause in the mechanism or in the"
-        " inputs, give such runs other settings in failures.retry, or state in failures.min_ok how many may fail"
+        f" inputs, {other}"
     )

@@ -59,7 +59,7 @@ class Heartbeat:
     samples: Count  # rows that are planned, or fewer once the stopping rule ended the campaign
     done: Count  # stored rows
     ok: Count  # stored rows of this status
-    failed: Count  # stored rows of any other status
+    failed: Count  # stored rows that failed, see `PlanHeader.is_failed`
     left: Count  # rows still to be computed
     statuses: dict[str, Count]  # stored rows by status
     rate: Number  # runs per second over the last minute
@@ -147,8 +147,8 @@ class Progress:
 
     @property
     def failed(self) -> int:
-        """Number of stored rows whose status is not ``ok``."""
-        return self.done - self.statuses.get("ok", 0)
+        """Number of stored rows that failed."""
+        return self.plan.failed(self.statuses)
 
     @property
     def is_stalled(self) -> bool:

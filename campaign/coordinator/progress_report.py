@@ -87,7 +87,7 @@ def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
     for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
         command = resume_command(store, header.campaign_id)
         say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
-    done, ok = survey.rows, survey.statuses.get("ok", 0)
+    done, ok, failed = survey.rows, survey.statuses.get("ok", 0), header.failed(survey.statuses)
     samples = store.end(header)
-    counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
+    counts = {"samples": samples, "done": done, "ok": ok, "failed": failed, "left": samples - done}
     return {**counts, "statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}

@@ -42,14 +42,14 @@ class RerunResult:
 
 
 def failed_samples(store: Store, plan: PlanHeader, statuses: Iterable[str] = ()) -> list[int]:
-    """Return, in order, the samples whose run has one of ``statuses``, or by default any status except ``ok``.
+    """Return, in order, the samples whose run has one of ``statuses``, or by default those that failed.
 
     For a set of repeats, the statuses are those of the repeats.
     """
     selected, samples = set(statuses), []
     for table in store.stream(plan, ["sample", "status"]):
         rows = zip(table["sample"].to_pylist(), table["status"].to_pylist(), strict=True)
-        samples += [sample for sample, status in rows if (status in selected if selected else status != "ok")]
+        samples += [s for s, status in rows if (status in selected if selected else plan.is_failed(status))]
     return samples
 
 

@@ -148,7 +148,7 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts
         "store": store.url,
         "samples": outcome.samples,
         "ok": ok,
-        "failed": outcome.samples - ok,
+        "failed": outcome.plan.failed(statuses),
         "computed": outcome.computed,
         "wall_s": outcome.wall_s,
         "statuses": statuses,

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from engine import Certificate, Run
+from engine.errors import NotAssemblable
 from tests.until import until
 
 
@@ -73,6 +74,13 @@ def raises_above(limit, mechanism, values, **settings):
     """Raise if J1 is above ``limit``."""
     if values["J1"] > limit:
         raise ArithmeticError("no solution")
+    return simulate(mechanism, values)
+
+
+def unfit_above(limit, mechanism, values, **settings):
+    """Have parts that cannot be assembled if J1 is above ``limit``."""
+    if values["J1"] > limit:
+        raise NotAssemblable("c60: parts overlap at the start pose", "crank and base are in the way")
     return simulate(mechanism, values)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from campaign.errors import SpecError
 from campaign.plan import Plan
-from campaign.samples import SampleColumns, column_names, no_samples, samples_in
+from campaign.samples import SampleColumns, column_names, columns_read, no_samples, samples_in
 from campaign.store import Store
 from campaign.store.parts import folder
 from campaign.store.rows import holders
@@ -206,7 +206,7 @@ def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> S
     sources = sources_of(store, plan)  # before the rows, so that batches replaced meanwhile are read again next time
     kept = {} if earlier is None or list(earlier.columns.values) != column_names(plan) else earlier.sources
     same = {batch for batch, source in kept.items() if sources.get(batch) == source}
-    columns = samples_in(plan, store.stream(plan, ["sample", *column_names(plan)], sources.keys() - same))
+    columns = samples_in(plan, store.stream(plan, columns_read(plan), sources.keys() - same))
     if earlier is not None and same:
         columns = _merged(_rows_of(plan, earlier.columns, same), columns)
     if not columns.number.size:

@@ -134,8 +134,9 @@ def _rerun(service: Service, campaign: str, who: Principal, wanted: FailedRows) 
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
         raise Refusal(409, f"campaign {campaign} is {before}; wait for its end, or cancel it first")
-    failed = {status: n for status, n in store.survey(store.plan_header(campaign)).statuses.items() if status != "ok"}
-    count = sum(n for status, n in failed.items() if not wanted.statuses or status in wanted.statuses)
+    header = store.plan_header(campaign)
+    stored = store.survey(header).statuses
+    count = sum(stored.get(status, 0) for status in wanted.statuses) if wanted.statuses else header.failed(stored)
     if not count:
         return Done(campaign=campaign, before=before, note="no run failed with this status; nothing to compute")
     # the request first: a coordinator may take the campaign as soon as its state is queued

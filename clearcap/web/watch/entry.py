@@ -204,7 +204,7 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
         return entry
     survey, entry.samples = store.survey(header), store.end(header)
     entry.done, entry.ok = survey.rows, survey.statuses.get("ok", 0)
-    entry.failed, entry.left = entry.done - entry.ok, entry.samples - entry.done
+    entry.failed, entry.left = header.failed(survey.statuses), entry.samples - entry.done
     if entry.state == "completed" and entry.left:
         entry.state, entry.message = "incomplete", f"rows lost after the campaign was completed: {entry.left}"
     _add_report(entry, _report(store, campaign_id))

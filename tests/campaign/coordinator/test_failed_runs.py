@@ -1,12 +1,16 @@
 """Campaigns whose runs fail: they stop before their end, lose nothing, and say how many failed and what to do."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
 
-from campaign.coordinator.failed_runs import TooManyFailed, lack_of_ok, what_to_do
+from campaign.coordinator.failed_runs import TooManyFailed, check_failures, lack_of_ok, what_to_do
+from campaign.coordinator.heartbeat import Progress
+from campaign.coordinator.rerun import failed_samples
 from campaign.coordinator.state import state_of
 from campaign.plan import Plan, make_plan
+from campaign.samples import independent_samples
 from campaign.spec.campaign_file import FIRST_RUNS, Failures
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
@@ -78,6 +82,29 @@ def test_what_to_do_quotes_the_most_frequent_status(tmp_path, campaign):
     said = what_to_do(store, plan)
     assert said.startswith("sample 0, not_converged: residual 1e-3\n")
     assert f"clearcap replay {plan.campaign_id} 0 --store {store.url}" in said
+
+
+def test_samples_that_cannot_be_assembled_are_failures_only_without_a_limit(tmp_path, campaign):
+    """With one they neither stop a campaign, nor are computed again, counted as failed, or in what is advised on."""
+    unfit = partial(fake_engine.unfit_above, 0.07)
+    store, plan = computed(tmp_path / "s", campaign, 25, unfit)
+    stored = store.survey(plan).statuses
+    lost = stored["not_assemblable"]
+    assert 0 < lost < 25
+    assert plan.failed(stored) == lost == len(failed_samples(store, plan))
+    assert "failures.max_not_assemblable" in what_to_do(store, plan)
+    assert independent_samples(store, plan).number.size == 25
+    spec = campaign.spec.model_copy(update={"failures": Failures(max_failed=0, max_not_assemblable=0.9)})
+    store, plan = computed(tmp_path / "t", replace(campaign, spec=spec), 25, unfit)
+    assert store.survey(plan).statuses == stored
+    assert plan.failed(stored) == 0
+    assert store.plan_header(plan.campaign_id).failed({**stored, "jammed": 2}) == 2
+    assert failed_samples(store, plan) == []
+    assert len(failed_samples(store, plan, ["not_assemblable"])) == lost
+    assert independent_samples(store, plan).number.size == 25 - lost
+    progress = Progress(store, plan, store.survey(plan))
+    assert (progress.failed, progress.done) == (0, 25)
+    check_failures(store, plan, progress)  # raises where a failed run is one too many
 
 
 def test_the_least_share_of_ok_runs_is_that_of_a_report():
