@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from reporting.arrays import Array
@@ -167,13 +168,25 @@ def analyse_response(
         tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots)
         if request.design.production
         else None,
-        chart=control_chart(x, lots) if request.design.production else None,
+        chart=_chart(x, lots, samples, np.isfinite(values), request),
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
         scatters=()
         if numbers.std == 0
         else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
     )
+
+
+def _chart(
+    x: Array, lots: NDArray[np.int64] | None, samples: Samples, finite: NDArray[np.bool_], request: ReportSpec
+) -> ControlChart | None:
+    """Return the control chart; only measured parts have subgroups, chosen tests and a chart of their spread."""
+    if not request.design.production:
+        return None
+    if not request.measured:
+        return control_chart(x, lots)
+    groups = None if samples.subgroup is None else samples.subgroup[samples.ok][finite]
+    return control_chart(x, lots, request.charts, groups)
 
 
 def yield_with_failures(

@@ -64,6 +64,7 @@ class Samples:
     at_impact: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     # Whether motion would have solved the equations as well where the sample rests, shape (n,); None: not known
     ambiguous: NDArray[np.bool_] | None = None
+    subgroup: NDArray[np.int64] | None = None  # number of each measured part's subgroup; None without subgroups
 
     @property
     def lots(self) -> NDArray[np.int64] | None:
@@ -89,6 +90,7 @@ class Samples:
             later={name: column[rows] for name, column in self.later.items()},
             at_impact={name: column[rows] for name, column in self.at_impact.items()},
             ambiguous=None if self.ambiguous is None else self.ambiguous[rows],
+            subgroup=None if self.subgroup is None else self.subgroup[rows],
         )
 
 
@@ -106,6 +108,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
                 raise ReportError(f"response {r.name}: {key} = {limit:g} is beyond {LARGEST:g}; give another unit")
     needed = [*names, "sample", "max_residual", "max_penetration", "settled"]
     needed += [spec.production_batch_column] if spec.production_batch_column else []
+    needed += [spec.subgroup_column] if spec.subgroup_column else []
     needed += IMPORTANCE if spec.proposal else ()
     # One empty array each, because a campaign may have no table yet.
     pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in (*needed, *LATER)}
@@ -132,6 +135,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     _check_rows(sample, spec.requested)
     sizes = [variable.batch for variable in spec.variables]
     batch = columns.pop(spec.production_batch_column).astype(np.int64) if spec.production_batch_column else None
+    subgroup = columns.pop(spec.subgroup_column).astype(np.int64) if spec.subgroup_column else None
     return Samples(
         sample=sample,
         status=status,
@@ -143,6 +147,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         settled=columns.pop("settled") == 1.0,
         penetration_unit=unit,
         production_batch=batch,
+        subgroup=subgroup,
         lot=whole_lots(sample, sizes),
         run_seconds=seconds,
         importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},

@@ -187,6 +187,18 @@ class VariableSpec:
     batch: int = 0
 
 
+NELSON = ("nelson 1", "nelson 2", "nelson 3")
+
+
+@dataclass(frozen=True)
+class ChartPlan:
+    """Which control chart measured values get."""
+
+    chart: str = ""  # "i-mr", "xbar-r", "xbar-s" or "ewma"; if empty, subgroups decide
+    rules: tuple[str, ...] = NELSON  # tests, keys of `reporting.capability.control_chart.RULES`
+    weight: float = 0.2  # of the newest point in a moving average
+
+
 @dataclass(frozen=True)
 class ProposalPart:
     """A component of importance sampling: the region where it draws, in standard scores of the variables."""
@@ -262,6 +274,10 @@ class ReportSpec:
     measured : bool
         Whether the rows are measured parts: the report then says nothing of runs and inputs, and first of all whether
         the process is stable.
+    subgroup_column : str
+        Column with the number of each part's rational subgroup; empty without subgroups.
+    charts : ChartPlan
+        The control charts of measured parts.
     """
 
     title: str
@@ -291,6 +307,8 @@ class ReportSpec:
     max_not_assemblable: float | None = None
     ordered: bool = True
     measured: bool = False
+    subgroup_column: str = ""
+    charts: ChartPlan = ChartPlan()
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would be treated as independent."""

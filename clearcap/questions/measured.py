@@ -10,7 +10,7 @@ import platform
 import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -31,6 +31,7 @@ from reporting.analysis import Analysis, analyse
 from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.samples import read_samples
+from reporting.spec import ChartPlan
 from reporting.write import USUAL
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 LARGEST_TABLE = 100_000_000  # bytes
 MOST_PARTS = 1_000_000
 FORMATS = (".csv", ".txt", ".parquet", ".xlsx")
-_LOT = "lot"  # column of the report's table
+_LOT, _SUBGROUP = "production lot", "rational subgroup"  # columns of the report's table; no characteristic has a space
 _DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2\d{2}(?:\d{2})?\b")
 _DIGITS = re.compile(r"(\d+)")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -76,12 +77,53 @@ class LimitsFile(TableModel, strict=True):
         default=True, description="false: the rows are in no order, so that nothing is said of stability."
     )
     lot: str | None = Field(default=None, min_length=1, description="The column that names each part's lot.")
+    subgroup: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=2)] | None = Field(
+        default=None,
+        description="Rational subgroups for the control chart: the column that names each part's, or how many"
+        " consecutive parts are one; if absent, there are none.",
+    )
+    chart: Literal["i-mr", "xbar-r", "xbar-s", "ewma"] | None = Field(
+        default=None,
+        description="Control chart: individuals, means of subgroups with their ranges or standard deviations, or"
+        " exponentially weighted moving averages; if absent, the subgroups decide.",
+    )
+    ewma_weight: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
+        default=None, description="Weight of the newest point in a moving average, 0.01 to 1; 0.2 if absent."
+    )
+    rules: (
+        Literal["nelson", "western electric"]
+        | Annotated[list[Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]
+        | None
+    ) = Field(
+        default=None,
+        description="Tests of the control chart: all eight of Nelson, the four of Western Electric, or a list of"
+        " numbers of Nelson's; [1, 2, 3] if absent.",
+    )
     requirements: dict[ShortName, PositiveNumber] = Field(
         default={}, description="Classes of characteristics, and the index that each requires."
     )
     characteristics: dict[ShortName, Characteristic] = Field(
         min_length=1, max_length=200, description="The characteristics by name."
     )
+
+    @model_validator(mode="after")
+    def _chart_fits(self) -> Self:
+        if self.chart in ("xbar-r", "xbar-s") and self.subgroup is None:
+            raise ValueError(f'chart = "{self.chart}": needs subgroup, a column or a number of consecutive parts')
+        if self.chart == "i-mr" and self.subgroup is not None:
+            raise ValueError('chart = "i-mr": is a chart of single values; leave subgroup out, or take "xbar-r"')
+        if self.chart == "ewma" and self.rules is not None:
+            raise ValueError("rules: moving averages are not independent, their limits are their only test; leave out")
+        if self.chart != "ewma" and self.ewma_weight is not None:
+            raise ValueError('ewma_weight: is for chart = "ewma"; leave it out')
+        return self
+
+    def charts(self) -> ChartPlan:
+        """Return which control chart the characteristics get."""
+        known = {"nelson": range(1, 9), "western electric": range(1, 5), None: (1, 2, 3)}
+        numbers = sorted(set(self.rules)) if isinstance(self.rules, list) else known[self.rules]
+        family = "western electric" if self.rules == "western electric" else "nelson"
+        return ChartPlan(self.chart or "", tuple(f"{family} {n}" for n in numbers), self.ewma_weight or 0.2)
 
     @model_validator(mode="after")
     def _classes_are_known(self) -> Self:
@@ -186,11 +228,13 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     for name, each in limits.characteristics.items():
         key = f"characteristics.{name}.column" if each.column else f"characteristics.{name}"
         columns[name] = _numbers(_column(parts, each.column or name, key), each.column or name)[order]
-    if limits.lot is not None:
-        lots = _column(parts, limits.lot, "lot").astype(str).to_numpy()[order]
-        _, first, number = np.unique(lots, return_index=True, return_inverse=True)
-        columns[_LOT] = np.argsort(np.argsort(first))[number]  # numbered in the order in which they begin
     n = len(parts)
+    if limits.lot is not None:
+        columns[_LOT] = _numbered(_column(parts, limits.lot, "lot"), order)
+    if isinstance(limits.subgroup, int):
+        columns[_SUBGROUP] = np.arange(n) // limits.subgroup
+    elif limits.subgroup is not None:
+        columns[_SUBGROUP] = _numbered(_column(parts, limits.subgroup, "subgroup"), order)
     fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
     zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
     return pa.table({**fixed, **zeros, **columns})
@@ -213,6 +257,13 @@ def _column(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
         listed = ", ".join(f"{column:.40}" for column in there[:20])
         raise SpecError(f"{key}: the table has {what} {name}; its columns: {listed}{did_you_mean(name, there[:1000])}")
     return parts.iloc[:, there.index(name)]
+
+
+def _numbered(names: "pd.Series[Any]", order: "np.ndarray[Any, np.dtype[np.intp]]") -> "np.ndarray[Any, Any]":
+    """Return the number of each part's lot or subgroup, in the order in which they begin."""
+    texts = names.astype(str).to_numpy()[order]
+    _, first, number = np.unique(texts, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[number])
 
 
 def _numbers(column: "pd.Series[Any]", name: str) -> Array:
@@ -315,6 +366,8 @@ def report_spec_of_parts(limits: LimitsFile, parts: int, name: str, provenance: 
         written=report_date(),
         ordered=limits.ordered,
         measured=True,
+        subgroup_column=_SUBGROUP if limits.subgroup is not None else "",
+        charts=limits.charts(),
     )
 
 

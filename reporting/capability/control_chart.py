@@ -1,29 +1,112 @@
-"""Control chart of a response: its values in order, or means of them, with control limits and three of Nelson's tests.
+"""Control charts: values in order, or means of them, with control limits; their spread; tests of Nelson and of WECO.
 
-Up to 60 independent values are a chart of individuals: sigma is the mean moving range divided by 1.128. More values
-are means of equal numbers of consecutive ones: sigma is the pooled one within them, over the root of their number.
-Values in production lots are a chart of the lots' means, with sigma from their moving ranges, because lots differ.
+`i-mr`: individual values, and moving ranges of two. `xbar-r`, `xbar-s`: means of rational subgroups, and their ranges
+or standard deviations. `ewma`: exponentially weighted moving averages of values or means (Roberts 1959). Without a
+choice subgroups decide: means with ranges up to 8 values in each, with standard deviations above or where sizes differ;
+values without subgroups are individuals up to 60, else means of equal numbers of consecutive ones with their pooled
+sigma. Lots without subgroups are individuals, too: the means of the lots, because lots differ.
 
-The tests are the first three of Nelson (1984, Journal of Quality Technology 16, 237-239): a point beyond three sigma,
-nine in a row on one side of the centre, six in a row that rise or fall. A point is marked where its run is complete.
+Sigma is the mean moving range over d2 (2), the mean range over d2 or the mean standard deviation over c4. The limits of
+means are those of Montgomery (Introduction to Statistical Quality Control, chapters 6 and 9), those of averages the
+exact ones, which widen from the first point on.
+
+A test marks a point where its pattern is complete: Nelson (1984, Journal of Quality Technology 16, 237-239), Western
+Electric (1956, Statistical Quality Control Handbook). They are for independent points: averages and measures of spread
+have only their limits.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc, ndtr
 
 from reporting.arrays import Array
 from reporting.capability.lots import independent
 from reporting.capability.moments import ROUNDING
+from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3
+from reporting.errors import ReportError
+from reporting.spec import ChartPlan
 
-MOST_POINTS = 60
+MOST_POINTS = 60  # of a chart that nobody asked for
+LARGEST_CHART = 1000  # more points cannot be told apart
+RANGES_UP_TO = 8  # values in a subgroup; of more, ranges tell less than standard deviations
 _FEWEST_POINTS = 5
-_D2 = 2 / math.sqrt(math.pi)  # mean range of two normal values, in sigmas
-SIDE, TREND = 9, 6  # points of a run on one side, and of one that rises or falls
-# Chance that a point of a stable normal process is marked by each test; six values rise in one of 720 orders.
-_BY_CHANCE = (0.0027, 2 * 0.5**SIDE, 2 / math.factorial(TREND))
+_ORDERS, _MOST_PERMUTED = 399, 5_000
+_ALTERNATING = 199_360_981 / math.factorial(14)  # orders of 14 values that go up and down, beginning with up
+Marks = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A test of points: `need` of `of` consecutive ones satisfy a condition, among them the last, which is marked."""
+
+    text: str
+    conditions: Callable[[Array], tuple[Marks, ...]]  # of scores, shape (..., points); each is counted by itself
+    need: int
+    of: int
+    first: int  # points before the first that can be marked
+    chance: float  # that such a point of a stable normal process is marked
+
+    def marked(self, scores: Array) -> Marks:
+        """Return which points are marked, from their distances to the centre in sigmas, shape (..., points)."""
+        marks = np.zeros(scores.shape, bool)
+        for met in self.conditions(scores):
+            before = np.concatenate([np.zeros((*met.shape[:-1], self.of), int), np.cumsum(met, axis=-1)], axis=-1)
+            count = before[..., self.of :] - before[..., : -self.of]
+            marks[..., scores.shape[-1] - met.shape[-1] :] |= met & (count >= self.need)
+        return marks
+
+
+def _zone(text: str, beyond: float, need: int, of: int) -> Rule:
+    """Return the test of points beyond so many sigmas, on one side."""
+    p = float(ndtr(-beyond))
+    chance = 2 * p * (float(bdtrc(need - 2, of - 1, p)) if need > 1 else 1.0)
+    return Rule(text, lambda z: (z > beyond, z < -beyond), need, of, need - 1, chance)
+
+
+def _steps(z: Array) -> tuple[Marks, Marks]:
+    step = np.diff(z, axis=-1)
+    return step > 0, step < 0
+
+
+def _turns(z: Array) -> tuple[Marks]:
+    step = np.sign(np.diff(z, axis=-1))
+    return (step[..., 1:] * step[..., :-1] < 0,)
+
+
+_INSIDE = float(1 - 2 * ndtr(-1))
+RULES = {
+    "nelson 1": _zone("beyond 3 sigma", 3, 1, 1),
+    "nelson 2": _zone("nine in a row on one side", 0, 9, 9),
+    "nelson 3": Rule("six in a row that rise or fall", _steps, 5, 5, 5, 2 / math.factorial(6)),
+    "nelson 4": Rule("fourteen in a row that alternate", _turns, 12, 12, 13, 2 * _ALTERNATING),
+    "nelson 5": _zone("two of three beyond 2 sigma on one side", 2, 2, 3),
+    "nelson 6": _zone("four of five beyond 1 sigma on one side", 1, 4, 5),
+    "nelson 7": Rule("fifteen in a row within 1 sigma", lambda z: (abs(z) < 1,), 15, 15, 14, _INSIDE**15),
+    "nelson 8": Rule("eight in a row beyond 1 sigma", lambda z: (abs(z) > 1,), 8, 8, 7, (1 - _INSIDE) ** 8),
+    "western electric 1": _zone("beyond 3 sigma", 3, 1, 1),
+    "western electric 2": _zone("two of three beyond 2 sigma on one side", 2, 2, 3),
+    "western electric 3": _zone("four of five beyond 1 sigma on one side", 1, 4, 5),
+    "western electric 4": _zone("eight in a row on one side", 0, 8, 8),
+}
+AVERAGES = "beyond the limits"  # the only test of moving averages
+_LIMITS_ALONE = {AVERAGES: _zone(AVERAGES, 3, 1, 1)}
+
+
+@dataclass(frozen=True)
+class SpreadChart:
+    """Spread of the points of a control chart; the arrays have one entry per point."""
+
+    of: str  # "moving ranges", "ranges" or "standard deviations"
+    points: tuple[float, ...]  # in the response's unit; the first moving range is that of the second value
+    centre: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    beyond: tuple[int, ...]  # numbers of the points beyond the control limits, from 0
+    p: float | None  # share of random orders of the values in which it varies as much; None: not tried
 
 
 @dataclass(frozen=True)
@@ -31,61 +114,189 @@ class ControlChart:
     """Values of a response in order, or means of them, and what the tests mark."""
 
     points: tuple[float, ...]  # in the response's unit
-    of: str  # "values", "means" of consecutive values, or "lots": their means
+    of: str  # "values", "means" of consecutive values, "subgroups" or "lots": their means
     size: int  # fewest values, or lots, in a point
     centre: float
-    low: float  # control limits
-    high: float
-    beyond: tuple[int, ...]  # numbers of the points beyond the control limits, from 0
-    one_side: tuple[int, ...]  # of those that complete nine or more on one side of the centre
-    trend: tuple[int, ...]  # of those that complete six or more that rise or fall
-    by_chance: float  # expected number of marked points if nothing changes
+    low: tuple[float, ...]  # control limits of each point
+    high: tuple[float, ...]
+    marks: dict[str, tuple[int, ...]]  # by test: numbers of the points that it marks, from 0
+    by_chance: float  # expected number of marked points if nothing changes and values are normal
+    kind: str = "i-mr"  # "i-mr", "xbar-r", "xbar-s" or "ewma"
+    sigma: float = 0.0  # of a value within a subgroup, or of an individual, in the response's unit
+    beyond: tuple[int, ...] = ()  # numbers of the points beyond the control limits
+    spread: SpreadChart | None = None
+    p: float | None = None  # share of random orders of the same values with as many marks; None: not tried
+    left_out: int = 0  # subgroups with a single value
+    texts: dict[str, str] = field(default_factory=dict)  # what each test asks
 
     @property
     def marked(self) -> tuple[int, ...]:
         """Numbers of all marked points, in order."""
-        return tuple(sorted({*self.beyond, *self.one_side, *self.trend}))
+        return tuple(sorted({at for those in self.marks.values() for at in those}))
 
 
-def control_chart(x: Array, lots: NDArray[np.generic] | None = None) -> ControlChart | None:
+@dataclass(frozen=True)
+class _Points:
+    """Points of charts of several orders of the same values, shape (orders, points)."""
+
+    scores: Array  # distances from the centre, in standard deviations of a point
+    sigma: Array  # of a value, shape (orders,)
+    spread: Array  # measures of spread, with centre and limits
+    centre: Array
+    low: Array
+    high: Array
+
+
+def control_chart(
+    x: Array,
+    lots: NDArray[np.generic] | None = None,
+    plan: ChartPlan | None = None,
+    subgroups: NDArray[np.generic] | None = None,
+) -> ControlChart | None:
     """Return the control chart of finite values in their order; None below 5 points, or without spread.
 
-    `lots`, shape (n,), are the lots of the values; None for independent values.
+    `lots`, shape (n,), are the lots of the values, None for independent values; `subgroups`, shape (n,), are rational
+    subgroups, numbered in their order. With a plan the chart has its spread, and is compared with random orders of its
+    values. ReportError: a chart of more than 1,000 points, or of ranges of more than 25 values.
     """
     if x.size < _FEWEST_POINTS or float(np.ptp(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    if lots is not None and not independent(lots):
-        points, size = _thinned(_lot_means(x, lots))
-        of, sigma = "lots", _of_moving_ranges(points)
-    elif x.size <= MOST_POINTS:
-        points, of, size = x, "values", 1
-        sigma = _of_moving_ranges(points)
-    else:
-        size = _round_size(x.size)
-        groups = np.array_split(x, x.size // size)
-        points, of = np.array([group.mean() for group in groups]), "means"
-        within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups) / (x.size - len(groups))
-        sigma = math.sqrt(within / size)
-    if points.size < _FEWEST_POINTS or not sigma > 0:
+    asked, left_out, of, size = plan or ChartPlan(), 0, "values", 1
+    sizes = np.ones(x.size, np.intp)
+    if subgroups is not None:
+        x, sizes, left_out = _in_subgroups(x, subgroups)
+        of, size = "subgroups", int(sizes.min(initial=x.size))
+    elif lots is not None and not independent(lots):
+        x, size = _thinned(_lot_means(x, lots))
+        of, sizes = "lots", np.ones(x.size, np.intp)
+    elif not asked.chart and x.size > MOST_POINTS:
+        of, size = "means", _round_size(x.size)
+        sizes = np.array([group.size for group in np.array_split(x, x.size // size)])
+    if sizes.size < _FEWEST_POINTS:
         return None
-    centre = float(x.mean()) if of != "lots" else float(points.mean())
-    low, high = centre - 3 * sigma, centre + 3 * sigma
-    side, steps = np.sign(points - centre), np.sign(np.diff(points))
+    if sizes.size > LARGEST_CHART:
+        raise ReportError(f"a control chart of {sizes.size} points: at most {LARGEST_CHART}; give larger subgroups")
+    means = bool(sizes.max() > 1)
+    ranges = bool(sizes.min() == sizes.max() <= RANGES_UP_TO)
+    kind = asked.chart or ("i-mr" if not means else "xbar-r" if ranges and of == "subgroups" else "xbar-s")
+    if kind != "ewma" and means == (kind == "i-mr"):
+        what = "there are no subgroups" if not means else "i-mr is a chart of values without subgroups"
+        raise ReportError(f'chart "{kind}": {what}; give subgroup and "xbar-r" or "xbar-s", or neither')
+    measure = ("i-mr" if not means else "xbar-r" if ranges else "xbar-s") if kind == "ewma" else kind
+    if measure == "xbar-r" and sizes.max() > LARGEST_FOR_RANGES:
+        raise ReportError(
+            f'chart "xbar-r" with {sizes.max()} values in a subgroup: a range ignores nearly all of them; at most'
+            f' {LARGEST_FOR_RANGES}, or chart = "xbar-s"'
+        )
+    orders = _orders(x, permuted=plan is not None and x.size <= _MOST_PERMUTED)
+    centre = x.mean()
+    rows = _chart_points(orders - centre, sizes, measure, pooled=of == "means")
+    if not rows.sigma[0] > 0:
+        return None
+    rules = _LIMITS_ALONE if kind == "ewma" else {name: RULES[name] for name in asked.rules}
+    scores, wide = rows.scores, 1 / np.sqrt(sizes)
+    if kind == "ewma":
+        scores, wide = moving_averages(rows.scores, sizes, asked.weight)
+    half, shown = 3 * rows.sigma[0] * wide, centre + scores[0] * wide * rows.sigma[0]
+    marks = {name: rule.marked(scores) for name, rule in rules.items()}
+    beyond = (rows.spread > rows.high) | (rows.spread < rows.low)
+    counts = np.sum([found.sum(axis=-1) for found in marks.values()], axis=0)
     return ControlChart(
-        points=tuple(points.tolist()),
+        points=tuple(shown.tolist()),
         of=of,
         size=size,
-        centre=centre,
-        low=low,
-        high=high,
-        beyond=tuple(np.flatnonzero((points < low) | (points > high)).tolist()),
-        one_side=_ends_of_runs(side, SIDE),
-        trend=tuple(end + 1 for end in _ends_of_runs(steps, TREND - 1)),
-        by_chance=sum(
-            chance * max(points.size - needed + 1, 0)
-            for chance, needed in zip(_BY_CHANCE, (1, SIDE, TREND), strict=True)
-        ),
+        centre=float(centre),
+        low=tuple((centre - half).tolist()),
+        high=tuple((centre + half).tolist()),
+        marks={name: _numbers(found[0]) for name, found in marks.items()},
+        by_chance=sum(rule.chance * max(sizes.size - rule.first, 0) for rule in rules.values()),
+        kind=kind,
+        sigma=float(rows.sigma[0]),
+        beyond=_numbers(abs(scores[0]) > 3),
+        spread=None if plan is None else _spread(rows, measure, beyond[0]),
+        p=_share_as_large(counts),
+        left_out=left_out,
+        texts={name: rule.text for name, rule in rules.items()},
     )
+
+
+def _in_subgroups(x: Array, subgroups: NDArray[np.generic]) -> tuple[Array, NDArray[np.intp], int]:
+    """Return the values by subgroup, how many are in each, and how many subgroups have one value and are left out."""
+    order = np.argsort(subgroups, kind="stable")
+    _, group, counts = np.unique(subgroups[order], return_inverse=True, return_counts=True)
+    return x[order][counts[group] > 1], counts[counts > 1], int(np.sum(counts == 1))
+
+
+def _orders(x: Array, *, permuted: bool) -> Array:
+    """Return the values in their order, and in random orders, shape (orders, n); the orders are always the same."""
+    if not permuted:
+        return x[None, :]
+    return np.vstack([x, np.random.Generator(np.random.PCG64(x.size)).permuted(np.tile(x, (_ORDERS, 1)), axis=1)])
+
+
+def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bool) -> _Points:
+    """Return the points of charts of orders of values, shape (orders, n); the mean of the values is 0."""
+    if measure == "i-mr":
+        ranges = np.abs(np.diff(x, axis=-1))
+        sigma = ranges.mean(axis=-1) / d2(2)
+        of_spread, centres, spreads = ranges, np.array([d2(2)]), np.array([d3(2)])
+        points = x
+    else:
+        starts = np.cumsum(sizes) - sizes
+        points = np.add.reduceat(x, starts, axis=-1) / sizes
+        squares = (x - np.repeat(points, sizes, axis=-1)) ** 2
+        by_sigma = np.sqrt(np.add.reduceat(squares, starts, axis=-1) / np.maximum(sizes - 1, 1))
+        by_range = np.maximum.reduceat(x, starts, axis=-1) - np.minimum.reduceat(x, starts, axis=-1)
+        of_spread = by_range if measure == "xbar-r" else by_sigma
+        constants = {int(n): (d2(n), d3(n)) if measure == "xbar-r" else _of_sigmas(n) for n in set(sizes.tolist())}
+        centres, spreads = np.array([constants[int(n)] for n in sizes]).T
+        weights = (centres / spreads) ** 2
+        sigma = of_spread @ (weights / centres) / weights.sum()
+        if pooled:
+            sigma = np.sqrt(squares.sum(axis=-1) / (sizes.sum() - sizes.size))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scores = points * np.sqrt(sizes) / sigma[:, None]
+    centre = sigma[:, None] * centres
+    half = 3 * sigma[:, None] * spreads
+    shape = of_spread.shape
+    low, centre, high = (np.broadcast_to(part, shape) for part in (np.maximum(centre - half, 0), centre, centre + half))
+    return _Points(scores, sigma, of_spread, centre, low, high)
+
+
+def _of_sigmas(n: int) -> tuple[float, float]:
+    """Return mean and standard deviation of the sample standard deviation of n normal values of sigma 1."""
+    return c4(n), math.sqrt(1 - c4(n) ** 2)
+
+
+def moving_averages(scores: Array, sizes: NDArray[np.intp], weight: float) -> tuple[Array, Array]:
+    """Return the moving averages of points in their standard deviations, and these for values of sigma 1.
+
+    ``z_i = w x_i + (1 - w) z_(i-1)`` from the centre on; the variance of z_i follows the same recursion.
+    """
+    points, average = scores / np.sqrt(sizes), np.zeros(scores.shape[0])
+    found, variance, variances = np.empty_like(points), 0.0, np.empty(sizes.size)
+    for i in range(sizes.size):
+        average = weight * points[:, i] + (1 - weight) * average
+        variance = weight**2 / float(sizes[i]) + (1 - weight) ** 2 * variance
+        found[:, i], variances[i] = average, variance
+    return found / np.sqrt(variances), np.sqrt(variances)
+
+
+def _spread(rows: _Points, measure: str, beyond: Marks) -> SpreadChart:
+    """Return the chart of the spread of the first order."""
+    name = {"i-mr": "moving ranges", "xbar-r": "ranges", "xbar-s": "standard deviations"}[measure]
+    points, centre, low, high = (tuple(part[0].tolist()) for part in (rows.spread, rows.centre, rows.low, rows.high))
+    p = _share_as_large((rows.spread / rows.centre).std(axis=-1))
+    return SpreadChart(name, points, centre, low, high, _numbers(beyond), p)
+
+
+def _share_as_large(measures: Array) -> float | None:
+    """Return in which share of the orders a measure is as large as in the first; None with one order."""
+    return float(np.mean(measures >= measures[0] * (1 - 1e-12))) if measures.size > 1 else None
+
+
+def _numbers(marks: Marks) -> tuple[int, ...]:
+    return tuple(np.flatnonzero(marks).tolist())
 
 
 def _lot_means(x: Array, lots: NDArray[np.generic]) -> Array:
@@ -111,19 +322,3 @@ def _round_size(n: int) -> int:
             if n <= MOST_POINTS * factor * power:
                 return factor * power
         power *= 10
-
-
-def _of_moving_ranges(points: Array) -> float:
-    """Return sigma from the mean moving range of two."""
-    return float(np.mean(np.abs(np.diff(points)))) / _D2 if points.size > 1 else 0.0
-
-
-def _ends_of_runs(signs: Array, length: int) -> tuple[int, ...]:
-    """Return where at least `length` equal signs other than 0 in a row are complete."""
-    ends, count, last = [], 0, 0.0
-    for at, sign in enumerate(signs.tolist()):
-        count = count + 1 if sign == last and sign else int(sign != 0)
-        last = sign
-        if count >= length:
-            ends.append(at)
-    return tuple(ends)

@@ -162,6 +162,7 @@ def environment() -> Environment:
         mini=lambda r: as_markup(panels.mini_histogram(r)),
         marked_words=panels.marked_words,
         control_chart=lambda r: as_markup(panels.control_chart_figure(r)),
+        spread_chart=lambda r: as_markup(panels.spread_chart_figure(r)),
         deciding_plot=lambda r: as_markup(panels.deciding_probability_figure(r)),
         deciding_fit=panels.deciding_fit,
         decides=panels.decides,

@@ -5,6 +5,7 @@ summary has a small histogram without words.
 """
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import ndtr
@@ -85,42 +86,76 @@ def control_chart_figure(response: ResponseAnalysis) -> str | None:
     chart, spec = response.chart, response.spec
     if chart is None:
         return None
-    y = around([*chart.points, chart.low, chart.high])
-    frame = PlotArea(HALF, TALL, (0.5, len(chart.points) + 0.5), y, left=y_room(*y), right=44, top=14)
-    at = [(frame.across(i + 1), frame.up(point)) for i, point in enumerate(chart.points)]
-    marked = [at[i] for i in chart.marked]
-    marks = [axis_y(frame, axis_name(spec.name, spec.unit))]
-    for value, name, colour, dash in (
-        (chart.low, "LCL", TARGET, "7 4"),
-        (chart.centre, "mean", MUTED, ""),
-        (chart.high, "UCL", TARGET, "7 4"),
-    ):
-        marks.append(
-            line([(frame.left, frame.up(value)), (frame.width - frame.right, frame.up(value))], colour, 1.2, dash)
-        )
-        marks.append(text(frame.width - frame.right + 4, frame.up(value) + 4, name, "start", colour))
-    marks += [line(at, BAR, 1), dots(at, DEEP, 2.4)]
-    marks += [dots(marked, REJECT, 4)] if marked else []
-    marks.append(axis_x(frame, chart_words(chart)))
-    low, high = (format_numbers.significant(end, 4) for end in (chart.low, chart.high))
+    low, high = (format_numbers.significant(end, 4) for end in (chart.low[-1], chart.high[-1]))
     label = (
         f"Control chart of {spec.name}, {len(chart.points)} {chart_words(chart)}: limits {low} to {high}. "
         f"{marked_words(chart)}."
     )
+    centre = (chart.centre,) * len(chart.points)
+    lines = (centre, chart.low, chart.high)
+    return _in_order(chart.points, chart.marked, lines, (spec.name, spec.unit), chart_words(chart), label)
+
+
+def spread_chart_figure(response: ResponseAnalysis) -> str | None:
+    """Return the chart of the spread of the points of a control chart; None without one."""
+    chart, spec = response.chart, response.spec
+    if chart is None or chart.spread is None:
+        return None
+    found, count = chart.spread, len(chart.spread.beyond)
+    words = "1 point is" if count == 1 else f"{count} points are"
+    label = f"{found.of.capitalize()} of {spec.name}, {len(found.points)} in order: {words} beyond the limits."
+    lines = (found.centre, found.low, found.high)
+    return _in_order(found.points, found.beyond, lines, (found.of, spec.unit), f"{found.of}, in order", label)
+
+
+def _in_order(
+    points: tuple[float, ...],
+    marked: tuple[int, ...],
+    lines: tuple[tuple[float, ...], ...],
+    named: tuple[str, str],
+    words: str,
+    label: str,
+) -> str:
+    """Return points in order with their centre, lower and upper control limits, which may differ between points."""
+    y = around([*points, *lines[1], *lines[2]])
+    frame = PlotArea(HALF, TALL, (0.5, len(points) + 0.5), y, left=y_room(*y), right=44, top=14)
+    at = [(frame.across(i + 1), frame.up(point)) for i, point in enumerate(points)]
+    marks = [axis_y(frame, axis_name(*named))]
+    for values, name, colour, dash in zip(
+        lines, ("mean", "LCL", "UCL"), (MUTED, TARGET, TARGET), ("", "7 4", "7 4"), strict=True
+    ):
+        steps = [0.5, *(i + 0.5 for i in range(1, len(values)) if values[i] != values[i - 1]), len(values) + 0.5]
+        path = [
+            (frame.across(end), frame.up(values[int(start)]))
+            for start, stop in pairwise(steps)
+            for end in (start, stop)
+        ]
+        marks.append(line(path, colour, 1.2, dash))
+        marks.append(text(frame.width - frame.right + 4, frame.up(values[-1]) + 4, name, "start", colour))
+    marks += [line(at, BAR, 1), dots(at, DEEP, 2.4)]
+    marks += [dots([at[i] for i in marked], REJECT, 4)] if marked else []
+    marks.append(axis_x(frame, words))
     return svg(frame, label, marks)
 
 
 def chart_words(chart: ControlChart) -> str:
     """Return what the points of a chart are."""
+    if chart.kind == "ewma":
+        return "moving averages (EWMA), in order"
+    if chart.of == "subgroups":
+        return "means of subgroups, in order"
     if chart.of == "lots":
         return "means of lots, in order" if chart.size == 1 else f"means of {chart.size} lots, in order"
     return "samples, in order" if chart.size == 1 else f"means of {chart.size} samples, in order"
 
 
 def marked_words(chart: ControlChart) -> str:
-    """Return how many points of a chart break a rule."""
+    """Return how many points of a chart break a rule, and which rules."""
     count = len(chart.marked)
-    return {0: "No point breaks a rule", 1: "1 point breaks a rule"}.get(count, f"{count} points break a rule")
+    if not count:
+        return "No point breaks a rule"
+    rules = "; ".join(f"{name}, {chart.texts[name]}: {len(those)}" for name, those in chart.marks.items() if those)
+    return f"{'1 point breaks' if count == 1 else f'{count} points break'} a rule ({rules})"
 
 
 def deciding_fit(response: ResponseAnalysis) -> Fit | None:

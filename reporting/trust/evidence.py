@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from scipy.special import ndtri
 
 from reporting import format_numbers
+from reporting.capability.control_chart import ControlChart
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
@@ -32,6 +33,7 @@ FEW = 3  # responses named in a line
 # Points of a control chart beyond its limits that chance does not explain: at most 2.1 % of charts of stable normal,
 # lognormal (0.3), gamma (16) and t (5) values have as many, from 20 to 1,000 values (table in docs/measured.md).
 BEYOND_BAR = 3
+BEYOND_SHARE = 0.05  # of the points, where there are more than 60
 
 
 def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:
@@ -146,23 +148,31 @@ def stability(responses: tuple[ResponseAnalysis, ...], *, ordered: bool) -> Chec
     if not charts:
         return Check(name, "info", "There are too few values for a control chart.")
     most = max(len(chart.beyond) for _, chart in charts)
-    found = [
-        f"{r.spec.name}, {len(chart.beyond)} of {len(chart.points)} points beyond the control limits"
-        for r, chart in charts
-        if len(chart.beyond) >= BEYOND_BAR
-    ]
-    found += [
-        f"{r.spec.name}, not in a random order" for r, _ in charts if r.capability.order and r.capability.order.finding
-    ]
+    found = [f"{r.spec.name}, {words}" for r, chart in charts for words in _instability(r, chart)]
     if not found:
         text = f"At most {most} points of a control chart lie beyond its limits, and the order of the values is random."
         return Check(name, "good", text, float(most))
     text = (
         f"Not stable: {'; '.join(found)}. The indices describe these parts (performance, ISO 22514-2), not what the "
-        "process will make. Find the cause first. By chance, a stable process has three points beyond the limits in at "
-        "most 3 of 100 charts, even if its values are skew."
+        "process will make. Find the cause first. By chance, this is said of at most 5 of 100 stable processes, even "
+        "if their values are skew."
     )
     return Check(name, "bad", text, float(most))
+
+
+def _instability(response: ResponseAnalysis, chart: ControlChart) -> list[str]:
+    """Return what shows that the process of a characteristic is not stable, in words."""
+    found, points = [], len(chart.points)
+    if len(chart.beyond) >= max(BEYOND_BAR, BEYOND_SHARE * points):
+        found.append(f"{len(chart.beyond)} of {points} points beyond the control limits")
+    if response.capability.order and response.capability.order.finding:
+        found.append("not in a random order")
+    if chart.p is not None and chart.p <= FALSE_ALARMS / 2:
+        broken = ", ".join(f"{rule}: {len(those)}" for rule, those in chart.marks.items() if those)
+        found.append(f"more marked points than random orders of the values have ({broken})")
+    if chart.spread is not None and chart.spread.p is not None and chart.spread.p <= FALSE_ALARMS / 2:
+        found.append(f"{chart.spread.of} that vary more than in random orders of the values")
+    return found
 
 
 def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:

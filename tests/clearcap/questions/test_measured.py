@@ -90,7 +90,7 @@ def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_
         limits = load_limits(LIMITS | {"order": column, "lot": "lot"})
         table = parts_table(frame, limits)
         assert table["d"].to_pylist() == [d[row - 1] for row in (3, 2, 1, 4, 6, 5)], column
-        assert table["lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
+        assert table["production lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
 
 
 def test_empty_rows_are_no_parts_and_two_columns_of_one_name_are_refused(tmp_path):
@@ -123,6 +123,31 @@ def test_an_unstable_process_is_called_one():
     assert check_of(few, "Stability").level == "info"
 
 
+def test_the_chart_is_chosen_in_the_limits_file(tmp_path):
+    """Subgroups by a column or a number, tests by name; the page has the chart of the spread, and the JSON both."""
+    d = normal(120)
+    d[40] += 0.05
+    frame = pd.DataFrame({"d": d, "hour": np.repeat(np.arange(30), 4)}).sample(frac=1, random_state=1)
+    frame["at"] = frame.index
+    chosen = LIMITS | {"order": "at", "subgroup": "hour", "rules": "western electric"}
+    chart = capability_of_parts(frame, chosen).responses[0].chart
+    assert (chart.kind, chart.of, len(chart.points), chart.beyond) == ("xbar-r", "subgroups", 30, (10,))
+    assert chart.spread.beyond == (10,)
+    assert list(chart.marks) == [f"western electric {n}" for n in (1, 2, 3, 4)]
+    assert chart == capability_of_parts(frame, chosen | {"subgroup": 4}).responses[0].chart
+    assert list(capability_of_parts(frame, LIMITS | {"rules": [8, 1]}).responses[0].chart.marks) == [
+        "nelson 1",
+        "nelson 8",
+    ]
+    averages = capability_of_parts(frame, LIMITS | {"order": "at", "chart": "ewma", "ewma_weight": 0.1})
+    assert averages.responses[0].chart.kind == "ewma"
+    files = clearcap.capability_report(frame, chosen, tmp_path, ["html", "json"])
+    page = Path(files["html"]).read_text("utf-8")
+    assert "Ranges with control limits; beyond them: 1." in page
+    assert "western electric 1, beyond 3 sigma: 1" in page
+    assert json.loads(Path(files["json"]).read_text("utf-8"))["responses"][0]["chart"]["kind"] == "xbar-r"
+
+
 def test_the_report_says_nothing_of_simulations(tmp_path):
     frame = pd.DataFrame({"d": normal(80), "lot": np.repeat(list("ABCDEFGH"), 10)})
     frame.loc[5, "d"] = np.nan
@@ -147,6 +172,12 @@ def test_the_report_says_nothing_of_simulations(tmp_path):
         (LIMITS, {"dia": [1.0]}, ["characteristics.d", "no column d", "dia"]),
         (LIMITS | {"order": "time"}, {"d": [1.0]}, ["order", "time"]),
         (LIMITS, {"d": ["20.1", "about 20"]}, ["row 2", "about 20"]),
+        (LIMITS | {"subgroup": "hour"}, {"d": [1.0]}, ["subgroup", "hour"]),
+        (LIMITS | {"chart": "xbar-r"}, {"d": [1.0]}, ["xbar-r", "subgroup"]),
+        (LIMITS | {"chart": "i-mr", "subgroup": 5}, {"d": [1.0]}, ["i-mr", "subgroup"]),
+        (LIMITS | {"chart": "ewma", "rules": "nelson"}, {"d": [1.0]}, ["rules", "leave"]),
+        (LIMITS | {"ewma_weight": 0.2}, {"d": [1.0]}, ["ewma_weight"]),
+        (LIMITS | {"rules": [9]}, {"d": [1.0]}, ["rules"]),
         (LIMITS, {"d": ["20.1", "20,2"]}, ["decimal comma (20,2)", "decimal point (20.1)"]),
         (LIMITS, {"d": []}, ["0 rows"]),
         (LIMITS, {"d": ["", " "], "no": [None, ""]}, ["0 rows"]),

@@ -59,10 +59,14 @@ def test_causes_show_the_shares() -> None:
 
 @pytest.mark.parametrize(
     ("marked", "words"),
-    [((), "No point breaks a rule"), ((4,), "1 point breaks a rule"), ((4, 7), "2 points break a rule")],
+    [
+        ((), "No point breaks a rule"),
+        ((4,), "1 point breaks a rule (nelson 1, beyond 3 sigma: 1)"),
+        ((4, 7), "2 points break a rule (nelson 1, beyond 3 sigma: 2)"),
+    ],
 )
 def test_marked_points_are_counted_in_words(marked, words) -> None:
-    chart = replace(analysed().responses[0].chart, beyond=marked, one_side=(), trend=())
+    chart = replace(analysed().responses[0].chart, marks={"nelson 1": marked, "nelson 2": ()})
     assert panels.marked_words(chart) == words
 
 
