@@ -28,7 +28,7 @@ class Play:
 def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iterator[Play]:
     """Yield the play of every joint with a circle of clearance (not of the block of a slot) at ``m`` instants."""
     for name, joint in mechanism.joints.items():
-        clearance = getattr(joint, joint.CLEARANCE) if joint.CLEARANCE and not joint.ideal else None
+        clearance = joint.play("ring1") if joint.CLEARANCE and not joint.ideal else None
         stations = _stations(joint)
         if not clearance or not len(stations):
             continue

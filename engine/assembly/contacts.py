@@ -127,7 +127,7 @@ class Pair:
     clearance: float  # added to the distance to give the gap; for a contact of a joint, without the joint's play
     law: tuple[float, float]  # friction and restitution
     pieces: Array = field(default_factory=NO_PIECES.copy)  # (np, PIECE) of side b's profile; empty: it has none
-    play: tuple[str, str] | None = None  # the joint and the key of its clearance, for `joints.add_play`
+    play: tuple[str, str] | None = None  # the joint and its face, for `joints.add_play`
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
     breakaway: float = 0.0  # the same of a joint that sticks

@@ -76,7 +76,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 geometry_b=geometry_b,
                 clearance=_drawn_gap(joint, place, face),
                 law=law,
-                play=(name, joint.face_clearance(face)),
+                play=(name, face),
             )
 
 
@@ -298,15 +298,15 @@ def without_play(mechanism: Mechanism) -> Mechanism:
 def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], clearance: Array) -> None:
     """Add the play of the joints to ``clearance``, (nc,), in place.
 
-    Each of ``faces`` is the number of a contact, its joint, and the key of its clearance.
+    Each of ``faces`` is the number of a contact, its joint, and the face of the joint.
     """
-    for i, joint, key in faces:
+    for i, joint, face in faces:
         entry = mechanism.joints[joint]
-        clearance[i] += getattr(entry, key) * mechanism.stretch(entry.sides[entry.carries(key)].body)
+        clearance[i] += entry.play(face) * mechanism.stretch(entry.sides[entry.carries(face)].body)
 
 
 def faces_with_play(pairs: Iterable[Pair]) -> tuple[tuple[int, str, str], ...]:
-    """Return the number, the joint and the key of the clearance for each contact of a joint."""
+    """Return the number, the joint and the face for each contact of a joint."""
     return tuple((i, *pair.play) for i, pair in enumerate(pairs) if pair.play is not None)
 
 

@@ -173,12 +173,13 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
     owner, bodies = bodies_of_contact(mechanism, name)
-    clearance = get_value(mechanism, key)
+    joint, _, face = name.partition(".")
+    clearance = get_value(mechanism, key) if mechanism.joints[joint].ideal else mechanism.joints[joint].play(face)
     if any(mechanism.stretch(body) != 1.0 for body in bodies):
         at = "" if mechanism.temperature is None else f" at {mechanism.temperature:g} degC"
         return (
             f"{key} = {clearance:.6g} {unit}: with the expansion and growth of {' and '.join(bodies)}{at}, "
-            f"{name.partition('.')[2]} overlaps by {-gap:.6g} {unit} at the start; allowed: >= 0; give {owner} more "
+            f"{face} overlaps by {-gap:.6g} {unit} at the start; allowed: >= 0; give {owner} more "
             "play, or bodies that differ less"
         )
     if ".limits." in key:
@@ -186,8 +187,10 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
             f"{key} = {clearance:.6g} {unit}: the joint is {-gap:.6g} {unit} beyond it at the start; "
             "allowed: limits on both sides of the start; widen them, or move the bodies"
         )
+    stated = get_value(mechanism, key)
+    leaves = "" if stated == clearance else f" leaves a radial clearance of {clearance:.6g} {unit}"
     return (
-        f"{key} = {clearance:.6g} {unit}: {name.partition('.')[2]} is {clearance - gap:.6g} {unit} off its centred "
+        f"{key} = {stated:.6g} {unit}{leaves}: {face} is {clearance - gap:.6g} {unit} off its centred "
         f"place at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
     )
 

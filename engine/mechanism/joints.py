@@ -91,8 +91,13 @@ class Joint(PairLaw):
         """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""
         return self.CLEARANCE
 
-    def carries(self, key: str) -> int:
-        """Return the side whose body a clearance is a length of: the hollow one."""
+    def play(self, face: str) -> float:
+        """Return the clearance at one of the joint's contacts [length], which is only added to its gap."""
+        clearance: float = getattr(self, self.face_clearance(face))
+        return clearance
+
+    def carries(self, face: str) -> int:
+        """Return the side whose body the clearance at a face is a length of: the hollow one."""
         return 0
 
     def _check_play(self) -> None:
@@ -399,6 +404,21 @@ class Journal(Line):
     radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length"), Each(gt=0.0)] = (
         Field(default=None, description="the radius of the pin, a number > 0, or a list with one for each ring")
     )
+    diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the diameter of the pin, a number > 0, in place of its radius; with that of the bearing",
+    )
+
+
+class Bearing(Line):
+    """The bore; its ``point`` is the joint's place on its body."""
+
+    diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="the diameter of the bore, a number > 0; with that of the journal, in place of radial_clearance",
+    )
 
 
 class Flanges(TableModel):
@@ -423,8 +443,8 @@ class JournalJoint(Joint):
     CLEARANCE: ClassVar[str] = "radial_clearance"
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
 
-    bearing: Line = Field(description="the bore: { body, point, axis }")
-    journal: Journal = Field(description="the pin: { body, point, axis, radius }")
+    bearing: Bearing = Field(description="the bore: { body, point, axis, diameter }")
+    journal: Journal = Field(description="the pin: { body, point, axis, radius or diameter }")
     rings: Annotated[tuple[float, ...] | None, BeforeValidator(stations), Quantity("length")] = Field(
         default=None, description="the stations of the bearing's rings along its axis, one or more numbers"
     )
@@ -442,6 +462,8 @@ class JournalJoint(Joint):
     def radii(self) -> tuple[float, ...]:
         """Journal radius at each ring [length], one value per ring."""
         radius, rings = self.journal.radius, self.rings or ()
+        if self.journal.diameter is not None:
+            radius = 0.5 * self.journal.diameter
         return radius if isinstance(radius, tuple) else (radius or 0.0,) * len(rings)
 
     @property
@@ -450,14 +472,42 @@ class JournalJoint(Joint):
         limit = self.radial_clearance_limit
         return min(self.radii) if limit is None else limit
 
+    @property
+    def _by_diameters(self) -> bool:
+        """Whether the clearance follows from the diameters of bore and pin."""
+        return self.bearing.diameter is not None and self.journal.diameter is not None
+
+    def face_clearance(self, face: str) -> str:
+        """Return the key of the clearance at a ring."""
+        return "bearing.diameter" if self._by_diameters else self.CLEARANCE
+
+    def play(self, face: str) -> float:
+        """Return the radial clearance at a ring."""
+        if self._by_diameters:
+            return 0.5 * ((self.bearing.diameter or 0.0) - (self.journal.diameter or 0.0))
+        return self.radial_clearance or 0.0
+
     def _check_play(self) -> None:
         self._need("rings")
         self._check_rings()
 
+    def _check_diameters(self) -> None:
+        """Refuse one diameter without the other, or both beside what follows from them."""
+        for side, other in (("bearing", "journal"), ("journal", "bearing")):
+            if getattr(self, side).diameter is not None and getattr(self, other).diameter is None:
+                text = f"needs that of the {other}, from which it leaves the clearance; add {other}.diameter"
+                raise refuse(f"{text}, or give radial_clearance in its place", key=f"{side}.diameter")
+        for key, value in (("journal.radius", self.journal.radius), ("radial_clearance", self.radial_clearance)):
+            if self._by_diameters and value is not None:
+                text = "follows from the diameters of bearing and journal; allowed: one of the two ways; remove it"
+                raise refuse(text, key=key, value=value)
+
     def _check_rings(self) -> None:
         """Refuse rings that do not fit the pin, or a clearance that does not fit the bore."""
-        self._need("journal.radius", "radial_clearance")
-        rings, clearance = self.rings or (), self.radial_clearance or 0.0
+        self._check_diameters()
+        if not self._by_diameters:
+            self._need("journal.radius", "radial_clearance")
+        rings = self.rings or ()
         if len(self.radii) != len(rings):
             raise refuse(
                 f"{len(self.radii)} radii for {len(rings)} rings; "
@@ -465,14 +515,21 @@ class JournalJoint(Joint):
                 key="journal.radius",
                 value=list(self.radii),
             )
+        clearance = self.play("ring1")
         if not 0 < clearance <= self.clearance_limit:
             what = "no play" if clearance <= 0 else "more than the bore as drawn allows"
+            key = self.face_clearance("ring1")
             raise refuse(
-                f"{what}; allowed: 0 < radial_clearance <= {self.clearance_limit:g}; "
+                f"{what}; allowed: 0 < {self._in_words} <= {self.clearance_limit:g}; "
                 "choose a clearance in between, or give another radial_clearance_limit",
-                key="radial_clearance",
-                value=clearance,
+                key=key,
+                value=self.bearing.diameter if self._by_diameters else clearance,
             )
+
+    @property
+    def _in_words(self) -> str:
+        """The radial clearance, as it follows from the keys that are given."""
+        return "(bearing.diameter - journal.diameter) / 2" if self._by_diameters else "radial_clearance"
 
 
 class Cylindrical(JournalJoint):
@@ -503,11 +560,15 @@ class Revolute(JournalJoint):
 
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at a ring or flange."""
-        return "axial_clearance" if face.startswith("flange") else self.CLEARANCE
+        return "axial_clearance" if face.startswith("flange") else super().face_clearance(face)
 
-    def carries(self, key: str) -> int:
-        """Return the side whose body a clearance is a length of: the journal has the flanges, and reaches around."""
-        return int(key == "axial_clearance")
+    def play(self, face: str) -> float:
+        """Return the clearance at a ring or flange."""
+        return (self.axial_clearance or 0.0) if face.startswith("flange") else super().play(face)
+
+    def carries(self, face: str) -> int:
+        """Return the side whose body the clearance at a face is a length of: the journal has the flanges."""
+        return int(face.startswith("flange"))
 
     @property
     def flange_stations(self) -> dict[str, float]:

@@ -74,7 +74,7 @@ def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, f
     reach = (0.5 + _ENDS) * (drawn.length or 0.0)
     within = [i for i, station in enumerate(joint.rings or (), 1) if abs(station) <= reach]
     smallest = min((at_start[f"{name}.ring{i}"] for i in within), default=np.inf)
-    return smallest, joint.radial_clearance - drawn.clearance
+    return smallest, joint.play("ring1") - drawn.clearance
 
 
 def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:

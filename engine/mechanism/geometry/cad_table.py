@@ -130,7 +130,7 @@ SELECTORS: dict[FeatureKind, type[TableModel]] = {
 """The model of a table that holds nothing but a selector, by the selector's key."""
 
 GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
-    "hole": ("Line", "Side"),
+    "hole": ("Bearing", "Side"),
     "pin": ("Journal", "Side"),
     "plane": ("Face", "Side"),
     "arc": ("Side",),

@@ -208,7 +208,8 @@ def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[Part
     if joint.get("radial_clearance") == AS_DRAWN:
         result["radial_clearance"] = _clearance(drawn, millimetre)
     result["bearing"] = line_side(searches[0], joint["bearing"], drawn.middle, drawn.axis)
-    journal = {"radius": length(drawn.pin.radius, millimetre), **joint["journal"]}
+    radius = {} if "diameter" in joint["journal"] else {"radius": length(drawn.pin.radius, millimetre)}
+    journal = {**radius, **joint["journal"]}
     result["journal"] = line_side(searches[1], journal, drawn.pin_middle, drawn.pin_axis)
     return result
 
