@@ -33,13 +33,13 @@ def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iter
         if not clearance or not len(stations):
             continue
         outer, inner = joint.sides
-        centre = body_poses[inner.body].world(np.array([inner.point]))
+        centre = body_poses[inner.body].world(np.array([inner.place]))
         if joint.axes is None:
-            offset = centre - body_poses[outer.body].world(np.array([outer.point]))
+            offset = centre - body_poses[outer.body].world(np.array([outer.place]))
             across = np.tile([view.right, view.up], (len(offset), 1, 1))
             yield Play(name, clearance, view.project(offset) / clearance, across)
             continue
-        rings = np.array(outer.point) + np.outer(stations, joint.axes[0])
+        rings = np.array(outer.place) + np.outer(stations, joint.axes[0])
         offset = centre - body_poses[outer.body].world(rings)
         axis = body_poses[inner.body].direction(np.array(joint.axes[1]))[:, None]
         offset -= np.sum(offset * axis, axis=-1, keepdims=True) * axis

@@ -51,7 +51,7 @@ def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
     """Return the two sides of a joint; ``R``, shape (nb + 1, 3, 3), holds the rotations at the start."""
     first, second = joint.sides
     a, b = frames[first.body], frames[second.body]
-    return Mate(a, b, a.point(first.point), b.point(second.point), R[b.index].T @ R[a.index])
+    return Mate(a, b, a.point(first.place), b.point(second.place), R[b.index].T @ R[a.index])
 
 
 def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
@@ -206,7 +206,7 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 def _edges(frame: BodyFrame, side: Any) -> list[Array]:
     """Return the directions of the length, height and width of a block or slot."""
-    along, up = frame.direction(side.axis), frame.direction(side.normal)
+    along, up = frame.direction(side.direction), frame.direction(side.normal)
     up = up - (up @ along) * along
     up = up / np.linalg.norm(up)
     return [along, up, np.cross(along, up)]

@@ -208,6 +208,11 @@ class BodyPoint(TableModel):
     body: Name = Field(description="the body the point belongs to")
     point: Point = Field(description="the point, in the frame of the body")
 
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Where the part has the point, in the frame of the body."""
+        return self.point
+
 
 class PairLaw(TableModel):
     """The contact law between two bodies: that of a pair of materials, or its own numbers."""

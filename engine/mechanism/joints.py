@@ -6,6 +6,7 @@ user writes their faces as contacts.
 """
 
 from collections.abc import Sequence
+from math import cos, sin, sqrt
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -44,10 +45,61 @@ IDEAL = {
 }
 
 
+class Deviation(TableModel):
+    """How a part is off its drawing: its axis lies beside its true position, and is tilted about the joint's point.
+
+    An angle about the axis counts from the axis x, y or z of the body that is most perpendicular to it.
+    """
+
+    off: Length = Field(default=0.0, description="the distance of the axis from its true position")
+    way: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the direction of this distance, an angle about the axis"
+    )
+    tilt: Annotated[Number, Field(ge=-1.5, le=1.5), Quantity("angle")] = Field(
+        default=0.0, description="the angle by which the axis is tilted, from -1.5 to 1.5"
+    )
+    tilt_way: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the direction to which it is tilted, an angle about the axis"
+    )
+
+
 class Line(BodyPoint):
     """A straight line that moves with a body."""
 
     axis: Direction = Field(description="the direction of the axis, in the frame of the body")
+    deviation: Deviation | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        description="how the part is off its drawing: { off, way, tilt, tilt_way }",
+    )
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Where the part has the point, in the frame of the body."""
+        off = self.deviation
+        if off is None:
+            return self.point
+        x, y, z = self._across(off.way)
+        return self.point[0] + off.off * x, self.point[1] + off.off * y, self.point[2] + off.off * z
+
+    @property
+    def direction(self) -> tuple[float, float, float]:
+        """The direction that the part's axis has, in the frame of the body, of length 1."""
+        if self.deviation is None or self.deviation.tilt == 0.0:
+            return self.axis
+        across, tilt = self._across(self.deviation.tilt_way), self.deviation.tilt
+        x, y, z = (cos(tilt) * n + sin(tilt) * e for n, e in zip(self.axis, across, strict=True))
+        return x, y, z
+
+    def _across(self, angle: float) -> tuple[float, float, float]:
+        """Return the unit vector across the axis at an angle about it."""
+        n = self.axis
+        least = min(range(3), key=lambda k: abs(n[k]))
+        length = sqrt(1.0 - n[least] ** 2)
+        e = [((k == least) - n[least] * n[k]) / length for k in range(3)]
+        f = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
+        x, y, z = (cos(angle) * a + sin(angle) * b for a, b in zip(e, f, strict=True))
+        return x, y, z
 
 
 class Joint(PairLaw):
@@ -79,13 +131,13 @@ class Joint(PairLaw):
     def axes(self) -> tuple[Any, Any] | None:
         """The joint's axis in the frames of its two sides; None when it has none."""
         first, second = self.sides
-        return (first.axis, second.axis) if isinstance(first, Line) and isinstance(second, Line) else None
+        return (first.direction, second.direction) if isinstance(first, Line) and isinstance(second, Line) else None
 
     def acts(self, keys: Sequence[str]) -> bool:
-        """Return whether what stands under these keys has an effect: of an ideal joint only its points and axes."""
+        """Return whether what stands under these keys has an effect: of an ideal joint only where its sides are."""
         if not self.ideal or not keys or keys[0] in IDEAL:
             return True
-        return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION))
+        return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION, "deviation"))
 
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""
@@ -443,7 +495,7 @@ class JournalJoint(Joint):
     CLEARANCE: ClassVar[str] = "radial_clearance"
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
 
-    bearing: Bearing = Field(description="the bore: { body, point, axis, diameter }")
+    bearing: Bearing = Field(description="the bore: { body, point, axis, diameter, deviation }")
     journal: Journal = Field(description="the pin: { body, point, axis, radius or diameter }")
     rings: Annotated[tuple[float, ...] | None, BeforeValidator(stations), Quantity("length")] = Field(
         default=None, description="the stations of the bearing's rings along its axis, one or more numbers"

@@ -288,7 +288,7 @@ def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tup
     """Yield point and axis of a joint on a body."""
     for side, axis in zip(joint.sides, joint.axes or (), strict=False):
         if side.body == body:
-            yield side.point, axis
+            yield side.place, axis
             return
 
 
