@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from engine.assembly.frames import BodyFrame, tangent
 from engine.kernels.model import GEOMETRY, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN
 from engine.mechanism.base import TableModel
 from engine.mechanism.contacts import Side
-from engine.mechanism.joints import Joint, Prismatic, Revolute, Spherical
+from engine.mechanism.joints import Joint, Prismatic, Revolute, Spherical, ring_of
 from engine.mechanism.models import Mechanism
 from engine.mechanism.primitives import Socket
 
@@ -90,8 +91,15 @@ def _drawn_gap(joint: Any, place: Mate, face: str) -> float:
     if not face.startswith("ring"):
         return 0.0
     shaft = getattr(joint, "shaft", None)
-    radius = joint.radii[int(face.removeprefix("ring")) - 1] if shaft is None else shaft.radius
-    return float(radius * (place.a.scale - place.b.scale))
+    radius = joint.radii[ring_of(face)] if shaft is None else shaft.radius
+    added = [place.a.scale * lobes.offset for lobes in _lobes(joint)[:1] if lobes is not None]
+    added += [place.b.scale * lobes.offset for lobes in _lobes(joint)[1:] if lobes is not None]
+    return float(radius * (place.a.scale - place.b.scale) + sum(added))
+
+
+def _lobes(joint: Any) -> list[Any]:
+    """Return the lobes of bore and pin, None for a round one."""
+    return [getattr(side, "lobes", None) for side in joint.sides]
 
 
 def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
@@ -159,13 +167,39 @@ def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[float, ...]) -> Iterator[FaceRow]:
-    """Yield the rings of the first side around the cylinder on the axis of the second."""
+    """Yield the rings of the first side around the cylinder on the axis of the second.
+
+    The arcs of a bore with lobes are rings about their own centres, and so are the lobes of a pin cylinders: a pin that
+    is the convex hull of discs lies in a bore that is the intersection of discs if each lies in each.
+    """
     along, axis = place.a.direction(joint.axes[0]), place.b.direction(joint.axes[1])
+    off = getattr(joint, "ring_offsets", None)
+    bore, pin = _centres(joint, 0, place.a), _centres(joint, 1, place.b)
+    many, small = len(bore) * len(pin) > 1, _lobes(joint)[1]
     for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
-        a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
-        a[:3] = place.point_a + place.a.scale * station * along
-        b[:3], b[3:6], b[6:9], b[9] = place.point_b, axis, tangent(axis), place.b.scale * radius
-        yield f"ring{i + 1}", RING_BORE, (place.a, place.b), a, b
+        for n, (of_bore, of_pin) in enumerate(product(bore, pin)):
+            a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
+            a[:3] = place.point_a + place.a.scale * station * along
+            if of_bore is not None:
+                a[:3] -= of_bore
+            if off is not None:
+                a[:3] += place.a.scale * place.a.rotation @ np.array(off[i])
+            b[:3], b[3:6], b[6:9] = place.point_b, axis, tangent(axis)
+            b[9] = place.b.scale * (radius - small.offset if small is not None else radius)
+            if of_pin is not None:
+                b[:3] += of_pin
+            yield f"ring{i + 1}_{n + 1}" if many else f"ring{i + 1}", RING_BORE, (place.a, place.b), a, b
+
+
+def _centres(joint: Any, side: int, frame: BodyFrame) -> list[Array | None]:
+    """Return the places from the axis to the narrowest places of a bore, or to the tips' centres of a pin.
+
+    One that is None stands for a round bore or pin.
+    """
+    lobes, line = _lobes(joint)[side], joint.sides[side]
+    if lobes is None:
+        return [None]
+    return [frame.scale * lobes.offset * frame.rotation @ np.array(line.across(angle)) for angle in lobes.angles]
 
 
 def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:

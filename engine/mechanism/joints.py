@@ -6,7 +6,7 @@ user writes their faces as contacts.
 """
 
 from collections.abc import Sequence
-from math import cos, sin, sqrt
+from math import cos, pi, sin, sqrt
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -79,7 +79,7 @@ class Line(BodyPoint):
         off = self.deviation
         if off is None:
             return self.point
-        x, y, z = self._across(off.way)
+        x, y, z = self.across(off.way)
         return self.point[0] + off.off * x, self.point[1] + off.off * y, self.point[2] + off.off * z
 
     @property
@@ -87,12 +87,12 @@ class Line(BodyPoint):
         """The direction that the part's axis has, in the frame of the body, of length 1."""
         if self.deviation is None or self.deviation.tilt == 0.0:
             return self.axis
-        across, tilt = self._across(self.deviation.tilt_way), self.deviation.tilt
+        across, tilt = self.across(self.deviation.tilt_way), self.deviation.tilt
         x, y, z = (cos(tilt) * n + sin(tilt) * e for n, e in zip(self.axis, across, strict=True))
         return x, y, z
 
-    def _across(self, angle: float) -> tuple[float, float, float]:
-        """Return the unit vector across the axis at an angle about it."""
+    def across(self, angle: float) -> tuple[float, float, float]:
+        """Return the unit vector across the drawn axis at an angle about it, counted as in `Deviation`."""
         n = self.axis
         least = min(range(3), key=lambda k: abs(n[k]))
         length = sqrt(1.0 - n[least] ** 2)
@@ -450,6 +450,56 @@ def _ends(value: Any) -> tuple[float, float] | None:
     return (float(value[0]), float(value[1]))
 
 
+def _offsets(value: Any) -> tuple[tuple[float, float, float], ...] | None:
+    """Read one vector for each ring."""
+    if value is None:
+        return None
+    vectors = value if isinstance(value, list | tuple) else ()
+    if not vectors or not all(isinstance(v, list | tuple) and len(v) == 3 and all(map(is_number, v)) for v in vectors):
+        raise refuse("not a list of vectors; allowed: one [x, y, z] of finite numbers for each ring")
+    return tuple((float(v[0]), float(v[1]), float(v[2])) for v in vectors)
+
+
+def _numbers(value: Any) -> tuple[float, ...] | None:
+    """Read one number for each ring."""
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or not value or not all(map(is_number, value)):
+        raise refuse("not a list of numbers; allowed: one finite number for each ring")
+    return tuple(float(v) for v in value)
+
+
+class Lobes(TableModel):
+    """The form of a bore or pin that is not round: so many arcs of equal radius, whose centres lie off the axis.
+
+    A bore of arcs is narrowest in the middle of each, a pin is thickest at the tip of each lobe; two make an oval.
+    """
+
+    number: Annotated[int, Field(ge=2, le=12, strict=True)] = Field(description="how many there are, 2 to 12")
+    height: Annotated[Number, Field(ge=0), Quantity("length")] = Field(
+        description="the largest less the smallest radius, which is the deviation from roundness, a number >= 0"
+    )
+    phase: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the angle of the first narrowest place of a bore, or tip of a pin, about the axis"
+    )
+
+    @property
+    def offset(self) -> float:
+        """How far the centres of the arcs are off the axis [length], to first order in height over radius."""
+        return self.height / (1.0 - cos(pi / self.number))
+
+    @property
+    def angles(self) -> list[float]:
+        """The angles of all narrowest places or tips."""
+        return [self.phase + 2.0 * pi * i / self.number for i in range(self.number)]
+
+
+LobedForm = Annotated[
+    Lobes | None,
+    Field(default=None, exclude_if=_not_given, description="its form, if it is not round: { number, height, phase }"),
+]
+
+
 class Journal(Line):
     """The pin; if it is centred in the bearing, its ``point`` coincides with the bearing's."""
 
@@ -461,6 +511,7 @@ class Journal(Line):
         exclude_if=_not_given,
         description="the diameter of the pin, a number > 0, in place of its radius; with that of the bearing",
     )
+    lobes: LobedForm
 
 
 class Bearing(Line):
@@ -471,6 +522,7 @@ class Bearing(Line):
         exclude_if=_not_given,
         description="the diameter of the bore, a number > 0; with that of the journal, in place of radial_clearance",
     )
+    lobes: LobedForm
 
 
 class Flanges(TableModel):
@@ -488,15 +540,20 @@ class Flanges(TableModel):
     )
 
 
+def ring_of(face: str) -> int:
+    """Return the number of a ring, from 0, from the name of one of its contacts: ``ring2``, or ``ring2_1`` of lobes."""
+    return int(face.removeprefix("ring").partition("_")[0]) - 1
+
+
 class JournalJoint(Joint):
     """Base class of the joints made of a journal in a bearing: radial clearance at the rings of the bore."""
 
     SIDES: ClassVar[tuple[str, str]] = ("bearing", "journal")
     CLEARANCE: ClassVar[str] = "radial_clearance"
-    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "taper")
 
-    bearing: Bearing = Field(description="the bore: { body, point, axis, diameter, deviation }")
-    journal: Journal = Field(description="the pin: { body, point, axis, radius or diameter }")
+    bearing: Bearing = Field(description="the bore: { body, point, axis, diameter, lobes, deviation }")
+    journal: Journal = Field(description="the pin: { body, point, axis, radius or diameter, lobes, deviation }")
     rings: Annotated[tuple[float, ...] | None, BeforeValidator(stations), Quantity("length")] = Field(
         default=None, description="the stations of the bearing's rings along its axis, one or more numbers"
     )
@@ -508,6 +565,19 @@ class JournalJoint(Joint):
     radial_clearance_limit: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
         description="the largest clearance the bore as drawn allows",
+    )
+    taper: Annotated[tuple[float, ...] | None, BeforeValidator(_numbers), Quantity("length")] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="by how much the clearance at each ring exceeds radial_clearance, one number for each ring",
+    )
+    ring_offsets: Annotated[
+        tuple[tuple[float, float, float], ...] | None, BeforeValidator(_offsets), Quantity("length")
+    ] = Field(
+        default=None,
+        exclude_if=_not_given,
+        description="how far the centre of each ring is off the bearing's axis, as of bores in two walls: one vector"
+        " for each ring, in the frame of the body",
     )
 
     @property
@@ -535,9 +605,10 @@ class JournalJoint(Joint):
 
     def play(self, face: str) -> float:
         """Return the radial clearance at a ring."""
+        taper = self.taper[ring_of(face)] if self.taper is not None else 0.0
         if self._by_diameters:
-            return 0.5 * ((self.bearing.diameter or 0.0) - (self.journal.diameter or 0.0))
-        return self.radial_clearance or 0.0
+            return 0.5 * ((self.bearing.diameter or 0.0) - (self.journal.diameter or 0.0)) + taper
+        return (self.radial_clearance or 0.0) + taper
 
     def _check_play(self) -> None:
         self._need("rings")
@@ -567,7 +638,18 @@ class JournalJoint(Joint):
                 key="journal.radius",
                 value=list(self.radii),
             )
-        clearance = self.play("ring1")
+        for key, stated in (("taper", self.taper), ("ring_offsets", self.ring_offsets)):
+            if stated is not None and len(stated) != len(rings):
+                text = f"{len(stated)} entries for {len(rings)} rings; allowed: one for each ring; give as many"
+                raise refuse(text, key=key, value=list(stated))
+        if self.journal.lobes is not None and not self.journal.lobes.offset < min(self.radii):
+            text = f"more than the pin has; allowed: {self.journal.lobes.number} lobes of a small part of its radius"
+            raise refuse(text, key="journal.lobes.height", value=self.journal.lobes.height)
+        for i in range(len(rings)):
+            self._check_clearance(self.play(f"ring{i + 1}"))
+
+    def _check_clearance(self, clearance: float) -> None:
+        """Refuse a clearance at a ring that there cannot be."""
         if not 0 < clearance <= self.clearance_limit:
             what = "no play" if clearance <= 0 else "more than the bore as drawn allows"
             key = self.face_clearance("ring1")
@@ -581,7 +663,8 @@ class JournalJoint(Joint):
     @property
     def _in_words(self) -> str:
         """The radial clearance, as it follows from the keys that are given."""
-        return "(bearing.diameter - journal.diameter) / 2" if self._by_diameters else "radial_clearance"
+        words = "(bearing.diameter - journal.diameter) / 2" if self._by_diameters else "radial_clearance"
+        return words if self.taper is None else f"{words} + taper"
 
 
 class Cylindrical(JournalJoint):
@@ -598,7 +681,7 @@ class Cylindrical(JournalJoint):
 class Revolute(JournalJoint):
     """A journal that turns in its bearing; flanges limit how far it slides."""
 
-    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "axial_clearance")
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "taper", "axial_clearance")
 
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
     limits: AngleLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)

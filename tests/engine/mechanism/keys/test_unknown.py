@@ -38,7 +38,7 @@ def test_the_message_names_what_is_there():
     """Below the part of the key that exists."""
     mechanism = mechanism_from(pendulum(), "FILE")
     said = unknown_key(mechanism, "joints.J1.bearing.q")
-    assert said == "unknown key; joints.J1.bearing has body, point, axis, deviation, diameter"
+    assert said == "unknown key; joints.J1.bearing has body, point, axis, deviation, diameter, lobes"
     assert "springs has pull, turn; did you mean 'springs.pull.stiffness'?" in unknown_key(
         mechanism, "springs.pul.stiffness"
     )
