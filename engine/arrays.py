@@ -24,13 +24,26 @@ def aligned_zeros(*shapes: int | tuple[int, ...]) -> list[Array]:
     return arrays
 
 
-def copied(arrays: Any) -> Any:
-    """Return a copy of a named tuple of arrays, or of nested named tuples, with copies of all its arrays.
+class Block:
+    """Copies of all arrays of a named tuple, or of nested named tuples, in one block of memory.
 
     Each copy starts at a cache line of the processor, so that eight consecutive doubles never span two lines.
     """
-    room = np.empty(_size(arrays) + LINE, np.uint8)
-    return _copy(arrays, room, [-room.ctypes.data % LINE])
+
+    def __init__(self, arrays: Any) -> None:
+        room = np.empty(_size(arrays) + LINE, np.uint8)
+        start = -room.ctypes.data % LINE
+        self._memory = room[start : start + len(room) - LINE]
+        self.arrays = _copy(arrays, self._memory, [0])
+
+    def assign(self, other: "Block") -> None:
+        """Overwrite all numbers with those of another block of the same arrays."""
+        self._memory[:] = other._memory
+
+
+def copied(arrays: Any) -> Any:
+    """Return a copy of a named tuple of arrays, or of nested named tuples, as a `Block` of its own."""
+    return Block(arrays).arrays
 
 
 def _size(arrays: Any) -> int:
@@ -41,8 +54,8 @@ def _size(arrays: Any) -> int:
 def _copy(arrays: Any, room: NDArray[np.uint8], at: list[int]) -> Any:
     """Copy arrays into the buffer ``room`` from offset ``at[0]`` on; the offset is advanced."""
     if not isinstance(arrays, np.ndarray):
-        return type(arrays)(*(_copy(part, room, at) for part in arrays))
+        return arrays._make([_copy(part, room, at) for part in arrays])
     copy: Any = np.ndarray(arrays.shape, arrays.dtype, room, at[0])
     copy[...] = arrays
-    at[0] += _size(arrays)
+    at[0] += -(-arrays.nbytes // LINE) * LINE
     return copy

@@ -60,6 +60,10 @@ def execute(
     ranges: dict[str, Range] = {}  # of forces read at rest, by response
     choices: list[bool] = []  # whether rest was one of two solutions, where that was asked
 
+    @lru_cache(maxsize=1)
+    def flying_at(pose: PoseAtRest) -> Array:
+        return in_flight(assembly, pose.assembly, unmoved)
+
     def add_ranges(pose: PoseAtRest, phase: int) -> None:
         contacts = contacts_with_ranges(mechanism, phase, forces=indeterminacy)
         found = pose.ranges(list(dict.fromkeys(contacts.values())))
@@ -69,7 +73,7 @@ def execute(
         phase = int(course.counts[time_loop.PHASE])
         pose = pose_of(course)
         if phase == len(mechanism.phases) - 1:
-            return pose.moves or bool(in_flight(assembly, pose.assembly, unmoved).any())
+            return pose.moves or bool(flying_at(pose).any())
         if not pose.moves:
             pose.hand_over(assembly)
             add_ranges(pose, phase)
@@ -109,7 +113,7 @@ def execute(
         if pose.moves:
             drift = unheld(mechanism, pose.assembly, control)
         elif until_rest:  # in a phase with a duration a part may fly off
-            drift = flight(mechanism, pose.assembly, control, in_flight(assembly, pose.assembly, unmoved))
+            drift = flight(mechanism, pose.assembly, control, flying_at(pose))
         add_ranges(pose, len(mechanism.phases) - 1)
         work = pose.assembly.work
     measured = dict(zip(mechanism.responses, map(float, work.reported), strict=True))

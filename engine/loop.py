@@ -9,6 +9,7 @@ import numpy as np
 from engine.arrays import Array, copied
 from engine.assembly import Assembly
 from engine.assembly.bilateral import turning_arm
+from engine.assembly.table_cache import cached
 from engine.jit import Kernel
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
@@ -78,6 +79,7 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
     )
 
 
+@cached
 def _extent(mechanism: Mechanism) -> float:
     """Return the largest distance of a body from the world's origin at the start, or its own size if that is larger."""
     far = [float(np.linalg.norm(body.origin)) for body in mechanism.bodies.values()]

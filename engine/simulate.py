@@ -66,7 +66,7 @@ def simulate(
     TrajectoryError
         If the recording settings are not allowed, or the file cannot be written.
     """
-    from engine.assembly import assemble
+    from engine.assembly import lent_assembly
     from engine.execution import execute
 
     settings = {"simulation.step": step, "simulation.horizon": horizon}
@@ -75,16 +75,16 @@ def simulate(
     if step is not None:
         fixed = mechanism.simulation.model_copy(update={"adaptive": None})
         mechanism = mechanism.model_copy(update={"simulation": fixed})
-    assembly = assemble(mechanism)
-    if trajectory is None:
-        return execute(mechanism, assembly, full_horizon, cancel, indeterminacy)
-    from engine.trajectory.write import trajectory_file
+    with lent_assembly(mechanism) as assembly:
+        if trajectory is None:
+            return execute(mechanism, assembly, full_horizon, cancel, indeterminacy)
+        from engine.trajectory.write import trajectory_file
 
-    recording = Recording.of(trajectory)
-    with trajectory_file(recording, mechanism, assembly, full_horizon=full_horizon) as file:
-        run = execute(mechanism, assembly, full_horizon, cancel, indeterminacy, file.append, recording.every)
-        file.finish(run)
-    return run
+        recording = Recording.of(trajectory)
+        with trajectory_file(recording, mechanism, assembly, full_horizon=full_horizon) as file:
+            run = execute(mechanism, assembly, full_horizon, cancel, indeterminacy, file.append, recording.every)
+            file.finish(run)
+        return run
 
 
 def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> None:

@@ -1,10 +1,12 @@
 """Assembly: convert the description of a mechanism to flat arrays (`kernels.model`)."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import copied
+from engine.arrays import Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.couplings import coupling_pairs, joint_couplings, term_arrays
@@ -31,7 +33,7 @@ from engine.kernels.model import (
 )
 from engine.mechanism.models import Mechanism
 
-__all__ = ["Assembly", "assemble"]
+__all__ = ["Assembly", "assemble", "lent_assembly"]
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,12 @@ class Assembly:
 class _Prepared:
     """The arrays of a mechanism without play; they are never modified, because runs get copies."""
 
-    assembly: Assembly
+    arrays: Block  # `RunArrays`
+    contact_names: tuple[str, ...]
+    row_names: tuple[str, ...]
     held: list[BilateralRow]  # the rows of the ideal joints
     faces: tuple[tuple[int, str, str], ...]  # see `joints.add_play`
+    spare: list[Block]  # copies that no run uses any more; changed by all threads
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
@@ -70,11 +75,35 @@ def assemble(mechanism: Mechanism) -> Assembly:
     """
     refuse_long_step(mechanism)
     prepared = _prepared(without_play(mechanism))
-    pristine = prepared.assembly
-    model, state, work, problem = map(copied, (pristine.model, pristine.state, pristine.work, pristine.problem))
+    return _at_start(mechanism, prepared, Block(prepared.arrays.arrays))
+
+
+@contextmanager
+def lent_assembly(mechanism: Mechanism) -> Iterator[Assembly]:
+    """Yield what `assemble` returns, for the block only: the next run with other play gets the same arrays.
+
+    Raise the same errors.
+    """
+    refuse_long_step(mechanism)
+    prepared = _prepared(without_play(mechanism))
+    try:
+        copy = prepared.spare.pop()
+    except IndexError:
+        copy = Block(prepared.arrays.arrays)
+    else:
+        copy.assign(prepared.arrays)
+    try:
+        yield _at_start(mechanism, prepared, copy)
+    finally:
+        prepared.spare.append(copy)
+
+
+def _at_start(mechanism: Mechanism, prepared: _Prepared, copy: Block) -> Assembly:
+    """Return the assembly of a mechanism in a fresh copy of the prepared arrays."""
+    model, state, work, problem = copy.arrays
     add_play(mechanism, prepared.faces, model.contacts.clearance)
-    travel = free_start(mechanism, prepared.held, pristine.contact_names, model, state, work, problem)
-    return Assembly(model, state, work, problem, pristine.contact_names, pristine.row_names, travel)
+    travel = free_start(mechanism, prepared.held, prepared.contact_names, model, state, work, problem)
+    return Assembly(model, state, work, problem, prepared.contact_names, prepared.row_names, travel)
 
 
 @cached
@@ -113,15 +142,14 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         phases=phase_arrays(mechanism),
     )
     nc = len(pairs)
-    assembly = Assembly(
+    arrays = RunArrays(
         model,
         state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
         _scratch(len(moving), nc, len(rows), model.responses),
         _problem(unknowns, runs),
-        tuple(pair.name for pair in pairs),
-        tuple(row.name for row in rows),
     )
-    return _Prepared(assembly, held, faces_with_play(pairs))
+    names = tuple(pair.name for pair in pairs), tuple(row.name for row in rows)
+    return _Prepared(Block(arrays), *names, held, faces_with_play(pairs), [])
 
 
 @cached

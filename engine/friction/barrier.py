@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.jit import inner, kernel
+from engine.jit.lanes import LANES, read, spread, write
 
 NEWTON = 60  # largest number of steps for one barrier weight
 CLOSE = 1e-3  # squared Newton decrement below which the weight is changed
@@ -17,32 +18,34 @@ ENDLESS = 1e-2 * ROOM  # beyond this multiple of the forces the range counts as 
 
 
 class Cones(NamedTuple):
-    """Forces s = start + basis y, with one cone s_0 >= |s_T| per contact."""
+    """Forces s = start + basis y, with one cone s_0 >= |s_T| per contact; zeros fill up groups of eight."""
 
-    start: np.ndarray  # (nc, 3)
-    basis: np.ndarray  # (nc, 3, d)
+    start: np.ndarray  # (m,), three numbers per contact
+    basis: np.ndarray  # (nc, 3, e)
+    across: np.ndarray  # (d, m), the same transposed
 
 
 class CentreWork(NamedTuple):
-    """Workspace of the functions in this module."""
+    """Workspace of the functions in this module; zeros fill up groups of eight, as in `Cones`."""
 
-    s: np.ndarray  # (nc, 3) forces
-    ds: np.ndarray  # (nc, 3) their change in a step
-    bend: np.ndarray  # (d, d) second derivatives
-    slope: np.ndarray  # (d,)
-    step: np.ndarray  # (d,)
-    y: np.ndarray  # (d,)
-    push: np.ndarray  # (d,)
+    s: np.ndarray  # (m,) forces
+    ds: np.ndarray  # (m,) their change in a step
+    bend: np.ndarray  # (d, e) second derivatives
+    column: np.ndarray  # (e,) one column of its factor
+    slope: np.ndarray  # (e,)
+    step: np.ndarray  # (e,)
+    y: np.ndarray  # (e,)
+    push: np.ndarray  # (e,)
 
 
 @kernel
 def least(cones, way, inside, work):
     """Return the minimum of way . y within the cones, starting at ``inside``; -inf if friction wedges (unbounded).
 
-    ``way`` and the interior point ``inside`` have shape (d,).
+    ``way`` has shape (d,), the interior point ``inside`` (e,).
     """
     y, push, weight = work.y, work.push, FIRST
-    for a in range(way.shape[0]):
+    for a in range(y.shape[0]):
         y[a] = inside[a]
     while True:
         for a in range(way.shape[0]):
@@ -53,90 +56,99 @@ def least(cones, way, inside, work):
             reached += way[a] * y[a]
         if reached < -ENDLESS:
             return -np.inf
-        if cones.start.size / weight < GAP:
+        if 3 * cones.basis.shape[0] / weight < GAP:
             return reached
         weight *= SHARPER
 
 
 @kernel
 def centre(cones, push, y, work):
-    """Move ``y``, (d,), in place to the minimum of push . y plus the barrier; it starts and stays inside the cones."""
-    start, basis = cones
-    s, ds, bend, slope, step, _, _ = work
-    nc, d = basis.shape[0], basis.shape[2]
-    for i in range(nc):
-        for k in range(3):
-            s[i, k] = start[i, k]
-            for a in range(d):
-                s[i, k] += basis[i, k, a] * y[a]
-    value = _barrier(s, ds, y, step, 0.0)
+    """Move ``y``, (e,), in place to the minimum of push . y plus the barrier; it starts and stays inside the cones."""
+    start, basis, across = cones
+    s, ds, bend, column, slope, step, _, _ = work
+    nc, d = basis.shape[0], across.shape[0]
+    for j in range(0, s.shape[0], LANES):
+        forces = read(start, j)
+        for a in range(d):
+            forces += read(across[a], j) * y[a]
+        write(forces, s, j)
+    value = _barrier(nc, s, ds, y, step, 0.0)
     for _ in range(NEWTON):
-        _newton_system(basis, push, y, s, bend, slope, step)
-        decrement = _solve(bend, step)
+        _newton_system(nc, basis, push, y, s, bend, slope, step)
+        decrement = _solve(bend, column, step)
         if not decrement > CLOSE:
             return
         uphill = 0.0
         for a in range(d):
             uphill += push[a] * step[a]
-        for i in range(nc):
-            for k in range(3):
-                ds[i, k] = 0.0
-                for a in range(d):
-                    ds[i, k] += basis[i, k, a] * step[a]
-        length = min(1.0, INSIDE * _reach(s, ds))
-        after = _barrier(s, ds, y, step, length)
+        for j in range(0, s.shape[0], LANES):
+            change = spread(0.0)
+            for a in range(d):
+                change += read(across[a], j) * step[a]
+            write(change, ds, j)
+        length = min(1.0, INSIDE * _reach(nc, s, ds))
+        after = _barrier(nc, s, ds, y, step, length)
         while not after + length * uphill <= value - 1e-4 * length * decrement:
             length *= 0.5
             if length < 1e-12:
                 return
-            after = _barrier(s, ds, y, step, length)
+            after = _barrier(nc, s, ds, y, step, length)
         value = after
         for a in range(d):
             y[a] += length * step[a]
-        for i in range(nc):
-            for k in range(3):
-                s[i, k] += length * ds[i, k]
+        for j in range(0, s.shape[0], LANES):
+            write(read(s, j) + length * read(ds, j), s, j)
 
 
 @inner
-def _newton_system(basis, push, y, s, bend, slope, step):
+def _newton_system(nc, basis, push, y, s, bend, slope, step):
     """Write the second derivatives (lower half) into ``bend`` and the negative first derivatives into ``step``."""
-    nc, d = basis.shape[0], basis.shape[2]
+    d = bend.shape[0]
     room = ROOM * ROOM
     for a in range(d):
         room -= y[a] * y[a]
     for a in range(d):
         step[a] = -push[a] - 2 * y[a] / room
-        for b in range(a + 1):
-            bend[a, b] = 4 * y[a] * y[b] / (room * room)
+        for b in range(0, a + 1, LANES):
+            write(4 * y[a] * read(y, b) / (room * room), bend[a], b)
         bend[a, a] += 2 / room
     for i in range(nc):
-        w = 2 / (s[i, 0] * s[i, 0] - s[i, 1] * s[i, 1] - s[i, 2] * s[i, 2])
+        s0, s1, s2, g0, g1, g2 = s[3 * i], s[3 * i + 1], s[3 * i + 2], basis[i, 0], basis[i, 1], basis[i, 2]
+        w = 2 / (s0 * s0 - s1 * s1 - s2 * s2)
+        for b in range(0, d, LANES):
+            slopes = w * (s0 * read(g0, b) - s1 * read(g1, b) - s2 * read(g2, b))
+            write(slopes, slope, b)
+            write(read(step, b) + slopes, step, b)
         for a in range(d):
-            slope[a] = w * (s[i, 0] * basis[i, 0, a] - s[i, 1] * basis[i, 1, a] - s[i, 2] * basis[i, 2, a])
-            step[a] += slope[a]
-            b0, b1, b2 = w * basis[i, 0, a], w * basis[i, 1, a], w * basis[i, 2, a]
-            for b in range(a + 1):
-                bend[a, b] += slope[a] * slope[b] - b0 * basis[i, 0, b] + b1 * basis[i, 1, b] + b2 * basis[i, 2, b]
+            f, h0, h1, h2 = slope[a], w * g0[a], w * g1[a], w * g2[a]
+            for b in range(0, a + 1, LANES):
+                bends = f * read(slope, b) - h0 * read(g0, b) + h1 * read(g1, b) + h2 * read(g2, b)
+                write(read(bend[a], b) + bends, bend[a], b)
 
 
 @inner
-def _solve(A, x):
-    """Solve A x = x by Cholesky factorisation; only the lower half of A is read and overwritten. Return x . A^-1 x."""
-    d, trace, square = x.shape[0], 0.0, 0.0
+def _solve(A, column, x):
+    """Solve A x = x by Cholesky factorisation; only the lower half of A is read, A is overwritten. Return x . A^-1 x.
+
+    ``column``, as long as a row of A, is workspace.
+    """
+    d, trace, square = A.shape[0], 0.0, 0.0
     for a in range(d):
         trace += A[a, a]
-    for a in range(d):
-        for b in range(a + 1):
-            t = A[a, b]
-            for k in range(b):
-                t -= A[a, k] * A[b, k]
-            A[a, b] = np.sqrt(max(t, ROUNDING * trace)) if a == b else t / A[b, b]
-        t = x[a]
-        for k in range(a):
-            t -= A[a, k] * x[k]
-        x[a] = t / A[a, a]
-        square += x[a] * x[a]
+    for k in range(d):
+        pivot = np.sqrt(max(A[k, k], ROUNDING * trace))
+        A[k, k] = pivot
+        x[k] /= pivot
+        square += x[k] * x[k]
+        column[k] = 0.0
+        for a in range(k + 1, d):
+            A[a, k] /= pivot
+            column[a] = A[a, k]
+            x[a] -= column[a] * x[k]
+        for a in range(k + 1, d):
+            f = column[a]
+            for b in range((k + 1) // LANES * LANES, a + 1, LANES):
+                write(read(A[a], b) - f * read(column, b), A[a], b)
     for a in range(d - 1, -1, -1):
         t = x[a]
         for k in range(a + 1, d):
@@ -146,15 +158,15 @@ def _solve(A, x):
 
 
 @inner
-def _barrier(s, ds, y, step, length):
+def _barrier(nc, s, ds, y, step, length):
     """Return the barrier at s + length ds; inf outside the cones."""
     room, value = ROOM * ROOM, 0.0
     for a in range(y.shape[0]):
         room -= (y[a] + length * step[a]) ** 2
     if not room > 0.0:
         return np.inf
-    for i in range(s.shape[0]):
-        s0, s1, s2 = s[i, 0] + length * ds[i, 0], s[i, 1] + length * ds[i, 1], s[i, 2] + length * ds[i, 2]
+    for i in range(0, 3 * nc, 3):
+        s0, s1, s2 = s[i] + length * ds[i], s[i + 1] + length * ds[i + 1], s[i + 2] + length * ds[i + 2]
         det = s0 * s0 - s1 * s1 - s2 * s2
         if not (det > 0.0 and s0 > 0.0):
             return np.inf
@@ -163,13 +175,12 @@ def _barrier(s, ds, y, step, length):
 
 
 @inner
-def _reach(s, ds):
+def _reach(nc, s, ds):
     """Return the largest multiple of ``ds`` by which the forces can move until one reaches the boundary of its cone."""
     reach = np.inf
-    for i in range(s.shape[0]):
-        a = ds[i, 0] * ds[i, 0] - ds[i, 1] * ds[i, 1] - ds[i, 2] * ds[i, 2]
-        b = s[i, 0] * ds[i, 0] - s[i, 1] * ds[i, 1] - s[i, 2] * ds[i, 2]
-        c = s[i, 0] * s[i, 0] - s[i, 1] * s[i, 1] - s[i, 2] * s[i, 2]
+    for i in range(0, 3 * nc, 3):
+        s0, s1, s2, d0, d1, d2 = s[i], s[i + 1], s[i + 2], ds[i], ds[i + 1], ds[i + 2]
+        a, b, c = d0 * d0 - d1 * d1 - d2 * d2, s0 * d0 - s1 * d1 - s2 * d2, s0 * s0 - s1 * s1 - s2 * s2
         root = np.sqrt(max(b * b - a * c, 0.0)) - b  # the smallest positive root of c + 2 b x + a x^2 is c / root
         if root > 0.0:
             reach = min(reach, c / root)

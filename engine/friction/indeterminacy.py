@@ -17,6 +17,7 @@ from engine.arrays import Array
 from engine.friction.barrier import CentreWork, Cones, centre, least
 from engine.friction.null_space import null_space
 from engine.friction.problem import FrictionError, real_numbers
+from engine.jit.lanes import LANES
 
 HUGE = 1e150  # the squares of larger entries overflow
 SLACK = 1e-8  # share of the largest force: tolerance for known forces outside their cones; each cone is widened by it
@@ -59,19 +60,17 @@ def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list
     """
     size = float(np.abs(r).max())
     cones, scale = _balanced(H, mu, r / size)
-    nc, d = mu.size, cones.basis.shape[2]
-    s, ds = np.zeros((2, nc, 3))
-    slope, step, y, push = np.zeros((4, d))
-    work = CentreWork(s, ds, np.zeros((d, d)), slope, step, y, push)
-    middle, ranges = None, []
+    (d, m), e = cones.across.shape, cones.basis.shape[2]
+    s, ds = np.zeros((2, m))
+    middle, ranges, work = None, [], CentreWork(s, ds, np.zeros((d, e)), *np.zeros((5, e)))
     for contact in contacts:
-        force, way = float(r[3 * contact]), cones.basis[contact, 0] * scale[contact]
+        force, way = float(r[3 * contact]), cones.basis[contact, 0, :d] * scale[contact]
         if not np.abs(way).max(initial=0) > SLACK:
             ranges.append((force, force))
             continue
         if middle is None:  # the centre of the cones is the same for all contacts
-            middle = np.zeros(d)
-            centre(cones, np.zeros(d), middle, work)
+            middle = np.zeros(e)
+            centre(cones, np.zeros(e), middle, work)
         low, high = least(cones, way, middle, work), -least(cones, -way, middle, work)
         ranges.append((max(force + size * low, 0.0), force + size * high))
     return ranges
@@ -92,4 +91,13 @@ def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
         balance = np.vstack([balance, np.eye(columns.size)[columns.ravel() == 0]])
     start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0)
     start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
-    return Cones(start, null_space(balance).reshape(mu.size, 3, -1)), scale
+    free = null_space(balance)
+    (n, d), m = free.shape, _groups(len(free))
+    cones = Cones(np.zeros(m), np.zeros((mu.size, 3, _groups(d))), np.zeros((d, m)))
+    cones.start[:n], cones.basis[..., :d], cones.across[:, :n] = start.ravel(), free.reshape(mu.size, 3, d), free.T
+    return cones, scale
+
+
+def _groups(n: int) -> int:
+    """Return n rounded up to whole groups of eight."""
+    return -(-n // LANES) * LANES

@@ -62,3 +62,11 @@ def find_near_contacts(contacts, state, broad_phase, sites, dt, distance, gap):
         within = distance + dt * closing_speed(contacts, broad_phase, i)
         if not broad_phase.budget[i] > within:  # true for NaN as well
             update_contact(contacts, state, broad_phase, sites, i, gap)
+
+
+@inner
+def find_contacts_within(contacts, state, broad_phase, sites, distance, gap):
+    """Update also the contacts whose gap could be within ``distance``, at the pose of the last `find_near_contacts`."""
+    for i in range(gap.shape[0]):
+        if not broad_phase.near[i] and not broad_phase.budget[i] > distance:
+            update_contact(contacts, state, broad_phase, sites, i, gap)

@@ -15,7 +15,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.jit.lanes import fused, read, spread, total
 from engine.kernels.bilateral import rows_at_pose, slack, whitened_bilateral_rows
-from engine.kernels.broad_phase import consume_budget, find_near_contacts
+from engine.kernels.broad_phase import consume_budget, find_contacts_within, find_near_contacts
 from engine.kernels.contacts import add_whitened, contact_velocity, whitened_rows
 from engine.kernels.energy import work_of_displacement
 from engine.kernels.model import JOINT_FRICTION
@@ -28,21 +28,21 @@ PATIENCE = 3  # rounds that may leave more than half of the violation before all
 
 
 @inner
-def project_positions(model, state, work, problem, control):
+def project_positions(bodies, metric, contacts, rows, state, work, problem, control):
     """Displace the bodies until each contact and joint violates its constraint by at most half its limit.
 
     Return the largest remaining penetration, its contact (-1: none), the largest remaining joint violation that counts,
     the largest of all, and the work of the displacement against the loads of the step, ``work.wrench``. That of a row
     that others hold already counts only beyond its `slack`.
     """
-    contacts, rows, at_pose = model.contacts, model.bilateral, work.bilateral
-    worst, contact, off, widest, lifted, displacement = 0.0, -1, 0.0, 0.0, 0.0, work.free
+    at_pose, displacement = work.bilateral, work.free
+    worst, contact, off, widest, lifted = 0.0, -1, 0.0, 0.0, 0.0
     least, poor = np.inf, 0
     for made in range(ROUNDS + 1):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
         worst, contact = largest_penetration(state.gap)
         rows_at_pose(rows, state, at_pose)
-        off, widest = largest_violations(model.metric, rows, at_pose)
+        off, widest = largest_violations(metric, rows, at_pose)
         # the second condition: NaN or infinite, which the time loop reports as diverged
         if (worst <= 0.5 * control.penetration and off <= 0.5 * control.violation) or not worst + off < 1e300:
             break
@@ -52,26 +52,26 @@ def project_positions(model, state, work, problem, control):
             least, poor = max(worst, off), 0
         else:
             poor += 1
-        bodies = model.metric if poor > PATIENCE else model.bodies
+        weights = metric if poor > PATIENCE else bodies
         within = REACH * max(worst, off)
-        find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, within, state.gap)
+        find_contacts_within(contacts, state, work.broad_phase, work.sites, within, state.gap)
         for body in range(displacement.shape[0]):
             for k in range(6):
                 displacement[body, k] = 0.0
         # joints first: the contacts' problem holds J d = 0, and starts from the gaps that this displacement leaves
         if at_pose.violation.shape[0] > 0:
             whitened_bilateral_rows(
-                bodies, rows, state.x, state.R, at_pose.point, at_pose.direction, problem.bilateral.J
+                weights, rows, state.x, state.R, at_pose.point, at_pose.direction, problem.bilateral.J
             )
             factorise_bilateral(problem.system, problem.bilateral)
             hold_bilateral(problem.system, problem.bilateral, at_pose.violation, problem.w)
-            add_whitened(bodies, problem.w, displacement)
-        nc = gather_displacement_problem(bodies, contacts, state, work.sites, displacement, work.u, problem, within)
+            add_whitened(weights, problem.w, displacement)
+        nc = gather_displacement_problem(weights, contacts, state, work.sites, displacement, work.u, problem, within)
         if nc > 0:
             solved, _, _ = solve_friction(nc, problem, TOLERANCE)
             if solved != CONVERGED:
                 break
-            add_whitened(bodies, problem.w, displacement)
+            add_whitened(weights, problem.w, displacement)
         consume_budget(contacts, displacement, 1.0, work.broad_phase)
         lifted -= work_of_displacement(state.R, work.wrench, displacement)
         displace(displacement, state)

@@ -92,7 +92,9 @@ def step(context):
     # pose
     move(state, after)
     consume_budget(contacts, state.v, after, work.broad_phase)
-    penetration, contact, violation, widest, lifted = project_positions(model, state, work, problem, control)
+    penetration, contact, violation, widest, lifted = project_positions(
+        bodies, model.metric, contacts, bilateral, state, work, problem, control
+    )
     braked, energy = 0.0, created + lifted
     if not plain:
         braked = hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)

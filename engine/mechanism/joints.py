@@ -10,8 +10,11 @@ from math import cos, pi, sin, sqrt
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from engine.mechanism.base import (
+    LARGEST_NUMBER,
+    SMALLEST_NUMBER,
     BodyPoint,
     Direction,
     Length,
@@ -151,6 +154,20 @@ class Joint(PairLaw):
     def carries(self, face: str) -> int:
         """Return the side whose body the clearance at a face is a length of: the hollow one."""
         return 0
+
+    def with_clearance(self, clearance: float) -> Self | None:
+        """Return the joint with another number for `CLEARANCE`; None if it has no play, or this might not be allowed.
+
+        All else has been checked before and is not checked again, because each sample of a campaign has a clearance.
+        """
+        if self.ideal or getattr(self, self.CLEARANCE) is None or not SMALLEST_NUMBER <= clearance <= LARGEST_NUMBER:
+            return None
+        changed = self.model_copy(update={self.CLEARANCE: clearance})
+        try:
+            changed._check_play()
+        except PydanticCustomError:
+            return None
+        return changed
 
     def _check_play(self) -> None:
         """Refuse a joint with play that cannot be made of what is given."""

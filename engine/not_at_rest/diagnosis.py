@@ -330,20 +330,26 @@ def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
     ends = np.stack([rows.a, rows.b], axis=1)
     between = rows.acts & (ends != ground).all(axis=1)
     driven = ends[rows.acts & (rows.law >= 0)].ravel()
-    member = np.arange(ground + 1)
-    for a, b in np.concatenate(
+    linked = np.concatenate(
         [
             ends[between],
             np.stack([driven, np.full_like(driven, ground)], axis=1),
             loads.spring_body[loads.spring_law[:, 4] <= 0.0],
             np.stack([contacts.a, contacts.b], axis=1)[loaded],
         ]
-    ):
-        # all of one group take the number of the other: at the end, equal numbers are linked
-        member[member == member[a]] = member[b]
-    for number in np.unique(member):
-        if number != member[ground]:
-            yield member[:-1] == number
+    )
+    parent = list(range(ground + 1))  # in the tree of each group
+
+    def root(body: int) -> int:
+        while parent[body] != body:
+            body = parent[body] = parent[parent[body]]
+        return body
+
+    for a, b in linked.tolist():
+        parent[root(a)] = root(b)
+    roots = np.array([root(body) for body in range(ground + 1)])
+    for number in np.unique(roots[roots != roots[ground]]):
+        yield roots[:-1] == number
 
 
 def _slides(pose: Assembly, group: Chosen) -> Array:

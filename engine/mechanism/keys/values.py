@@ -25,7 +25,7 @@ from engine.mechanism.closest import closest
 from engine.mechanism.components import limits
 from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.faults import faults_of
-from engine.mechanism.joints import JournalJoint
+from engine.mechanism.joints import Joint, JournalJoint
 from engine.mechanism.keys.key_paths import (
     SETTINGS,
     Place,
@@ -90,6 +90,8 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     MechanismError
         With one line for each key that is unknown or whose number is not allowed.
     """
+    if joints := _with_clearances(mechanism, changes):
+        return mechanism.with_tables({"joints": joints}, mechanism.formulas)
     faults: list[tuple[str, Fault]] = []  # the key set by the caller, and what is wrong with it
     settings: dict[str, _Setting] = {}
     for key, given in changes.items():
@@ -115,6 +117,18 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
         lines = [f"  {fault}" for fault in found]
         raise MechanismError("\n".join([f"mechanism {mechanism.name}: values that cannot be set", *lines]), found)
     return mechanism.with_tables(update, formulas)
+
+
+def _with_clearances(mechanism: Mechanism, changes: Mapping[str, float]) -> dict[str, Joint]:
+    """Return the joints with other clearances; empty where anything else is set, or a number might be refused."""
+    joints: dict[str, Joint] = dict(mechanism.joints)
+    for name, number in changes.items():
+        joint = joints.get(name)
+        changed = joint.with_clearance(float(number)) if joint and isinstance(number, float) else None
+        if changed is None or full_key(mechanism, name) in mechanism.formulas:
+            return {}
+        joints[name] = changed
+    return joints
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine import load_mechanism, simulate
-from engine.assembly import Assembly, assemble
+from engine.assembly import Assembly, assemble, lent_assembly
 from engine.assembly.joints import without_play
 from engine.assembly.table_cache import cached
 from engine.errors import MechanismError
@@ -128,6 +128,22 @@ def test_what_a_run_writes_is_not_kept():
     for array in everything(assemble(mechanism)):
         array[...] = array.dtype.type(1)
     assert bits(mechanism) == before
+
+
+def test_what_a_run_writes_into_lent_arrays_is_gone_from_the_next():
+    """The next run of a mechanism with other play gets the same memory, with what would be assembled for it."""
+    mechanism = load_mechanism("c60")
+    with lent_assembly(mechanism) as assembly:
+        lent = everything(assembly)
+        for array in lent:
+            array[...] = array.dtype.type(1)
+    other = set_values(mechanism, {"J1": 0.05})
+    with lent_assembly(other) as assembly:
+        again = everything(assembly)
+        assert all(one is before for one, before in zip(again, lent, strict=True))
+        assert [array.tobytes() for array in again] == [array.tobytes() for array in everything(assemble(other))]
+        with lent_assembly(mechanism) as second:  # while the first is in use, as in another thread
+            assert not any(np.shares_memory(a, b) for a, b in zip(again, everything(second), strict=True) if a.size)
 
 
 def test_a_dict_that_somebody_edits_is_noticed():

@@ -1,6 +1,7 @@
 """Joints as a user writes them: one word between ideal and loose, what each needs, what is refused."""
 
 import copy
+import math
 from typing import Any
 
 import pytest
@@ -94,6 +95,24 @@ def test_a_joints_name_is_its_clearance(kind, key):
     assert get_value(set_values(mechanism, {"J1": 0.06}), "J1") == 0.06
     assert unit_of(mechanism, "J1") == "mm"
     assert settable_keys(mechanism)[0] == "J1"
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_clearances_set_alone_are_those_set_with_all_else_checked(kind):
+    """By a joint's name only its play is checked, by the dotted path its whole table: both give and refuse the same."""
+    mechanism = loaded(f"clearance_{kind}")
+    limit = getattr(mechanism.joints["J1"], "clearance_limit", 1e100)
+    for number in (0.01, limit, math.nextafter(limit, math.inf), 1e-100, 1e-101, 1e-320, 0.0, -0.1, 1e101):
+        quick, thorough = (_changed_or_refused(mechanism, key, number) for key in ("J1", full_key(mechanism, "J1")))
+        assert quick == thorough, number
+
+
+def _changed_or_refused(mechanism: Mechanism, key: str, number: float) -> Any:
+    """Return the mechanism with another number as data, or the message that refuses it without its key."""
+    try:
+        return set_values(mechanism, {key: number}).model_dump()
+    except MechanismError as error:
+        return str(error).replace(f"{key} = ", "")
 
 
 def test_further_clearances_have_keys_of_their_own():
