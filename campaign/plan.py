@@ -17,7 +17,7 @@ from engine import MechanismError, build_id
 from engine.mechanism import Mechanism, mechanism_from
 
 BATCH_TIME = 10.0  # s: limits the work that a killed worker loses, and how long a cancelled campaign goes on
-LARGEST_BATCH = 500  # runs
+LARGEST_BATCH = 10_000  # runs: a worker keeps the rows of its batch in memory until it writes them
 UNTRIED_BATCH = 100  # runs, if the time of a run is unknown
 LEAST_BATCHES = 40  # makes progress visible and keeps all workers busy until the end
 
@@ -73,8 +73,8 @@ class Plan(PlanHeader):
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
     """Plan a campaign for this build of clearcap; rows do not depend on the batch size.
 
-    Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most 500
-    samples each, or of at most 100 if that time is not given either.
+    Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most
+    10,000 samples each, or of at most 100 if that time is not given either.
     """
     spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
     size = batch_size or _size(spec.samples, seconds_per_run)

@@ -65,6 +65,16 @@ def test_default_batches(campaign_file, samples, size, expected):
     assert [s for first, count in plan.batches for s in range(first, first + count)] == list(range(samples))
 
 
+@pytest.mark.parametrize(
+    ("samples", "seconds", "expected"),
+    [(30_850, 0.0073, 771), (1_000_000, 0.0073, 1369), (1_000_000, 20.0, 1), (1_000_000, 1e-9, 10_000)],
+)
+def test_a_batch_takes_about_ten_seconds(campaign_file, samples, seconds, expected):
+    """And holds no more than a fortieth of the samples, nor more rows than a worker keeps in memory."""
+    campaign = load_campaign(str(campaign_file), samples=samples)
+    assert make_plan(campaign, seconds_per_run=seconds).batches[0] == (0, expected)
+
+
 def test_json_holds_everything(plan):
     """A plan read back is the plan, mechanism included."""
     again = Plan.from_json(plan.to_json())
