@@ -21,7 +21,7 @@ from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
 from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import SpecFault, fault, structure_faults
-from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
+from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles, campaign_names
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import MechanismError, NotAssemblable, check, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
@@ -53,12 +53,6 @@ class Campaign:
 
     spec: CampaignSpec
     mechanism: Mechanism
-
-
-def campaign_names() -> list[str]:
-    """Return the names of the shipped campaigns."""
-    folder = resources.files("campaign").joinpath("library")
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
 def load_campaign(source: Source, *, samples: int | None = None, seed: int | None = None) -> Campaign:

@@ -1,8 +1,12 @@
-"""The files that a campaign names: files of a folder, or a closed set of contents given with its text."""
+"""The files that a campaign names: files of a folder, or a closed set of contents given with its text.
+
+And the names of the campaigns that are shipped.
+"""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Protocol
 
@@ -16,6 +20,12 @@ from engine.preflight.start_gaps import with_start_gaps
 MOST_FILES = 100  # given with a campaign's text
 LARGEST_TOTAL = 200_000_000  # bytes of all given files
 LONGEST_NAME = 200  # characters
+
+
+def campaign_names() -> list[str]:
+    """Return the names of the shipped campaigns."""
+    folder = resources.files("campaign").joinpath("library")
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
 class NamedFiles(Protocol):

@@ -220,7 +220,7 @@ def named_mechanism(name: str) -> "Mechanism":
     Raises MechanismError if it cannot be found or read, or, with one line for each fault, if the file has faults.
     """
     from campaign.errors import SpecError
-    from campaign.spec.load import campaign_names
+    from campaign.spec.named_files import campaign_names
     from engine import library_names, load_mechanism
 
     if name in set(campaign_names()) - set(library_names()):

@@ -8,7 +8,8 @@ import pytest
 from campaign.coordinator.submit import plan_campaign
 from campaign.errors import SpecError
 from campaign.spec.campaign_cautions import campaign_cautions
-from campaign.spec.load import campaign_names, load_campaign
+from campaign.spec.load import load_campaign
+from campaign.spec.named_files import campaign_names
 
 PENDULUM = {
     "format": 1,

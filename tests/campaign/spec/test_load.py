@@ -10,7 +10,8 @@ from pyarrow import csv
 
 from campaign.errors import SpecError
 from campaign.plan import Plan, make_plan
-from campaign.spec.load import campaign_names, load_campaign
+from campaign.spec.load import load_campaign
+from campaign.spec.named_files import campaign_names
 from campaign.worker.row import compute_row, sample_inputs
 from engine import simulate
 from engine.loop import Cancel

@@ -17,8 +17,8 @@ import tomli_w
 import engine
 from campaign.errors import SpecError
 from campaign.plan import make_plan
-from campaign.spec.load import campaign_names, load_campaign, load_campaign_text
-from campaign.spec.named_files import LARGEST_TOTAL, GivenFiles
+from campaign.spec.load import load_campaign, load_campaign_text
+from campaign.spec.named_files import LARGEST_TOTAL, GivenFiles, campaign_names
 from tests.campaign.conftest import SPEC
 from tests.counts import some
 from tests.each import each

@@ -275,9 +275,12 @@ def test_version(tmp_path):
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"]])
+@pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"], ["simulate", "none", "--set", "J1=1"]])
 def test_help_is_quick(words, tmp_path):
-    """Help and lists take 0.2 to 0.3 s: they wait for neither dask nor tables, nothing of them is imported."""
+    """Help and lists take 0.2 to 0.3 s: they wait for neither dask nor tables, nothing of them is imported.
+
+    Nor is it for the mechanism of one run, which needs no samplers.
+    """
     code = "import sys; from clearcap.cli import main; sys.argv = ['clearcap', *{words}]; main()"
     check = "import atexit, sys; atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr)); "
     command = [sys.executable, "-c", check + code.replace("{words}", repr(words))]
