@@ -14,6 +14,7 @@ TYPE_CHECKING = False  # not from typing: ``python -m clearcap`` would look for 
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster, Tls
+    from campaign.coordinator.heartbeat import Heartbeat
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.spec.write import campaign_text
@@ -52,6 +53,7 @@ __all__ = [
     "Cluster",
     "EngineError",
     "Fault",
+    "Heartbeat",
     "Mechanism",
     "MechanismError",
     "NotAssemblable",
@@ -91,6 +93,7 @@ __all__ = [
 _HOMES = {
     "clearcap.client.remote_server": ("RemoteServer", "connect"),
     "campaign.cluster.cluster": ("Cluster", "Tls"),
+    "campaign.coordinator.heartbeat": ("Heartbeat",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
     "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),

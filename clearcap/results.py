@@ -1,20 +1,31 @@
-"""The results of a campaign as pandas tables."""
+"""The results of a campaign: its rows as pandas tables, and the questions that one can ask about them."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from campaign.errors import SpecError
 from campaign.plan import Plan
 from campaign.store import Store, open_store
+from engine.mechanism import library_names
 from reporting.write import USUAL
 
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
+    from distributed import Client
 
+    from campaign.cluster.cluster import Cluster
+    from clearcap.command_process import Progress
+    from clearcap.questions.samples import ReplayedSample
+    from clearcap.result_plots import Plots
+    from reporting.analysis import Analysis
+    from reporting.comparison import ResponseComparison
+    from reporting.tolerance.advice import Advice
+    from reporting.tolerance.allocation import Allocation
     from reporting.tolerance.whatif import WhatIf
 
 _ESTIMATES = ("mean", "std", "cp", "cpk", "ppm")
@@ -85,10 +96,43 @@ class Results:
         CampaignError
             If the store holds no row of the campaign.
         """
-        from clearcap.questions.report import analysis
         from reporting.render.parquet import capability_table
 
-        return _frame(capability_table(analysis(self.store, self.plan)), "response")
+        return _frame(capability_table(self._analysis), "response")
+
+    @cached_property
+    def sensitivity(self) -> "pd.DataFrame":
+        """One row per response and variable: share of the variance, Sobol' indices, regression, verdict.
+
+        Raises
+        ------
+        CampaignError
+            If the store holds no row of the campaign.
+        """
+        import pandas as pd
+
+        rows = [
+            {"response": response.spec.name, "share": each.share, **_flat(asdict(each), ("curve", "through"))}
+            for response in self._analysis.responses
+            if response.sensitivity
+            for each in response.sensitivity.influences
+        ]
+        columns = ["response", "variable", "share"]
+        return _numeric(pd.DataFrame(rows, columns=None if rows else columns).set_index(columns[:2]))
+
+    @property
+    def plot(self) -> "Plots":
+        """The report's figures on matplotlib axes: ``histogram``, ``probability``, ``causes`` and ``convergence``."""
+        from clearcap.result_plots import Plots
+
+        return Plots(lambda: self._analysis)
+
+    @cached_property
+    def _analysis(self) -> "Analysis":
+        """The content of the report."""
+        from clearcap.questions.report import analysis
+
+        return analysis(self.store, self.plan)
 
     def what_if(self, *settings: str) -> "pd.DataFrame":
         """Return the responses predicted for other distributions of the variables, without new runs.
@@ -120,9 +164,169 @@ class Results:
         rows = {name: _answer(answer) for name, answer in answers.items()}
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("response")
 
+    def advise(self) -> "pd.DataFrame":
+        """Return how far each spread must shrink, or may grow, while the other variables stay as they are.
+
+        Returns
+        -------
+        DataFrame
+            One row per variable for each response below its target, named in ``lifts``, and one, without such a name,
+            for how far it may grow while all others keep theirs: factor on the present sigma with the ends of its
+            interval, the response that limits it, its Cpk then, what to write into the campaign file, and by which
+            method, or why there is no answer. What to do with each response is in ``attrs["remedies"]``.
+
+        Raises
+        ------
+        CampaignError
+            If no response has limits, or the campaign has no samples.
+        """
+        import pandas as pd
+
+        from clearcap.questions.tolerances import advice_of
+
+        found = advice_of(self.store, self.plan)
+        rows = [
+            _advice(short.response, each)
+            for short in found.shortfalls
+            for each in (*short.alone, *((short.together,) if short.together else ()))
+        ]
+        rows += [_advice("", each) for each in found.growth]
+        frame = _numeric(pd.DataFrame(rows, columns=_ADVICE).set_index(["lifts", "variable"]))
+        frame.attrs |= {"remedies": {each.response: each.text for each in found.shortfalls}, "note": found.note}
+        return frame
+
+    def allocate(self, costs: "str | Path | Mapping[str, Any]") -> "Allocation":
+        """Return the cheapest standard deviations with which every response meets its target.
+
+        Parameters
+        ----------
+        costs : str, Path or mapping
+            A cost file, or its tables: what each variable costs (docs/command.md).
+
+        Returns
+        -------
+        Allocation
+            ``tolerances``, ``factors``, ``cost``, ``cost_now``, ``responses``, ``written``; or why there is none, in
+            ``refusal``.
+
+        Raises
+        ------
+        SpecError, CampaignError
+            If the costs have faults, or the samples give no answer.
+        """
+        from clearcap.questions.tolerances import cheapest_tolerances, costs_of, read_costs
+
+        is_tables = isinstance(costs, Mapping)
+        read = costs_of(costs, self.plan, "costs:") if is_tables else read_costs(Path(str(costs)), self.plan)
+        return cheapest_tolerances(self.store, self.plan, read)
+
+    def replay(self, sample: int, motion: str | Path | None = None, *, halved: bool = False) -> "ReplayedSample":
+        """Compute a sample again, here, and compare it with its stored row, bit for bit.
+
+        Parameters
+        ----------
+        sample : int
+            Number of the sample.
+        motion : str or Path, optional
+            HDF5 file to write its motion to, for `read_trajectory`.
+        halved : bool
+            Compute its repeat with half the step instead.
+
+        Raises
+        ------
+        SpecError
+            If the campaign has no such sample.
+        """
+        from clearcap.questions.samples import replay_sample
+
+        path = None if motion is None else Path(motion)
+        return replay_sample(self.store, self.id, sample, path, halved=halved)
+
+    def compare(self, other: "Results") -> "pd.DataFrame":
+        """Return how each response differs from that of another campaign: this one less the other.
+
+        Returns
+        -------
+        DataFrame
+            One row per response of both: difference of the means, ratio of the sigmas and difference of Cpk, each with
+            the ends of its interval, and the tests.
+
+        Raises
+        ------
+        CampaignError
+            If they have no response in common, or one of them has no samples.
+        """
+        import pandas as pd
+
+        from clearcap.questions.report import comparison
+
+        found = comparison((self.store, self.plan), (other.store, other.plan))
+        rows = {each.response: _compared(each) for each in found.responses}
+        frame = _numeric(pd.DataFrame.from_dict(rows, orient="index").rename_axis("response"))
+        frame.attrs["no_verdict"] = found.no_verdict
+        return frame
+
+    def design(self, samples: int = 20_000, responses: Collection[str] = ()) -> dict[str, Any]:
+        """Return the tables of a campaign that aims where these rows expect rejects, for `run_campaign`.
+
+        Parameters
+        ----------
+        samples : int
+            Number of its samples.
+        responses : collection of str
+            Aim at the limits of these responses only; by default at all.
+
+        Raises
+        ------
+        SpecError, CampaignError
+            If no response has limits, or the rows do not show where rejects lie.
+        """
+        from clearcap.questions.aimed_campaign import aimed_campaign
+
+        tables = aimed_campaign(self.store, self.plan, samples, list(responses)).tables
+        if self.plan.spec.mechanism in library_names():
+            return tables
+        own = {key: value for key, value in tables.items() if key not in ("bench", "preset")}  # it has them already
+        return own | {"mechanism": self.plan.mechanism}
+
+    def repeat(
+        self,
+        share: float = 0.1,
+        *,
+        workers: int | None = None,
+        cluster: "Cluster | Client | None" = None,
+        progress: "Progress" = True,
+    ) -> "Results":
+        """Repeat samples with half the step, so that the report tells how far results depend on it.
+
+        Parameters
+        ----------
+        share : float
+            Share of the samples, from 0 to 1, counting those that are repeated already.
+        workers, cluster, progress
+            As in `run_campaign`, whose errors it raises.
+
+        Returns
+        -------
+        Results
+            The results, read again.
+        """
+        from campaign.cluster.cluster import Cluster
+        from clearcap.command_process import compute
+
+        if not 0 <= share <= 1:
+            raise SpecError(f"share = {share!r:.40}; allowed: from 0 to 1")
+        where = Cluster.of(cluster, workers)
+        compute(self.store, self.plan, "repeat", ["--share", f"{share:.17g}", *where.options()], progress)
+        return Results(self.store, self.plan)
+
     def report(self, *kinds: str) -> dict[str, str]:
         """Write the report into the store and return the path or URL of each file by kind; see `clearcap.report`."""
         return report(self, kinds or USUAL)
+
+    def __repr__(self) -> str:
+        """Return id, samples and store in a line; nothing is read for it."""
+        return f"<Results {self.id}: {self.plan.spec.samples} samples in {self.store.url}>"
 
     def _repr_html_(self) -> str:
         """Return the HTML that a notebook shows."""
@@ -199,3 +403,42 @@ def _answer(answer: "WhatIf") -> dict[str, Any]:
         low, high = estimate.interval if estimate else (None, None)
         row |= {name: estimate and estimate.value, f"{name}_interval_low": low, f"{name}_interval_high": high}
     return row | {"samples_worth": answer.effective, "refusal": answer.refusal}
+
+
+def _numeric(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """Return a table with NaN in the place of None, in columns that hold nothing but numbers."""
+    for name in frame.columns:
+        if all(value is None or type(value) in (int, float) for value in frame[name]):
+            frame[name] = frame[name].astype(float)
+    return frame
+
+
+_ADVICE = ["lifts", "variable", "factor", "factor_low", "factor_high", "limited_by", "cpk", "write", "method"]
+
+
+def _advice(lifts: str, advice: "Advice") -> tuple[Any, ...]:
+    """Return the row of a variable, with the columns `_ADVICE`."""
+    write = " ".join(advice.written or advice.settings)
+    found = (advice.factor, *advice.interval, advice.binding, advice.cpk, write, advice.refusal or advice.method)
+    return (lifts, advice.variable, *found)
+
+
+def _compared(compared: "ResponseComparison") -> dict[str, Any]:
+    """Return the numbers of a compared response by column name."""
+    here, there = compared.capability, compared.capability_other
+    own = {"mean": here.mean, "mean_other": there.mean, "cpk": here.cpk, "cpk_other": there.cpk}
+    left_out = ("response", "capability", "capability_other", "histogram", "histogram_other", "notes")
+    return own | _flat(vars(compared), left_out)
+
+
+def _flat(fields: Mapping[str, Any], left_out: Collection[str]) -> dict[str, Any]:
+    """Return fields with two columns for each interval."""
+    row: dict[str, Any] = {}
+    for name, value in fields.items():
+        if name in left_out:
+            continue
+        if name.endswith("_interval"):
+            row[f"{name}_low"], row[f"{name}_high"] = value or (None, None)
+        else:
+            row[name] = value
+    return row

@@ -1,11 +1,13 @@
 """The result of a run: its status, its responses, and a certificate of its accuracy."""
 
 from dataclasses import dataclass, field
+from html import escape
 from typing import Literal
 
 Status = Literal["ok", "not_at_rest", "not_converged", "jammed", "diverged", "timeout", "cancelled", "invalid"]
 
 LARGEST_TURN = 0.5  # rad, of a body in a step: the gyroscopic moment is that of the middle of the step
+_SHOWN = 4  # responses in a line
 MUCH_LOST = 0.1  # share of the largest kinetic energy
 
 
@@ -121,6 +123,25 @@ class Run:
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     at_impact: tuple[str, ...] = ()
     ambiguous: bool = False
+
+    def __repr__(self) -> str:
+        """Return the status and the first responses in a line."""
+        shown = [f"{name} = {self._with_unit(name)}" for name in list(self.responses)[:_SHOWN]]
+        more = len(self.responses) - len(shown)
+        words = ", ".join(shown + ([f"and {more} more"] if more else [])) or self.message[:200]
+        return f"<Run {self.status}: {words}>" if words else f"<Run {self.status}>"
+
+    def _repr_html_(self) -> str:
+        """Return the HTML that a notebook shows: status, responses, remarks."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(self._with_unit(name))}</td></tr>" for name in self.responses
+        )
+        said = "".join(f"<p>{escape(text)}</p>" for text in (self.message, *self.remarks) if text)
+        return f"<p>{escape(self.status)}</p><table>{rows}</table>{said}"
+
+    def _with_unit(self, name: str) -> str:
+        unit = self.units.get(name, "")
+        return f"{self.responses[name]:.6g}{'' if unit in ('', '1') else f' {unit}'}"
 
     @property
     def remarks(self) -> tuple[str, ...]:

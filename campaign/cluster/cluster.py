@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import dask
-from distributed import Security
+from distributed import Client, Security
 
 from campaign.errors import SpecError
 
@@ -66,6 +66,31 @@ class Cluster:
     workers: int | tuple[int, int] | None = None
     tls: Tls | None = None
     insecure: bool = False
+
+    @classmethod
+    def of(cls, where: "Cluster | Client | None", workers: int | None = None) -> "Cluster":
+        """Return a cluster as it is, that of a dask client of one's own, or None's: ``workers`` on this machine.
+
+        The scheduler of a client is reached by its address, with the certificate files of the client. Raises SpecError
+        for a scheduler that other processes cannot reach, and for certificates that are no files.
+        """
+        if not isinstance(where, Client):
+            return where or cls(workers=workers)
+        address = str(getattr(where.scheduler, "address", where))
+        if not address.startswith(("tcp://", "tls://")):
+            raise SpecError(
+                f"client of {address:.80}: another process cannot reach this scheduler; allowed: tcp:// and tls://;"
+                " make it with LocalCluster(processes=True), or connect the client to a running scheduler"
+            )
+        given = [getattr(where.security, name) for name in ("tls_ca_file", "tls_client_cert", "tls_client_key")]
+        if not address.startswith("tls://"):
+            return cls(scheduler=address)
+        if any(not isinstance(name, str) or "\n" in name for name in given):
+            raise SpecError(
+                f"client of {address:.80}: its certificates are no files; allowed: Security(tls_ca_file, "
+                "tls_client_cert, tls_client_key) with names of files, as clearcap certificates makes them"
+            )
+        return cls(scheduler=address, tls=Tls(*given))
 
     @property
     def starts_here(self) -> bool:

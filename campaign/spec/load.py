@@ -23,7 +23,7 @@ from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import SpecFault, fault, structure_faults
 from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles, campaign_names
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
-from engine import MechanismError, NotAssemblable, check, set_values
+from engine import MechanismError, NotAssemblable, check, load_mechanism, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism import Mechanism, full_key, get_value, library_names, unit_of
@@ -62,7 +62,8 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     ----------
     source : str, Path or mapping
         Name of a shipped campaign, path of a TOML file, or the tables of such a file as Python data. Paths in the
-        tables are relative to the file, or to the current folder.
+        tables are relative to the file, or to the current folder. ``mechanism`` of such tables may be a `Mechanism`, or
+        its tables.
     samples, seed : int, optional
         Number of samples and seed, instead of those of the source.
 
@@ -79,7 +80,8 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     if isinstance(source, Mapping):
         compile_engine()  # all of it, though checks need only a part: a campaign that is loaded is soon to run
-        return _checked({**source, **overrides}, FolderFiles(Path()), "campaign:")
+        tables, mechanism = with_named_mechanism(source)
+        return _checked({**tables, **overrides}, FolderFiles(Path(), mechanism), "campaign:")
     path = _locate(str(source))
     try:
         content = read_regular_file(path, LARGEST)
@@ -89,6 +91,22 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     tables = _tables(content, path) | overrides
     compile_engine()
     return _checked(tables, FolderFiles(path.parent), f"campaign {path}:", content)
+
+
+def with_named_mechanism(tables: Mapping[str, Any]) -> tuple[dict[str, Any], Mechanism | None]:
+    """Return the tables of a campaign with the file name of a mechanism that stands in them, and that mechanism.
+
+    SpecError if the mechanism has faults.
+    """
+    given = tables.get("mechanism")
+    if not isinstance(given, Mechanism | Mapping):
+        return dict(tables), None
+    try:
+        mechanism = given if isinstance(given, Mechanism) else load_mechanism(given)
+    except MechanismError as error:
+        found = fault(["mechanism"], None, str(error), error.faults)
+        raise SpecError(f"campaign:\n  {found}", [found]) from error
+    return {**tables, "mechanism": f"{mechanism.name}.toml"}, mechanism
 
 
 def load_campaign_text(

@@ -46,9 +46,12 @@ class FolderFiles:
     """Files by path, relative to a folder: all files that the user of this process may read."""
 
     folder: Path
+    inline: Mechanism | None = None  # built in code, instead of a file
 
     def mechanism(self, name: str) -> Mechanism:
         """Return a shipped mechanism or one from a file; MechanismError if it does not exist or has faults."""
+        if self.inline is not None:
+            return self.inline
         is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
         return with_start_gaps(load_mechanism(self.folder / name if is_path else name))
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import tomli_w
 
 from campaign.spec.campaign_file import CampaignSpec
-from engine.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from engine.cad_import.proposed_joints import Diameter
@@ -52,16 +51,6 @@ def _given(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_given(inner) for inner in value]
     return value
-
-
-def plain_tables(mechanism: Mechanism) -> dict[str, Any]:
-    """Return the tables of a mechanism file that needs no CAD file."""
-    return mechanism.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry"})
-
-
-def plain_text(mechanism: Mechanism) -> str:
-    """Return the text of a mechanism file that needs no CAD file."""
-    return tomli_w.dumps(plain_tables(mechanism))
 
 
 def proposed_campaign(diameters: "Iterable[Diameter]", mechanism: str, name: str) -> str:

@@ -131,7 +131,6 @@ def plain(
     json: Json = False,
 ) -> None:
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
-    from campaign.spec.write import plain_tables, plain_text
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad_import.proposed_text import questions_of_file
 
@@ -141,13 +140,13 @@ def plain(
     if output is not None:
         check_output("--output", output, (".toml",))
         with replacing(output) as temporary:
-            temporary.write_text(plain_text(loaded), "utf-8")
+            temporary.write_text(loaded.to_toml(), "utf-8")
         if not json:
             return
     if json:
-        print_json(plain_tables(loaded))
+        print_json(loaded.to_dict())
     else:
-        print_text(plain_text(loaded).rstrip("\n"), lines=True)
+        print_text(loaded.to_toml().rstrip("\n"), lines=True)
 
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:

@@ -34,9 +34,15 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
     from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
     if isinstance(source, Mapping):
+        from campaign.spec.load import with_named_mechanism
         from campaign.spec.write import campaign_text
 
-        return CampaignUpload(campaign_text(source), _named_files(source, Path()))
+        named, mechanism = with_named_mechanism(source)
+        text = campaign_text(named)
+        if mechanism is None:
+            return CampaignUpload(text, _named_files(named, Path()))
+        own = {named.pop("mechanism"): mechanism.to_toml().encode()}
+        return CampaignUpload(text, own | _named_files(named, Path()))
     path = _path_of(str(source))
     content = _content(path, LARGEST, f"campaign {path}")
     try:
@@ -85,10 +91,9 @@ def _plain(path: Path, content: bytes) -> bytes:
         return content
     if not names_geometry:
         return content
-    from campaign.spec.write import plain_text
     from engine import load_mechanism
 
-    return plain_text(load_mechanism(path)).encode()
+    return load_mechanism(path).to_toml().encode()
 
 
 def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -45,6 +45,7 @@ from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, Decision, analyse, compare_rows
 from reporting.capability.verdict import CAPABLE
+from reporting.comparison import Comparison
 from reporting.rounding import leveled
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, read_samples
 from reporting.samples import read_repeats as checked
@@ -213,14 +214,20 @@ def brief_indices(store: Store, plan: Plan) -> list[BriefIndices]:
     return found
 
 
+def comparison(mine: tuple[Store, Plan], other: tuple[Store, Plan]) -> Comparison:
+    """Return the comparison of a campaign with another one, which may be in another store."""
+    here, there = ((report_rows(store, plan), report_spec(plan, store)) for store, plan in (mine, other))
+    try:
+        return compare_rows(*here, *there)
+    except ReportError as error:
+        names = f"{mine[1].campaign_id} with {other[1].campaign_id}"
+        raise CampaignError(f"comparison of {names}: {error}") from error
+
+
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
     """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``."""
-    mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
-    try:
-        compared = compare_rows(*mine, *theirs)
-    except ReportError as error:
-        raise CampaignError(f"comparison of {plan.campaign_id} with {other.campaign_id}: {error}") from error
-    return {"campaign": plan.campaign_id, "store": store.url, "comparison": asdict(compared)}
+    compared = asdict(comparison((store, plan), (store, other)))
+    return {"campaign": plan.campaign_id, "store": store.url, "comparison": compared}
 
 
 def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:

@@ -1,6 +1,7 @@
-"""Load a mechanism from a TOML file, from the text of one, or from the shipped mechanisms by name."""
+"""Load a mechanism from a TOML file, from the text or the tables of one, or from the shipped mechanisms by name."""
 
 import os
+from collections.abc import Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -12,7 +13,7 @@ from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, with_geometry
-from engine.mechanism.models import Mechanism, mechanism_from, refused
+from engine.mechanism.models import Mechanism, mechanism_from, python_data, refused
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
@@ -23,13 +24,14 @@ def library_names() -> list[str]:
     return sorted(file.name.removesuffix(".toml") for file in shipped if file.name.endswith(".toml"))
 
 
-def load_mechanism(name_or_path: str | Path) -> Mechanism:
+def load_mechanism(name_or_path: str | Path | Mapping[str, Any]) -> Mechanism:
     """Load a mechanism.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        Name of a shipped mechanism, or path of a TOML file. A name contains neither a folder nor ``.toml``.
+    name_or_path : str, Path or mapping
+        Name of a shipped mechanism; path of a TOML file; or the tables of such a file as Python data, built in code:
+        numbers may be of NumPy, and vectors its arrays. A name contains neither a folder nor ``.toml``.
 
     Returns
     -------
@@ -41,6 +43,9 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
     MechanismError
         If the file cannot be found or read, or with one line for each fault in it.
     """
+    if isinstance(name_or_path, Mapping):
+        name = str(name_or_path.get("name", "mechanism"))[:200]
+        return mechanism_from(_plain(python_data(name_or_path), name, None), name)
     text = str(name_or_path)
     if isinstance(name_or_path, str) and text in library_names():
         shipped = files("engine.mechanism").joinpath("library", f"{text}.toml")

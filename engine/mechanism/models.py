@@ -2,11 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
+from html import escape
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+import tomli_w
 from pydantic import (
     BeforeValidator,
     Field,
@@ -368,8 +370,8 @@ class Material(TableModel):
 class Mechanism(TableModel):
     """A mechanism: its bodies, joints, contacts, loads and responses.
 
-    Created by `load_mechanism` from a TOML file or by `mechanism_from` from plain data. It is immutable; `set_values`
-    returns a changed copy.
+    Created by `load_mechanism` from a TOML file, or from its tables as Python data. It is immutable: `set_values`
+    returns a copy with other numbers, `extended` one with other tables; `to_dict` and `to_toml` lead back.
     """
 
     format: Literal[1] = Field(description="the version of the file format: 1")
@@ -426,6 +428,65 @@ class Mechanism(TableModel):
     def formulas(self) -> dict[str, str]:
         """Key -> expression, for each number that the file gives as an expression."""
         return self._formulas
+
+    def __repr__(self) -> str:
+        """Return name and size, in a line; a mechanism has thousands of numbers."""
+        counts = [f"{len(names)} {table}" for table, names in self._named().items()]
+        return f"<Mechanism {self.name}: {', '.join(counts)}>"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return the HTML that a notebook shows: the names in each table."""
+        rows = "".join(
+            f"<tr><th>{table}</th><td>{len(names)}</td><td>{escape(', '.join(names))}</td></tr>"
+            for table, names in self._named().items()
+        )
+        return f"<p>{escape(self.title or self.name)}, {self.units}</p><table>{rows}</table>"
+
+    def _named(self) -> dict[str, list[str]]:
+        """Return the names in each table that has any."""
+        return {table: list(getattr(self, table)) for table in NAMED if getattr(self, table)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the tables of the mechanism's file, as `load_mechanism` takes them.
+
+        Expressions stay expressions, geometry of a CAD file is numbers, and what was not given is not there.
+        """
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry"})
+
+    def to_toml(self) -> str:
+        """Return the text of the mechanism's file, without the comments of the one it was read from."""
+        return tomli_w.dumps(self.to_dict())
+
+    def extended(self, *, without: Collection[str] = (), **tables: Any) -> "Mechanism":
+        """Return the mechanism with tables added, replaced or taken away.
+
+        Parameters
+        ----------
+        without : collection of str
+            Tables to take away, each as ``TABLE.NAME``, such as "contacts.stop".
+        **tables : mapping
+            Tables to add by name, such as ``bodies={"pawl": {"mass": 3.0, ...}}``; one that is there is replaced. In
+            ``simulation`` and ``parameters`` the keys given are replaced, and any other key as a whole.
+
+        Raises
+        ------
+        MechanismError
+            With one line for each fault of the resulting mechanism.
+        """
+        data = self.to_dict()
+        for path in without:
+            table, _, entry = path.partition(".")
+            if entry not in data.get(table, {}) or table not in NAMED:
+                known = [f"{t}.{e}" for t in NAMED for e in data.get(t, {})]
+                text = f"{self.name}: without = {path!r:.80}: no such table; allowed: TABLE.NAME of one that is there"
+                raise MechanismError(text + did_you_mean(path, known))
+            del data[table][entry]
+        merged = {*NAMED, "parameters", "simulation", "benches", "presets"}
+        for key, given in tables.items():
+            data[key] = {**data.get(key, {}), **given} if key in merged and isinstance(given, Mapping) else given
+        return mechanism_from(python_data(data), self.name)
 
     def with_tables(self, tables: Mapping[str, Any], formulas: dict[str, str]) -> "Mechanism":
         """Return the mechanism with some tables, checked beforehand, and the formulas replaced."""
@@ -612,6 +673,17 @@ def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) 
     if name not in known:
         names = ", ".join(known) or "it has none"
         raise MechanismError(f"{mechanism}: no {kind} {name!r}; allowed: {names}{did_you_mean(name, known)}")
+
+
+def python_data(value: Any) -> Any:
+    """Return tables that a program has built as those of a file: dicts, lists and plain numbers."""
+    if isinstance(value, TableModel):
+        return value.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
+    if isinstance(value, Mapping):
+        return {str(key): python_data(inner) for key, inner in value.items() if inner is not None}
+    if isinstance(value, list | tuple):
+        return [python_data(inner) for inner in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:

@@ -140,13 +140,13 @@ class Capability:
 
 
 def capability(
-    x: ArrayLike,
+    x: "ArrayLike",  # in quotes, because its name says more than the 900 characters that it stands for
     lsl: float | None = None,
     usl: float | None = None,
     target: float | None = None,
     confidence: float = 0.95,
-    batches: ArrayLike | None = None,
-    lots: ArrayLike | None = None,
+    batches: "ArrayLike | None" = None,
+    lots: "ArrayLike | None" = None,
     *,
     ordered: bool = True,
 ) -> Capability:

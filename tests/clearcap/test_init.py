@@ -1,6 +1,8 @@
 """What ``import clearcap`` gives."""
 
 import ast
+import inspect
+import pydoc
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +19,56 @@ def test_every_name_is_there():
     assert dir(clearcap) == sorted([*clearcap.__all__, "__version__"])
     for name in clearcap.__all__:
         assert getattr(clearcap, name).__doc__
+
+
+def test_help_fits_a_screen():
+    """What `help` shows of a function, and says of a class, is at most 60 lines, without a type spelled out."""
+    members = [getattr(clearcap, name) for name in clearcap.__all__]
+    members += [m for c in (clearcap.Results, clearcap.RemoteServer) for m in vars(c).values() if callable(m)]
+    for member in members:
+        text = (inspect.getdoc(member) or "") if isinstance(member, type) else pydoc.plaintext.document(member)
+        lines = text.splitlines()
+        assert len(lines) <= 60, (member, len(lines))
+        assert max(map(len, lines), default=0) <= 500, member
+
+
+SCRIPT = """
+from distributed import Client
+from matplotlib.figure import Figure
+
+import clearcap
+
+
+def told(beat: clearcap.Heartbeat) -> None:
+    print(beat.done, beat.left)
+
+
+mechanism: clearcap.Mechanism = clearcap.load_mechanism("incline").extended(simulation={"horizon": 0.4})
+text: str = clearcap.load_mechanism(mechanism.to_dict()).to_toml()
+run: clearcap.Run = clearcap.simulate(clearcap.load_mechanism_text(text), {"materials.block_slope.friction": 0.6})
+print(run.responses["slide"], repr(run))
+campaign = {"format": 1, "name": "slope", "mechanism": mechanism, "samples": 4, "variables": {}}
+results: clearcap.Results = clearcap.run_campaign(campaign, progress=told, cluster=Client("tls://head:8786"))
+other = clearcap.open_campaign("slope-0123456789").repeat(0.5, workers=2, progress=False)
+print(results.rows.index, results.capability, results.sensitivity.loc["slide"], results.what_if("friction.std=0.1"))
+print(results.advise()["factor"], results.allocate({"variables": {}}).tolerances, results.replay(3).same)
+print(results.compare(other)["mean_difference"], results.design(2000, ["slide"])["samples"])
+axes = results.plot.histogram("slide", Figure().subplots())
+for draw in (results.plot.probability, results.plot.causes, results.plot.convergence):
+    draw("slide", axes).set_title("slide")
+files: dict[str, str] = results.report("html")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+def test_a_script_that_uses_all_of_it_is_typed(tmp_path):
+    """Type checkers have nothing to say."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    root = Path(clearcap.__file__).parents[1]
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file", "pyproject.toml", tmp_path / "script.py"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=root)
+    assert done.returncode == 0, done.stdout
 
 
 def test_type_checkers_see_the_same_names():

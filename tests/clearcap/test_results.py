@@ -1,14 +1,18 @@
 """The results of a campaign as tables of pandas."""
 
+import dataclasses
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
 from clearcap.questions.report import analysis
+from clearcap.questions.tolerances import advice_of
 from clearcap.results import Results, open_campaign, report
 from reporting.render.json import render_json
 from tests.campaign import fake_engine
@@ -21,6 +25,13 @@ def results(tmp_path):
     """Return the results of a campaign of 25 runs by the stand-in, of which some fail."""
     campaign = load_campaign(tomllib.loads(SPEC))
     return Results(*computed(tmp_path / "runs", campaign, 10, fake_engine.simulate))
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Return the results of 400 runs, enough for every number."""
+    campaign = load_campaign(tomllib.loads(SPEC), samples=400)
+    return Results(*computed(tmp_path_factory.mktemp("many") / "runs", campaign, 400, fake_engine.simulate))
 
 
 def test_rows(results):
@@ -50,6 +61,70 @@ def test_what_if(results):
     assert list(answer.index) == results.responses
     assert {"cpk", "cpk_interval_low", "cpk_interval_high", "refusal"} <= set(answer.columns)
     assert ((answer["mean"].isna()) == (answer["refusal"] != "")).all()
+
+
+def test_the_questions_of_the_command(many, tmp_path):
+    """Each table has the numbers of the function that command and service ask, too."""
+    advised, found = many.advise(), advice_of(many.store, many.plan)
+    growth = advised.xs("", level="lifts")
+    assert growth["factor"].tolist() == [each.factor for each in found.growth]
+    assert growth["factor_low"].tolist() == [each.interval[0] for each in found.growth]
+    assert len(growth) == 2
+    assert advised.attrs["note"] == found.note
+    costs = {"variables": {"J1": {"cost": 0.05}}}
+    (tmp_path / "costs.toml").write_text("[variables.J1]\ncost = 0.05\n")
+    assert many.allocate(costs) == many.allocate(tmp_path / "costs.toml")
+    with pytest.raises(SpecError, match=r"costs: variables\.J9"):
+        many.allocate({"variables": {"J9": {"cost": 1.0}}})
+    sensitivity = many.sensitivity
+    assert sensitivity.index.names == ["response", "variable"]
+    assert 0.9 < sensitivity.loc["FC-1", "share"].sum() < 1.1  # the stand-in is linear
+    assert {"first_order_interval_low", "verdict"} <= set(sensitivity.columns)
+
+
+def test_compared_with_another_campaign(results, tmp_path):
+    """A campaign of another seed and store: differences of the means, as the report has them."""
+    other = load_campaign(tomllib.loads(SPEC), seed=8)
+    there = Results(*computed(tmp_path / "there", other, 10, fake_engine.simulate))
+    table = results.compare(there)
+    assert list(table.index) == results.responses
+    means = results.ok[results.responses].mean() - there.ok[results.responses].mean()
+    assert table["mean_difference"].to_numpy() == pytest.approx(means.to_numpy())
+    assert (table["mean_interval_low"] < table["mean_difference"]).all()
+
+
+def test_an_aimed_campaign_loads(results):
+    """It is of the same mechanism, also where no file has it."""
+    aimed = load_campaign(results.design(500, ["FC-1"]))
+    assert (aimed.spec.samples, aimed.spec.sampler, aimed.spec.mechanism) == (500, "importance", "c60")
+    inline = tomllib.loads(SPEC) | {"mechanism": results.plan.mechanism}
+    plan = dataclasses.replace(results.plan, spec=load_campaign(inline).spec)
+    assert load_campaign(Results(results.store, plan).design(500)).mechanism.digest() == plan.mechanism.digest()
+
+
+def test_figures_on_axes(many):
+    """Bars, points and curves are the numbers of the analysis; limits are named; a wrong name is told."""
+    first = analysis(many.store, many.plan).responses[0]
+    name, (top, right) = first.spec.name, Figure().subplots(2)
+    assert many.plot.histogram(name, top) is top
+    stairs = top.patches[0].get_data()
+    assert (stairs.values * np.diff(stairs.edges)).sum() == pytest.approx(1.0)
+    assert {text.get_text() for text in top.texts} == {"LSL 9", "USL 16"}
+    many.plot.causes(name, right)
+    shares = [each.share for each in first.sensitivity.ranked]
+    assert [bar.get_width() for bar in right.patches] == pytest.approx([100 * share for share in shares])
+    left, below = Figure().subplots(2)
+    many.plot.probability(name, left)
+    assert left.lines[0].get_xdata().tolist() == list(first.plot.values)
+    many.plot.convergence(name, below)
+    assert below.lines[0].get_ydata()[-1] == pytest.approx(first.capability.cpk)
+    with pytest.raises(SpecError, match="did you mean 'FC-1'"):
+        many.plot.causes("FC1")
+
+
+def test_in_a_line(results):
+    """What a prompt shows is no list of batches."""
+    assert repr(results) == f"<Results {results.id}: 25 samples in {results.store.url}>"
 
 
 def test_shown_in_a_notebook(results):

@@ -4,12 +4,13 @@ import subprocess
 import sys
 
 import pytest
+from distributed import Client, LocalCluster
 
 import clearcap
 from campaign.coordinator.lease import hold_lease, is_coordinated
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import plan_campaign
-from clearcap import running
+from clearcap import command_process, running
 from tests.until import until
 
 pytestmark = pytest.mark.processes
@@ -90,11 +91,51 @@ def test_interrupt_ends_the_coordinator(monkeypatch, store):
         return opened, plan
 
     monkeypatch.setattr(running, "plan_campaign", remembered)
-    monkeypatch.setattr(running, "_follow", interrupted)
+    monkeypatch.setattr(command_process, "_follow", interrupted)
     with pytest.raises(KeyboardInterrupt):
         clearcap.run_campaign(SLOPE, samples=4, store=store, workers=1, progress=False)
     assert not is_coordinated(clearcap.open_store(str(store)), plan.campaign_id)
     assert not (store / plan.campaign_id / "lease.json").exists()
+
+
+def test_a_mechanism_built_in_code_is_run_as_its_file(store, tmp_path):
+    """The rows of an object, of its tables and of the file are the same; what the function is told leads to them."""
+    seen = []
+    longer = clearcap.load_mechanism("incline").extended(simulation={"horizon": 0.4})
+    built = clearcap.run_campaign({**SLOPE, "mechanism": longer}, store=store, workers=1, progress=seen.append)
+    assert [beat.samples for beat in seen] == [4] * len(seen)
+    assert (seen[-1].state, seen[-1].done, seen[-1].left) == ("completed", 4, 0)
+    assert built.plan.spec.mechanism == "incline.toml"
+    (tmp_path / "incline.toml").write_text(longer.to_toml())
+    from_file = {**SLOPE, "mechanism": str(tmp_path / "incline.toml")}
+    assert clearcap.load_campaign(from_file).mechanism.digest() == built.plan.mechanism.digest()
+    assert clearcap.load_campaign({**SLOPE, "mechanism": longer.to_dict()}).mechanism == longer
+    repeated = built.repeat(1.0, workers=1, progress=False)
+    assert clearcap.open_store(str(store)).survey(repeated.plan).statuses == {"ok": 4}
+    assert built.replay(2).same
+
+
+def test_a_progress_function_that_raises_ends_the_run(store):
+    """What it raises arrives; the coordinator has gone, and the same call continues."""
+
+    def stop(beat):
+        raise RuntimeError(beat.campaign)
+
+    with pytest.raises(RuntimeError, match="slope-"):
+        clearcap.run_campaign(SLOPE, store=store, workers=1, progress=stop)
+    assert not is_coordinated(clearcap.open_store(str(store)), clearcap.open_campaign(store=store).id)
+
+
+@pytest.mark.slow
+def test_a_dask_client_of_ones_own(store):
+    """Its workers compute; it stays open, and a scheduler inside this process is refused."""
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        results = clearcap.run_campaign(SLOPE, store=store, cluster=client, progress=False)
+        assert results.statuses == {"ok": 4}
+        assert client.submit(sum, (1, 2)).result() == 3
+    inside = Client(processes=False, n_workers=1, dashboard_address=None)
+    with inside, pytest.raises(clearcap.SpecError, match="another process cannot reach"):
+        clearcap.run_campaign(SLOPE, store=store, cluster=inside)
 
 
 @pytest.mark.slow
