@@ -216,9 +216,9 @@ class Results:
         """
         from clearcap.questions.tolerances import cheapest_tolerances, costs_of, read_costs
 
-        is_tables = isinstance(costs, Mapping)
-        read = costs_of(costs, self.plan, "costs:") if is_tables else read_costs(Path(str(costs)), self.plan)
-        return cheapest_tolerances(self.store, self.plan, read)
+        if isinstance(costs, Mapping):
+            return cheapest_tolerances(self.store, self.plan, costs_of(costs, self.plan, "costs:"))
+        return cheapest_tolerances(self.store, self.plan, read_costs(Path(costs), self.plan))
 
     def replay(self, sample: int, motion: str | Path | None = None, *, halved: bool = False) -> "ReplayedSample":
         """Compute a sample again, here, and compare it with its stored row, bit for bit.
@@ -249,7 +249,7 @@ class Results:
         -------
         DataFrame
             One row per response of both: difference of the means, ratio of the sigmas and difference of Cpk, each with
-            the ends of its interval, and the tests.
+            the ends of its interval, and the tests. What differs in the plans is a table in ``attrs["plans"]``.
 
         Raises
         ------
@@ -258,12 +258,14 @@ class Results:
         """
         import pandas as pd
 
+        from clearcap.questions.plan_differences import plan_differences
         from clearcap.questions.report import comparison
 
         found = comparison((self.store, self.plan), (other.store, other.plan))
         rows = {each.response: _compared(each) for each in found.responses}
         frame = _numeric(pd.DataFrame.from_dict(rows, orient="index").rename_axis("response"))
-        frame.attrs["no_verdict"] = found.no_verdict
+        differs = plan_differences(self.store, self.id, other.store, other.id)
+        frame.attrs |= {"plans": pd.DataFrame(map(asdict, differs)), "no_verdict": found.no_verdict}
         return frame
 
     def design(self, samples: int = 20_000, responses: Collection[str] = ()) -> dict[str, Any]:

@@ -39,6 +39,7 @@ from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.questions.aimed_campaign import decided_by
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from clearcap.questions.mechanisms import geometry_provenance
+from clearcap.questions.plan_differences import plan_differences
 from clearcap.questions.report_source import report_source, sha256, stated_date, stated_source
 from clearcap.questions.spreads import Spreads
 from engine.mechanism import unit_of
@@ -225,9 +226,10 @@ def comparison(mine: tuple[Store, Plan], other: tuple[Store, Plan]) -> Compariso
 
 
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
-    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``."""
+    """Return what differs in the plans of two campaigns, and their comparison as in ``capability.json``."""
     compared = asdict(comparison((store, plan), (store, other)))
-    return {"campaign": plan.campaign_id, "store": store.url, "comparison": compared}
+    differs = [asdict(each) for each in plan_differences(store, plan.campaign_id, store, other.campaign_id)]
+    return {"campaign": plan.campaign_id, "store": store.url, "differs": differs, "comparison": compared}
 
 
 def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:

@@ -91,6 +91,7 @@ def test_compared_with_another_campaign(results, tmp_path):
     means = results.ok[results.responses].mean() - there.ok[results.responses].mean()
     assert table["mean_difference"].to_numpy() == pytest.approx(means.to_numpy())
     assert (table["mean_interval_low"] < table["mean_difference"]).all()
+    assert table.attrs["plans"].values.tolist() == [["seed", 7, 8, True]]
 
 
 def test_an_aimed_campaign_loads(results):

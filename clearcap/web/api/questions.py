@@ -37,7 +37,9 @@ _WHAT_IF = {
 _BINS = {"response": "FC-1", "unit": "N", "edges": [1.0, 2.0, 3.0], "before": [7, 3], "after": [8.5, 1.5]}
 _ADVICE = {"campaign": "c60-0a1b2c3d4e", "advice": [], "below": {}, "remedies": {}, "note": ""}
 _ALLOCATION = {"campaign": "c60-0a1b2c3d4e", "allocation": {"tolerances": {"J1": 0.012}, "cost": 8.4}}
-_COMPARISON = {"campaign": "c60-0a1b2c3d4e", "comparison": {"campaign": "c60-5e6f7a8b9c", "responses": []}}
+_DIFFERENCE = {"key": "variables.J1.std", "here": 0.0175, "there": 0.012, "changes_rows": True}
+_COMPARED = {"campaign": "c60-5e6f7a8b9c", "responses": []}
+_COMPARISON = {"campaign": "c60-0a1b2c3d4e", "differs": [_DIFFERENCE], "comparison": _COMPARED}
 
 
 class WhatIfRequest(BaseModel):

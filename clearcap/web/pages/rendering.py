@@ -11,6 +11,7 @@ from fastapi import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from campaign.errors import CampaignError, StoreError
+from clearcap.questions.plan_differences import shortened
 from clearcap.web.access import Principal, Role
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.answers.query_service import Answer
@@ -19,6 +20,7 @@ from reporting.render.page_templates import page_environment
 
 AROUND = 2  # lines shown before and after one with a fault
 _templates = page_environment("clearcap.web.pages")
+_templates.filters["briefly"] = shortened
 _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 
 

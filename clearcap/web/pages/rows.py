@@ -120,6 +120,7 @@ async def compare_page(
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
     files = await run_in_threadpool(report_files, service, campaign, who)
     values: dict[str, Any] = {"other": other, "comparison": found and found["comparison"], "fault": fault}
+    values |= {"differs": found["differs"] if found else []}
     values |= {"offered": entries[:MOST_OFFERED], "written": files.comparisons.get(other, [])}
     return page(request, "compare", **values, **await frame(request, service, campaign, who))
 

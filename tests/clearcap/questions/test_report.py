@@ -4,6 +4,7 @@ import getpass
 import json
 import secrets
 import shlex
+import tomllib
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
+from clearcap.questions.plan_differences import plan_differences
 from clearcap.questions.report import (
     author,
     campaign_end,
@@ -264,6 +266,26 @@ def test_the_numbers_are_those_of_the_report(campaign_file, tmp_path, change):
         for key in ("response", "mean_difference", "mean_interval", "std_ratio", "cpk_difference", "histogram"):
             assert mine[key] == said[key]
     assert compared["responses"][0]["mean_difference"] is not None
+
+
+def test_what_differs_in_the_plans_comes_first(campaign_file, tmp_path):
+    """What changes rows, of the mechanism too, before limits and titles; a key that only one has; equal keys never."""
+    store, first, second = both(
+        campaign_file,
+        tmp_path / "runs",
+        lambda text: text.replace("mean = 0.07", "mean = 0.08").replace('name = "demo"', 'name = "demo"\ntitle = "B"'),
+    )
+    found = plan_differences(store, first.campaign_id, store, second.campaign_id)
+    assert [(each.key, each.here, each.there, each.changes_rows) for each in found] == [
+        ("variables.J1.mean", 0.07, 0.08, True),
+        ("title", "", "B", False),
+    ]
+    assert plan_differences(store, first.campaign_id, store, first.campaign_id) == []
+    moved = load_campaign({**tomllib.loads(campaign_file.read_text()), "preset": "latch12"})
+    elsewhere, third = computed(tmp_path / "elsewhere", moved, 25)
+    keys = [each.key for each in plan_differences(store, first.campaign_id, elsewhere, third.campaign_id)]
+    assert "mechanism.parameters.latch_angle" in keys
+    assert "preset" in keys
 
 
 def test_corners_are_not_compared(campaign_file, tmp_path):

@@ -1,0 +1,69 @@
+"""What differs between the plans of campaigns, key by key, with what changes rows first."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from campaign.coordinator.submit import IRRELEVANT
+from campaign.plan_header import parse_plan
+from campaign.store import Store
+from campaign.store.layout import PLAN
+
+MOST = 200  # differences of two plans
+LONGEST = 40  # characters of a value in words
+
+
+@dataclass(frozen=True)
+class PlanDifference:
+    """One key in which two plans differ; None stands for a key that one of them does not have."""
+
+    key: str  # of the campaign file, or of the mechanism after ``mechanism.``
+    here: Any
+    there: Any
+    changes_rows: bool  # False for limits, titles and what else only a report depends on
+
+
+def plan_keys(store: Store, campaign: str) -> dict[str, Any]:
+    """Return the values of a campaign's spec by dotted key, with those that identify its mechanism and build."""
+    document = _plan(store, campaign)
+    origin = {"mechanism_digest": document.get("mechanism_digest"), "row_build": document.get("row_build")}
+    return {**_flat(document["spec"]), **origin}
+
+
+def plan_differences(store: Store, campaign: str, other_store: Store, other: str) -> list[PlanDifference]:
+    """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest.
+
+    Raises what reading a plan raises.
+    """
+    here, there = (_flat(_told(_plan(s, c))) for s, c in ((store, campaign), (other_store, other)))
+    keys = [key for key in dict.fromkeys((*here, *there)) if here.get(key) != there.get(key)]
+    irrelevant = set(IRRELEVANT)
+    found = [PlanDifference(key, here.get(key), there.get(key), key.split(".")[0] not in irrelevant) for key in keys]
+    return sorted(found, key=lambda each: not each.changes_rows)[:MOST]
+
+
+def shortened(value: Any) -> str:
+    """Return a value as JSON, shortened if it is long; a dash if the plan has none."""
+    text = "-" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def _plan(store: Store, campaign: str) -> dict[str, Any]:
+    _, document = parse_plan(store.files.read(f"{campaign}/{PLAN}").decode())
+    return document
+
+
+def _told(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a plan says: its campaign file, its mechanism, and the build of its rows."""
+    spec = {key: value for key, value in document["spec"].items() if key != "mechanism"}
+    return {**spec, "mechanism": document.get("mechanism", {}), "row_build": document.get("row_build")}
+
+
+def _flat(table: Mapping[str, Any], above: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the values of nested tables by their dotted keys."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        path = (*above, key)
+        flat |= _flat(value, path) if isinstance(value, Mapping) else {".".join(path): value}
+    return flat
