@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
+    from clearcap.questions.gauge import gauge_study
     from clearcap.questions.measured import capability_report
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
@@ -74,6 +75,7 @@ __all__ = [
     "capability_report",
     "check",
     "connect",
+    "gauge_study",
     "library_names",
     "load_campaign",
     "load_campaign_text",
@@ -98,6 +100,7 @@ _HOMES = {
     "campaign.spec.write": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
+    "clearcap.questions.gauge": ("gauge_study",),
     "clearcap.questions.measured": ("capability_report",),
     "clearcap.results": ("Results", "open_campaign", "report"),
     "clearcap.running": ("run_campaign",),

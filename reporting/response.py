@@ -12,6 +12,7 @@ from reporting.capability.control_chart import ControlChart, control_chart
 from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.historical import Historical, historical
 from reporting.capability.intervals import share_lower_bound
+from reporting.capability.measurement import BehindGauge, Conformity, behind_gauge, conformity
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
 from reporting.capability.target_indices import TargetIndices, target_indices
@@ -84,6 +85,8 @@ class ResponseAnalysis:
     sensitivity: ResponseSensitivity | None  # influence of the variables on the response
     scatters: tuple[Scatter, ...]  # plots of the response against its strongest inputs
     repeatability: Repeatability | None = None  # between runs of a sample with different steps; None without repeats
+    gauge: BehindGauge | None = None  # the process without the errors of its gauge; None where these are not stated
+    conformity: Conformity | None = None  # what the measurements prove of the parts; None without an uncertainty
     chart: ControlChart | None = None  # values in order; None if the samples are not production, or too few
     rounding: float | None = None  # largest difference between values that are treated as one, as it is rounding only
 
@@ -168,6 +171,8 @@ def analyse_response(
         tolerance_intervals=tolerance_intervals(x, shape, fits, confidence, lots)
         if request.design.production
         else None,
+        gauge=None if spec.gauge_sigma is None else _behind_gauge(x, spec, normal, numbers, confidence),
+        conformity=None if spec.uncertainty is None else conformity(x, spec.lsl, spec.usl, spec.uncertainty),
         chart=_chart(x, lots, samples, np.isfinite(values), request),
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
@@ -175,6 +180,17 @@ def analyse_response(
         if numbers.std == 0
         else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
     )
+
+
+def _behind_gauge(
+    x: Array, spec: ResponseSpec, normal: bool, numbers: Capability, confidence: float
+) -> BehindGauge | None:
+    """Return the process behind its gauge; without an interval where values are not normal or come in lots."""
+    doubt = "" if normal else "The values are not normal, so the index behind the gauge has no interval."
+    if numbers.lots is not None:
+        doubt = "The values come in lots, so the index behind the gauge has no interval."
+    sigma = spec.gauge_sigma or 0.0
+    return behind_gauge(x, spec.lsl, spec.usl, sigma, spec.gauge_freedom, confidence, doubt)
 
 
 def _chart(

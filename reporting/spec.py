@@ -131,6 +131,10 @@ class ResponseSpec:
     resolution, relative_resolution : float
         Largest meaningless difference between two values, because it is within the solver's tolerances: in the unit
         of the column, and as a share of the largest value.
+    gauge_sigma, gauge_freedom : float or None
+        Standard deviation of the measuring system, and its degrees of freedom, None where it is known exactly.
+    uncertainty : float or None
+        Expanded uncertainty of a measurement, in the unit of the column.
     """
 
     name: str
@@ -146,6 +150,9 @@ class ResponseSpec:
     index: str = "share"
     boundary: str = ""
     historical: tuple[float, float] | None = None
+    gauge_sigma: float | None = None
+    gauge_freedom: float | None = None
+    uncertainty: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Verbs for the documents of a campaign: ``report`` writes or fetches them, ``verify`` checks what was signed."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +14,7 @@ from clearcap.cli.output import Json, mean_number, number, print_json, print_tab
 
 if TYPE_CHECKING:
     from clearcap.questions.verification import VerifiedSignoff
+    from reporting.gauge import Component
 
 
 def report(
@@ -96,6 +97,72 @@ def capability(
         if check["level"] in ("bad", "attention"):
             print_text(f"{check['name']}: {check['text']}")
     print_text(f"report: {files['html']}")
+
+
+def gauge(
+    table: Annotated[
+        Path, typer.Argument(metavar="TABLE", help="CSV, Parquet or Excel file, one row a measurement of a part.")
+    ],
+    value: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the measurements.")] = "value",
+    part: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the parts.")] = "part",
+    operator: Annotated[str, typer.Option(metavar="COLUMN", help="Column of who measured.")] = "operator",
+    reference: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the reference values.")] = "reference",
+    nested: Annotated[bool, typer.Option("--nested", help="Each operator has parts of their own.")] = False,
+    tolerance: Annotated[
+        float | None, typer.Option(metavar="T", help="Distance between the limits, to compare with.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Say how well a gauge measures: repeatability and reproducibility, and bias where reference values are known."""
+    from clearcap.questions.gauge import gauge_study
+
+    found = gauge_study(table, value, part, operator, reference, nested=nested, tolerance=tolerance)
+    if json:
+        print_json(asdict(found))
+        return
+    if (study := found.repeatability) is not None:
+        print_text(study.verdict)
+        heads = ("source", "sigma", "95 % interval", "% contribution", "% study", "% tolerance")
+        title = f"{study.parts} parts, operators: {study.operators}, trials: {study.trials}, {study.design}"
+        print_table(title, heads, (_source(each) for each in study.components), texts=1)
+        rows = ((a.source, str(a.freedom), number(a.squares), number(a.mean_square), number(a.f), number(a.p, 3))
+                for a in study.anova)  # fmt: skip
+        print_table("analysis of variance", ("source", "freedom", "squares", "mean square", "F", "p"), rows, texts=1)
+        ends = f"{study.ndc_interval[0]} to {study.ndc_interval[1]}"
+        print_text(f"distinct categories: {study.ndc} ({ends}); for limits files: gauge_sigma = "
+                   f"{study.components[0].std:.4g}, gauge_freedom = {study.freedom:.3g}")  # fmt: skip
+        for note in study.notes:
+            print_text(note)
+    if (bias := found.bias) is not None:
+        found_at = (
+            (number(b.reference), str(b.n), number(b.bias), _ends(b.interval), number(b.p, 3)) for b in bias.values
+        )
+        print_table("bias", ("reference", "n", "bias", "95 % interval", "p"), found_at, texts=0)
+        if (line := bias.linearity) is not None:
+            print_text(
+                f"linearity: bias = {number(line.intercept)} + {number(line.slope)} reference; slope "
+                f"{_ends(line.slope_interval)}, p = {number(line.slope_p, 3)}"
+            )
+        for note in bias.notes:
+            print_text(note)
+
+
+def _source(each: "Component") -> tuple[str, ...]:
+    """Return the row of a source of variation."""
+    tolerance = "-" if each.tolerance is None else f"{100 * each.tolerance:.1f}"
+    return (
+        each.name,
+        number(each.std),
+        _ends(each.std_interval),
+        f"{100 * each.contribution:.1f}",
+        f"{100 * each.study:.1f}",
+        tolerance,
+    )
+
+
+def _ends(interval: tuple[float, float] | None) -> str:
+    """Return an interval for a table."""
+    return "-" if interval is None else f"{number(interval[0], 4)} to {number(interval[1], 4)}"
 
 
 def _kinds(*, pdf: bool, excel: bool, summary: bool) -> list[str]:

@@ -56,6 +56,26 @@ class Characteristic(Response):
     column: str | None = Field(
         default=None, min_length=1, description="The column; the characteristic's name if absent."
     )
+    gauge_sigma: PositiveNumber | None = Field(
+        default=None,
+        description="Standard deviation of the measuring system (repeatability and reproducibility), in the unit:"
+        " the report adds the index of the process without it.",
+    )
+    gauge_freedom: PositiveNumber | None = Field(
+        default=None,
+        description="Degrees of freedom of gauge_sigma, as clearcap gauge prints them; known exactly if absent.",
+    )
+    uncertainty: PositiveNumber | None = Field(
+        default=None,
+        description="Expanded uncertainty U of a measurement (k = 2), in the unit: a part conforms for certain only"
+        " within the limits less U (ISO 14253-1).",
+    )
+
+    @model_validator(mode="after")
+    def _freedom_is_that_of_a_sigma(self) -> Self:
+        if self.gauge_freedom is not None and self.gauge_sigma is None:
+            raise ValueError("gauge_freedom: belongs to gauge_sigma; give both, or neither")
+        return self
 
 
 class LimitsFile(TableModel, strict=True):
@@ -220,27 +240,27 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     """
     import pyarrow as pa
 
-    parts = _without_empty_rows(parts)
+    parts = without_empty_rows(parts)
     if not 0 < len(parts) <= MOST_PARTS:
         raise SpecError(f"the table has {len(parts)} rows with a value; allowed: 1 to {MOST_PARTS}")
-    order = np.arange(len(parts)) if limits.order is None else _ranks(_column(parts, limits.order, "order"))
+    order = np.arange(len(parts)) if limits.order is None else _ranks(column_of(parts, limits.order, "order"))
     columns: dict[str, Any] = {}
     for name, each in limits.characteristics.items():
         key = f"characteristics.{name}.column" if each.column else f"characteristics.{name}"
-        columns[name] = _numbers(_column(parts, each.column or name, key), each.column or name)[order]
+        columns[name] = numbers_of(column_of(parts, each.column or name, key), each.column or name)[order]
     n = len(parts)
     if limits.lot is not None:
-        columns[_LOT] = _numbered(_column(parts, limits.lot, "lot"), order)
+        columns[_LOT] = _numbered(column_of(parts, limits.lot, "lot"), order)
     if isinstance(limits.subgroup, int):
         columns[_SUBGROUP] = np.arange(n) // limits.subgroup
     elif limits.subgroup is not None:
-        columns[_SUBGROUP] = _numbered(_column(parts, limits.subgroup, "subgroup"), order)
+        columns[_SUBGROUP] = _numbered(column_of(parts, limits.subgroup, "subgroup"), order)
     fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
     zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
     return pa.table({**fixed, **zeros, **columns})
 
 
-def _without_empty_rows(parts: "pd.DataFrame") -> "pd.DataFrame":
+def without_empty_rows(parts: "pd.DataFrame") -> "pd.DataFrame":
     """Return the rows that have a value in any column, numbered as in the file: spreadsheets leave empty ones."""
     parts = parts.reset_index(drop=True)
     is_empty = np.ones(len(parts), bool)
@@ -249,7 +269,7 @@ def _without_empty_rows(parts: "pd.DataFrame") -> "pd.DataFrame":
     return parts[~is_empty]
 
 
-def _column(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
+def column_of(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
     """Return a column of the table; SpecError names the key of the limits file that asks for it."""
     there = [str(column) for column in parts.columns]
     if there.count(name) != 1:
@@ -266,7 +286,7 @@ def _numbered(names: "pd.Series[Any]", order: "np.ndarray[Any, np.dtype[np.intp]
     return np.asarray(np.argsort(np.argsort(first))[number])
 
 
-def _numbers(column: "pd.Series[Any]", name: str) -> Array:
+def numbers_of(column: "pd.Series[Any]", name: str) -> Array:
     """Return a column as numbers, NaN where it is empty; texts may have a decimal comma or point, but not both."""
     import pandas as pd
 
@@ -312,7 +332,7 @@ def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
     if "" in texts:
         raise SpecError(f"order: column {name}, row {rows[texts.index('')]} is empty; say when that part was made")
     try:
-        numbers = _numbers(column, name)
+        numbers = numbers_of(column, name)
         if not np.isnan(numbers).any():
             return np.argsort(numbers, kind="stable")
     except SpecError:
@@ -379,6 +399,9 @@ def _response(each: Characteristic, limits: LimitsFile, name: str) -> ResponseSp
         requirement=CAPABLE if required is None else required,
         index=each.index or "share",
         boundary=each.boundary or "",
+        gauge_sigma=each.gauge_sigma,
+        gauge_freedom=each.gauge_freedom,
+        uncertainty=each.uncertainty,
         historical=None if each.historical is None else (each.historical.mean, each.historical.sigma),
     )
 

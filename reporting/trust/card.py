@@ -27,6 +27,7 @@ from reporting.trust.evidence import (
     converged,
     enough_samples,
     failures_as_rejects,
+    gauges,
     limits_in_place,
     many_statements,
     missing_values,
@@ -89,6 +90,7 @@ def _checks_of_parts(
     return (
         stability(responses, ordered=spec.ordered),
         Check("Parts", "info", parts),
+        *gauges(responses),
         *production_lots(responses),
         enough_samples(responses, production=True),
         verdicts_hold(responses),

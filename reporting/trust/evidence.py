@@ -16,6 +16,7 @@ from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
 from reporting.capability.summary import Capability
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, bars_of
+from reporting.gauge import ACCEPTABLE, UNACCEPTABLE
 from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -173,6 +174,36 @@ def _instability(response: ResponseAnalysis, chart: ControlChart) -> list[str]:
     if chart.spread is not None and chart.spread.p is not None and chart.spread.p <= FALSE_ALARMS / 2:
         found.append(f"{chart.spread.of} that vary more than in random orders of the values")
     return found
+
+
+def gauges(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
+    """Check how much of the variation the gauges make, and whether conformity is proved; empty if nothing is stated."""
+    stated = [r for r in responses if r.gauge is not None or r.conformity is not None]
+    if not stated:
+        return ()
+    words, levels, most = [], {"good"}, 0.0
+    for r in stated:
+        if r.gauge is not None:
+            of = r.gauge.of_tolerance
+            most = max(most, math.sqrt(r.gauge.share) if of is None else of)
+            said = f"{r.spec.name}: gauge {format_numbers.percent(min(r.gauge.share, 1.0))} of the variance"
+            said += "" if of is None else f", {format_numbers.percent(of)} of the tolerance"
+            said += "" if r.gauge.cpk is None else f", Cpk without it {format_numbers.index(r.gauge.cpk)}"
+            words.append(said + (f". {r.gauge.note.rstrip('.')}" if r.gauge.note else ""))
+            levels |= {"bad" if most > UNACCEPTABLE else "attention" if most > ACCEPTABLE or r.gauge.note else "good"}
+        if r.conformity is not None:
+            found = r.conformity
+            if found.low is not None and found.high is not None and not found.low < found.high:
+                levels.add("bad")
+                words.append(f"{r.spec.name}: the uncertainty takes the whole tolerance, no value proves conformity")
+                continue
+            levels |= {"attention"} if found.undecided else set()
+            words.append(
+                f"{r.spec.name}: {found.conforming} parts proved to conform, {found.nonconforming} not to,"
+                f" {found.undecided} undecided within the uncertainty of a limit (ISO 14253-1)"
+            )
+    level = next(level for level in ("bad", "attention", "good") if level in levels)
+    return (Check("Gauge", level, f"{'; '.join(words)}.", most),)
 
 
 def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:

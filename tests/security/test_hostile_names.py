@@ -63,6 +63,8 @@ def make_hostile():
         text = text.replace(f'"{plain}', f'"{quoted(HOSTILE)}')
     Path("mechanism [x].toml").write_text(text)
     Path("parts [x].csv").write_text("\n".join([f'"{MARKUP}"', *(f"10.{digit}" for digit in range(10))]))
+    measured = (f'"part {MARKUP} {row % 3}",10.{row % 7}' for row in range(12))
+    Path("gauge [x].csv").write_text("\n".join([f'"{MARKUP}",value', *measured]))
     Path("limits [x].toml").write_text(
         f'title = "{quoted(HOSTILE)}"\nheader = {{ "{quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
         f'[characteristics."{quoted(MARKUP)}"]\nunit = "{quoted(MARKUP)}"\ntitle = "{quoted(HOSTILE)}"\n'
@@ -123,6 +125,7 @@ def words_of(verb, campaign_id):
         "export": [f"runs/{campaign_id}"],
         "file": ["backup [x].zip"],
         "parts": ["parts [x].csv"],
+        "table": ["gauge [x].csv"],
         "pattern": ["*"],
         "step_file": [str(ROOT / "docs" / "examples" / "latch.step")],
     }
@@ -135,6 +138,7 @@ def words_of(verb, campaign_id):
         ("submit",): ["--queue-only"],
         ("delete",): ["--yes"],
         ("capability",): ["--limits", "limits [x].toml"],
+        ("gauge",): ["--part", MARKUP],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
         ("mechanism", "import"): ["--output", f"imported-{uuid4().hex}.toml"],

@@ -22,6 +22,7 @@ from engine import EngineError
 from engine.friction.indeterminacy import normal_force_range
 from reporting import ReportError
 from reporting.capability.shares import runs_to_claim
+from reporting.gauge import gauge_bias, gauge_repeatability
 from tests.each import each
 from tests.engine.friction.problems import random_problem
 
@@ -140,6 +141,7 @@ def targets() -> dict[str, Target]:
     mechanism = engine.load_mechanism("incline")
     limits = {"lsl": -3.0, "usl": 3.0, "target": 0.1, "confidence": 0.95}
     values = {"x": rng.normal(size=36), "batches": np.repeat(np.arange(6), 6), **limits}
+    of_gauge = {"values": rng.normal(size=36), "confidence": 0.95}
     run = {"mechanism": mechanism, "values": {"bodies.block.mass": 1.5}, "step": 1e-2, "horizon": 2e-2}
     range_of = {"H": problem.H, "mu": problem.mu, "r": solution.r, "contact": 1}
     return {
@@ -148,6 +150,14 @@ def targets() -> dict[str, Target]:
         ),
         "normal_force_range": Target(normal_force_range, range_of, tuple(range_of)),
         "capability": Target(reporting.capability, values, tuple(values)),
+        "gauge_repeatability": Target(
+            gauge_repeatability,
+            {**of_gauge, "parts": np.tile(np.arange(6), 6), "operators": np.repeat(np.arange(3), 12), "tolerance": 6.0},
+            (*of_gauge, "parts", "operators", "tolerance"),
+        ),
+        "gauge_bias": Target(
+            gauge_bias, {**of_gauge, "references": np.tile(np.arange(3.0), 12)}, (*of_gauge, "references")
+        ),
         "runs_to_claim": Target(runs_to_claim, {"ppm": 64.0, "confidence": 0.95, "rejects": 2}, ("ppm", "confidence")),
         "simulate": Target(engine.simulate, run, ("step", "horizon")),
         "set_values": Target(_set, {"mechanism": mechanism, "number": 0.3}, ("number",)),
@@ -203,6 +213,8 @@ NAMES = (
     "solve",
     "normal_force_range",
     "capability",
+    "gauge_repeatability",
+    "gauge_bias",
     "runs_to_claim",
     "simulate",
     "set_values",

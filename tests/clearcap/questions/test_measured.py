@@ -148,6 +148,41 @@ def test_the_chart_is_chosen_in_the_limits_file(tmp_path):
     assert json.loads(Path(files["json"]).read_text("utf-8"))["responses"][0]["chart"]["kind"] == "xbar-r"
 
 
+def test_the_gauge_is_taken_out_of_sigma_and_into_the_decision(tmp_path):
+    """Parts of sigma 4 um, a gauge of 1.9 um: Cpk of the parts; counts by hand; no interval where none holds."""
+    rng = np.random.default_rng(4)
+    parts = rng.normal(20.0019, 0.004, 2000)
+    d = parts + rng.normal(0, 0.0019, 2000)
+    chosen = {"characteristics": {"d": {**LIMITS["characteristics"]["d"], "gauge_sigma": 0.0019, "uncertainty": 0.004}}}
+    found = capability_of_parts(pd.DataFrame({"d": d}), chosen)
+    r = found.responses[0]
+    assert r.gauge.std == pytest.approx(np.sqrt(d.std(ddof=1) ** 2 - 0.0019**2))
+    assert r.gauge.cpk == pytest.approx((20.02 - d.mean()) / (3 * r.gauge.std))
+    low, high = r.gauge.cpk_interval
+    assert low < 0.018 / (3 * 0.004) < high
+    assert r.gauge.of_tolerance == pytest.approx(6 * 0.0019 / 0.04)
+    inside = np.count_nonzero((d >= 19.984) & (d <= 20.016))
+    beyond = np.count_nonzero((d < 19.976) | (d > 20.024))
+    assert (r.conformity.conforming, r.conformity.nonconforming, r.conformity.undecided) == (
+        inside,
+        beyond,
+        2000 - inside - beyond,
+    )
+    line = check_of(found, "Gauge")
+    assert (line.level, f"{2000 - inside - beyond} undecided" in line.text) == ("attention", True)
+    for change in ({"gauge_sigma": 0.0046}, {"gauge_sigma": 0.004, "gauge_freedom": 3}):
+        few = capability_of_parts(pd.DataFrame({"d": d[:40]}), {"characteristics": {"d": {"usl": 20.02, **change}}})
+        assert few.responses[0].gauge.cpk_interval is None
+        assert few.responses[0].gauge.note
+    wide = {"characteristics": {"d": {**LIMITS["characteristics"]["d"], "uncertainty": 0.02}}}
+    assert check_of(capability_of_parts(pd.DataFrame({"d": d}), wide), "Gauge").level == "bad"
+    page = Path(clearcap.capability_report(pd.DataFrame({"d": d}), chosen, tmp_path, ["html"])["html"]).read_text(
+        "utf-8"
+    )
+    assert "Cpk without the gauge" in page
+    assert "Proved to conform" in page
+
+
 def test_the_report_says_nothing_of_simulations(tmp_path):
     frame = pd.DataFrame({"d": normal(80), "lot": np.repeat(list("ABCDEFGH"), 10)})
     frame.loc[5, "d"] = np.nan
@@ -172,6 +207,7 @@ def test_the_report_says_nothing_of_simulations(tmp_path):
         (LIMITS, {"dia": [1.0]}, ["characteristics.d", "no column d", "dia"]),
         (LIMITS | {"order": "time"}, {"d": [1.0]}, ["order", "time"]),
         (LIMITS, {"d": ["20.1", "about 20"]}, ["row 2", "about 20"]),
+        ({"characteristics": {"d": {"usl": 1.0, "gauge_freedom": 9}}}, {"d": [1.0]}, ["gauge_freedom", "gauge_sigma"]),
         (LIMITS | {"subgroup": "hour"}, {"d": [1.0]}, ["subgroup", "hour"]),
         (LIMITS | {"chart": "xbar-r"}, {"d": [1.0]}, ["xbar-r", "subgroup"]),
         (LIMITS | {"chart": "i-mr", "subgroup": 5}, {"d": [1.0]}, ["i-mr", "subgroup"]),
@@ -218,3 +254,33 @@ def test_the_command(tmp_path, monkeypatch):
     assert told.exit_code == 0
     assert "other/report.html" in told.stdout
     assert "d [mm]" in told.stdout
+
+
+def test_the_study_of_a_gauge(tmp_path, monkeypatch):
+    """The command and the function agree; decimal commas; a table without repeats, with reference values."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(5)
+    frame = pd.DataFrame([(o, p) for o in "ABC" for p in range(10) for _ in range(2)], columns=["who", "part"])
+    frame["value"] = (rng.normal(size=10)[frame["part"]] + 0.1 * rng.normal(size=60)).round(4)
+    frame.to_csv("study.csv", sep=";", decimal=",", index=False)
+    found = clearcap.gauge_study("study.csv", operator="who", tolerance=6.0).repeatability
+    assert found == clearcap.gauge_study(frame, operator="who", tolerance=6.0).repeatability
+    words = ["gauge", "study.csv", "--operator", "who", "--tolerance", "6"]
+    printed = CliRunner().invoke(app, words).stdout
+    assert found.verdict in printed
+    assert f"gauge_sigma = {found.components[0].std:.4g}" in printed
+    document = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert document["repeatability"]["components"][0]["std"] == pytest.approx(found.components[0].std)
+    known = pd.DataFrame({"reference": np.repeat([1.0, 2.0, 3.0], 12)})
+    known["value"] = 1.02 * known["reference"] + 0.01 * rng.normal(size=36)
+    bias = clearcap.gauge_study(known).bias
+    assert bias.linearity.slope_interval[0] < 0.02 < bias.linearity.slope_interval[1]
+    known.to_csv("known.csv", index=False)
+    assert "linearity: bias = " in CliRunner().invoke(app, ["gauge", "known.csv"]).stdout
+    for table, options in (
+        (known.drop(columns="value"), {}),
+        (frame[1:], {"operator": "who"}),
+        (frame, {"part": "no"}),
+    ):
+        with pytest.raises(SpecError, match="table"):
+            clearcap.gauge_study(table, **options)
