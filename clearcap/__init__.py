@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.questions.gauge import gauge_study
     from clearcap.questions.measured import capability_report
+    from clearcap.questions.validation import validate_campaign
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
     from engine import (
@@ -89,6 +90,7 @@ __all__ = [
     "run_campaign",
     "set_values",
     "simulate",
+    "validate_campaign",
 ]
 
 # Where each name is imported from.
@@ -102,6 +104,7 @@ _HOMES = {
     "campaign.store": ("Store", "open_store"),
     "clearcap.questions.gauge": ("gauge_study",),
     "clearcap.questions.measured": ("capability_report",),
+    "clearcap.questions.validation": ("validate_campaign",),
     "clearcap.results": ("Results", "open_campaign", "report"),
     "clearcap.running": ("run_campaign",),
     "engine": (

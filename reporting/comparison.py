@@ -113,7 +113,7 @@ def _response(
     mine: ResponseSpec, their: ResponseSpec, samples: Samples, other: Samples, confidence: float
 ) -> ResponseComparison:
     """Compare one response."""
-    (a, a_lots), (b, b_lots) = (_values(s, mine.name) for s in (samples, other))
+    (a, a_lots), (b, b_lots) = (values_of(s, mine.name) for s in (samples, other))
     notes = []
     if (mine.lsl, mine.usl) != (their.lsl, their.usl):
         notes.append("The campaigns have different limits; each index uses those of its own campaign.")
@@ -134,7 +134,7 @@ def _response(
             notes.append(_OF_LOTS)
             means = base.capability.mean_interval, base.capability_other.mean_interval
             fields |= dict.fromkeys(("t_p", "f_p", "levene_p", "mann_whitney_p"))
-            fields["mean_interval"] = _of_difference((float(a.mean()), float(b.mean())), means)
+            fields["mean_interval"] = of_difference((float(a.mean()), float(b.mean())), means)
     if a.size and b.size:
         whole = histogram(np.concatenate([a, b]), mine.lsl, mine.usl)
         edges = np.asarray(whole.edges if whole else (0.0, 1.0))
@@ -143,13 +143,13 @@ def _response(
     return ResponseComparison(**{**vars(base), **fields, "notes": tuple(notes)})  # type: ignore[arg-type]
 
 
-def _values(samples: Samples, name: str) -> tuple[Array, NDArray[np.int64] | None]:
+def values_of(samples: Samples, name: str) -> tuple[Array, NDArray[np.int64] | None]:
     """Return the finite values of a response over the ok samples, and their production lots."""
     rows = samples.ok & np.isfinite(samples.values[name])
     return samples.values[name][rows], None if samples.lots is None else samples.lots[rows]
 
 
-def _of_difference(values: tuple[float, float], intervals: tuple[Interval | None, Interval | None]) -> Interval | None:
+def of_difference(values: tuple[float, float], intervals: tuple[Interval | None, Interval | None]) -> Interval | None:
     """Return the interval of a difference from the intervals of both numbers; None if one is missing."""
     (value, other), (interval, interval_other) = values, intervals
     if interval is None or interval_other is None:
@@ -190,7 +190,7 @@ def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
         levene_p = float(levene(a, b, center="median").pvalue)
     # A ratio is a difference of logarithms, for which the intervals of both sigmas combine.
     interval, other = (_logarithms(c.std_interval) for c in (base.capability, base.capability_other))
-    logarithms = _of_difference((math.log(stds[0]), math.log(stds[1])), (interval, other))
+    logarithms = of_difference((math.log(stds[0]), math.log(stds[1])), (interval, other))
     return {
         "std_ratio": ratio,
         "std_ratio_interval": None if logarithms is None else (math.exp(logarithms[0]), math.exp(logarithms[1])),
@@ -217,5 +217,5 @@ def _indices(base: ResponseComparison) -> dict[str, object]:
     here, there = base.capability, base.capability_other
     if here.cpk is None or there.cpk is None:
         return {}
-    interval = _of_difference((here.cpk, there.cpk), (here.cpk_interval, there.cpk_interval))
+    interval = of_difference((here.cpk, there.cpk), (here.cpk_interval, there.cpk_interval))
     return {"cpk_difference": here.cpk - there.cpk, "cpk_interval": interval}

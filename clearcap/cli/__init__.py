@@ -18,7 +18,7 @@ from clearcap.cli.operating import backup, doctor, restore
 from clearcap.cli.output import print_text, say, show_logs, visible
 from clearcap.cli.overview import list_campaigns, status, watch
 from clearcap.cli.predictions import advise, design, whatif
-from clearcap.cli.reports import capability, gauge, report, verify
+from clearcap.cli.reports import capability, gauge, report, validate, verify
 from clearcap.cli.servers import certificates, coordinate, serve
 from clearcap.cli.single_runs import bench, polarisation, replay, simulate
 from clearcap.cli.termination import terminated_in_order
@@ -64,6 +64,7 @@ app.command()(replay)
 app.command()(report)
 app.command()(capability)
 app.command()(gauge)
+app.command()(validate)
 app.command()(whatif)
 app.command()(advise)
 app.command()(design)

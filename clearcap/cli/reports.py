@@ -99,6 +99,43 @@ def capability(
     print_text(f"report: {files['html']}")
 
 
+def validate(
+    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    parts: Annotated[
+        Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")
+    ],
+    store: StoreUrl = "runs",
+    limits: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Limits file of the parts, if columns have other names.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare measured parts with the samples of a campaign, and say within what it predicts them."""
+    from clearcap.questions.validation import validated
+
+    found = validated(*opened_campaign(store, campaign), parts, limits)
+    if json:
+        print_json(asdict(found))
+        return
+    for each in found.predictions:
+        of = each.comparison
+        print_text(f"{of.response}: {each.verdict}")
+        rows = [
+            ("values", str(of.n), str(of.n_other), ""),
+            ("mean", number(of.capability.mean), number(of.capability_other.mean), _ends(of.mean_interval)),
+            ("sigma", number(of.capability.std), number(of.capability_other.std), f"x {_ends(of.std_ratio_interval)}"),
+            *((f"{100 * p:g} % quantile", number(x), number(y), "") for p, x, y in each.quantiles),
+            ("beyond the simulated 99 %", f"{100 * each.beyond:.2g} %", "1 %", _ends(each.beyond_interval)),
+        ]
+        heads = (of.response, "measured", "simulated", "difference or ratio, 95 %")
+        print_table("", heads, rows, texts=1)
+    for pair in found.correlations:
+        numbers = f"{pair.measured:.2f} measured, {pair.simulated:.2f} simulated, difference"
+        print_text(f"correlation of {pair.first} and {pair.second}: {numbers} {_ends(pair.difference_interval)}")
+    for note in found.notes:
+        print_text(note)
+
+
 def gauge(
     table: Annotated[
         Path, typer.Argument(metavar="TABLE", help="CSV, Parquet or Excel file, one row a measurement of a part.")

@@ -438,7 +438,7 @@ def capability_report(
     CampaignError
         The report cannot be written.
     """
-    table, spec = _asked(parts, limits)
+    table, spec = asked_of_parts(parts, limits)
     try:
         return write_report(table, spec, Path(folder), kinds=kinds)
     except ReportError as error:
@@ -447,14 +447,15 @@ def capability_report(
 
 def capability_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> Analysis:
     """Return the analysis that `capability_report` writes; raises what it raises."""
-    table, spec = _asked(parts, limits)
+    table, spec = asked_of_parts(parts, limits)
     try:
         return analyse(read_samples(table, spec), spec)
     except ReportError as error:
         raise CampaignError(str(error)) from error
 
 
-def _asked(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa.Table, ReportSpec]":
+def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa.Table, ReportSpec]":
+    """Return the table of a report on measured parts, and what the report needs besides; raises SpecError."""
     known = limits if isinstance(limits, LimitsFile) else load_limits(limits)
     provenance, name, where = {}, "measured parts", "parts"
     if isinstance(parts, str | Path):

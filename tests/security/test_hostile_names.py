@@ -65,6 +65,7 @@ def make_hostile():
     Path("parts [x].csv").write_text("\n".join([f'"{MARKUP}"', *(f"10.{digit}" for digit in range(10))]))
     measured = (f'"part {MARKUP} {row % 3}",10.{row % 7}' for row in range(12))
     Path("gauge [x].csv").write_text("\n".join([f'"{MARKUP}",value', *measured]))
+    Path("slide [x].toml").write_text(f'[characteristics.slide]\ncolumn = "{quoted(MARKUP)}"\nunit = "m"\n')
     Path("limits [x].toml").write_text(
         f'title = "{quoted(HOSTILE)}"\nheader = {{ "{quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
         f'[characteristics."{quoted(MARKUP)}"]\nunit = "{quoted(MARKUP)}"\ntitle = "{quoted(HOSTILE)}"\n'
@@ -139,6 +140,7 @@ def words_of(verb, campaign_id):
         ("delete",): ["--yes"],
         ("capability",): ["--limits", "limits [x].toml"],
         ("gauge",): ["--part", MARKUP],
+        ("validate",): ["--limits", "slide [x].toml"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
         ("mechanism", "import"): ["--output", f"imported-{uuid4().hex}.toml"],
