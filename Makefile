@@ -23,7 +23,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock release bench clean
+.PHONY: help run serve docs test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock release bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -54,6 +54,9 @@ serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; 
 	$(BIN)/pip install --quiet --constraint $(DEV) --editable '.[excel,web]'
 	$(BIN)/clearcap submit c60 --samples 500 --batch-size 25 --queue-only --store runs
 	$(BIN)/clearcap serve --store runs
+
+docs: $(VENV)/.dev ## the documentation as a site with search, in clearcap/web/pages/documentation; a server shows it under Help
+	$(BIN)/python docs/build_site.py
 
 test: $(VENV)/.dev ## prove the parts: what depends neither on the speed nor on the kind of the processor
 	$(TOGETHER) $(PARALLEL)

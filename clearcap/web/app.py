@@ -20,7 +20,7 @@ from clearcap.web.http.problems import MEDIA_TYPE, Refusal, described, problem, 
 from clearcap.web.http.request_limits import RequestLimits
 from clearcap.web.http.responses import Head
 from clearcap.web.pages import STATIC, page_routers
-from clearcap.web.pages.rendering import refused_page
+from clearcap.web.pages.rendering import SITE, refused_page
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 from engine import EngineError
@@ -57,6 +57,8 @@ def make_app(service: Service) -> FastAPI:
     for router in (*routers(), *page_routers()):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    if SITE.is_dir():
+        app.mount("/help/documentation", StaticFiles(directory=SITE, html=True), name="documentation")
     for kind in (Refusal, CampaignError, EngineError):
         app.add_exception_handler(kind, _refuse)
     app.add_exception_handler(HTTPException, _refuse_http)

@@ -1,4 +1,4 @@
-"""The command: `python -m studies.axial_play` prints the table of docs/c60-force.md on the play along the axes."""
+"""The command: `python -m studies.axial_play` prints the table of studies/axial_play/README.md."""
 
 import argparse
 import platform

@@ -1,4 +1,4 @@
-"""The command: `python -m studies.c60_spread` prints every table of docs/c60-force.md that this study computes."""
+"""The command: `python -m studies.c60_spread` prints the tables of studies/c60_spread/README.md."""
 
 import argparse
 import platform

@@ -1,4 +1,4 @@
-"""The command: `python -m studies.settling` prints the tables of docs/settling.md."""
+"""The command: `python -m studies.settling` prints the tables of studies/settling/README.md."""
 
 import argparse
 import platform

@@ -1,4 +1,4 @@
-"""The command: `python -m studies.trip_force` prints the tables of docs/c60-trip.md."""
+"""The command: `python -m studies.trip_force` prints the tables of studies/trip_force/README.md."""
 
 import argparse
 import platform

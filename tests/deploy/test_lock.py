@@ -45,8 +45,8 @@ def test_what_pyproject_asks_for(python):
 
 
 def test_extras():
-    """All that are not for tests and development."""
-    assert set(EXTRAS) >= set(PYPROJECT["project"]["optional-dependencies"]) - {"test", "dev"}
+    """All that are not for tests, development and the site of the docs."""
+    assert set(EXTRAS) >= set(PYPROJECT["project"]["optional-dependencies"]) - {"test", "dev", "docs"}
 
 
 def test_every_package_has_hashes():
@@ -84,7 +84,7 @@ def test_tools_are_locked_beside_what_they_test(python):
     """The lock without hashes has every version of the one with them, and one of each tool."""
     tools, installed = locked(python, DEVELOPMENT), locked(python)
     assert installed.items() - tools.items() <= {("setuptools", installed["setuptools"]), ("wheel", installed["wheel"])}
-    for extra in ("test", "dev"):
+    for extra in ("test", "dev", "docs"):
         for requirement in map(Requirement, PYPROJECT["project"]["optional-dependencies"][extra]):
             if requirement.name != "clearcap":
                 assert requirement.specifier.contains(tools[canonicalize_name(requirement.name)]), requirement

@@ -35,7 +35,7 @@ from clearcap.web.operations.people import (
     revoke_token,
     set_password,
 )
-from clearcap.web.pages.rendering import page
+from clearcap.web.pages.rendering import SITE, page
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 
@@ -292,6 +292,7 @@ def help_page(request: Request) -> Response:
         kinds=calls_by_kind(request.app.openapi()),
         document=f"{PREFIX}/openapi.json",
         address=request.app.state.service.settings.address,
+        has_documentation=SITE.is_dir(),
     )
 
 

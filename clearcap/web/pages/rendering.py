@@ -4,6 +4,7 @@ import json
 from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
@@ -18,6 +19,7 @@ from clearcap.web.answers.query_service import Answer
 from clearcap.web.http.problems import Refusal
 from reporting.render.page_templates import page_environment
 
+SITE = Path(__file__).parent / "documentation"  # built by docs/build_site.py; a server may be without
 AROUND = 2  # lines shown before and after one with a fault
 _templates = page_environment("clearcap.web.pages")
 _templates.filters["briefly"] = shortened

@@ -57,7 +57,7 @@ def test_every_key_of_the_format_is_described():
 
 @each("number", ["0.9599", "0.006", "-0.49872", "0.39", "-15", "1.16", "244.46", "3.82"])
 def test_the_page_of_the_c60_has_the_numbers_of_its_file(number):
-    page = (DOCS / "c60.md").read_text(encoding="utf-8")
+    page = (DOCS / "c60-reference.md").read_text(encoding="utf-8")
     mechanism = load_mechanism("c60")
     assert number in page
     assert f"{float(number)}" in mechanism.model_dump_json()

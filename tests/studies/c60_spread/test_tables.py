@@ -23,7 +23,7 @@ from studies.c60_spread.variants import variants
 
 pytestmark = pytest.mark.slow
 
-PAGE = (Path(__file__).parents[3] / "docs" / "c60-force.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[3] / "studies" / "c60_spread" / "README.md").read_text("utf-8")
 NUMBER = r"[+-]?\d+\.\d+"
 
 

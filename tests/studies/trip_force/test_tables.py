@@ -13,7 +13,7 @@ from studies.trip_force.tables import AT_PEAK, FORCE, GRIDS, MAP, RELEASE, grid_
 
 pytestmark = pytest.mark.slow
 
-PAGE = (Path(__file__).parents[3] / "docs" / "c60-trip.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[3] / "studies" / "trip_force" / "README.md").read_text("utf-8")
 
 
 def push(force, at_peak, release):
