@@ -194,11 +194,15 @@ def _load(pose: Assembly, h: float) -> Array:
 
 
 def _weights(pose: Assembly) -> Array:
-    """Return the same for the weights that press the friction of ideal joints, see `kernels.contacts.press`."""
+    """Return the same for what presses the friction of ideal joints and contacts with a stiffness, whatever they carry.
+
+    See `kernels.contacts.press` and `kernels.compliance`.
+    """
     load, contacts, rows = np.zeros(pose.problem.w.size), pose.model.contacts, pose.problem.rows
     for j, i in enumerate(_touching(pose)):
         if contacts.weight[i, 0] >= 0:
-            load[ROW * contacts.weight[i, 0]] = contacts.breakaway[i] * rows.G[j, 0, 2 * ROW]
+            press = contacts.breakaway[i] + contacts.stiffness[i] * max(-pose.work.gap[i], 0.0)
+            load[ROW * contacts.weight[i, 0]] = press * rows.G[j, 0, 2 * ROW]
     return load
 
 

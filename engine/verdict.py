@@ -80,6 +80,7 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     contacts, sites, at_pose = model.contacts, work.sites, work.bilateral
     off, point, direction = at_pose.violation, at_pose.point, at_pose.direction
     find_contacts(contacts, state.x, state.R, state.gap, sites.point, sites.frame)
+    state.gap[:] += work.depth
     row_violations(model.bilateral, state.x, state.R, at_pose.target[1], off, point, direction)
     direction[_within_slack(assembly)] = 0.0  # such a row constrains nothing
     whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, point, direction, problem.bilateral.J)

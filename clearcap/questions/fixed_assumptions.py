@@ -160,6 +160,15 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
             if getattr(pair, law) is not None:
                 name = f"{law} of {key.partition('.')[2]}, instead of its material's"
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
+    springs: dict[str, Any] = {f"contacts.{n}": c for n, c in mechanism.contacts.items()}
+    springs |= {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
+    for key, spring in springs.items():
+        for field in ("stiffness", "damping"):
+            if (number := getattr(spring, field, None)) is not None:
+                where = key.partition(".")[2]
+                yield Assumption(
+                    CONTACT, f"{field} of {where}", number, unit_of(mechanism, f"{key}.{field}"), f"{key}.{field}"
+                )
     for name, joint in mechanism.joints.items():
         for field in _RUBBING if joint.ideal else ():
             number = getattr(joint, field, None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Block
+from engine.arrays import Array, Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.couplings import coupling_pairs, joint_couplings, term_arrays
@@ -120,7 +120,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
-    pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION]
+    pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION or pair.spring[0] > 0.0]
     coupled = [coupling.members for coupling in couplings]
     unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed, coupled)
     runs = max(3 if pressed else 2, *map(len, coupled), 2)  # nodes that a contact acts on
@@ -145,7 +145,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     arrays = RunArrays(
         model,
         state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
-        _scratch(len(moving), nc, len(rows), model.responses),
+        _scratch(len(moving), len(rows), model.responses, contacts.stiffness),
         _problem(unknowns, runs),
     )
     names = tuple(pair.name for pair in pairs), tuple(row.name for row in rows)
@@ -172,9 +172,9 @@ def _problem(unknowns: Unknowns, runs: int) -> FrictionArrays:
     return problem
 
 
-def _scratch(nb: int, nc: int, nt: int, responses: Responses) -> Scratch:
+def _scratch(nb: int, nt: int, responses: Responses, stiffness: Array) -> Scratch:
     """Allocate the workspace of a run."""
-    offset = responses.offset
+    offset, nc = responses.offset, len(stiffness)
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((5, nc, 3))
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
@@ -193,6 +193,8 @@ def _scratch(nb: int, nc: int, nt: int, responses: Responses) -> Scratch:
         gap=np.zeros(nc),
         q=contacts[1],
         shift=np.zeros(nc),
+        begun=np.zeros(nc),
+        depth=np.where(stiffness > 0.0, np.inf, 0.0),
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),

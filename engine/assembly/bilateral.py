@@ -142,8 +142,8 @@ def layout(
     """Return the numbering of the unknowns; up to six successive rows between the same two bodies share a node.
 
     In ``contacts``, the two bodies of each contact, a number of ``bodies`` or more is the ground. The contacts whose
-    numbers are ``pressed`` have a weight, which is a node of its own. ``coupled`` are the moving bodies of each
-    coupling.
+    numbers are ``pressed`` have a weight or a spring, which is a node of its own. ``coupled`` are the moving bodies of
+    each coupling.
     """
     groups: list[list[int]] = []
     for i, row in enumerate(rows):

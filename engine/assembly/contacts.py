@@ -133,6 +133,7 @@ class Pair:
     breakaway: float = 0.0  # the same of a joint that sticks
     coupling: int = -1  # the number of the coupling of which it is a flank; -1: none
     flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
+    spring: tuple[float, float] = (0.0, 0.0)  # stiffness and damping; 0: rigid
 
 
 @cached
@@ -177,6 +178,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             law=mechanism.contact_law(contact),
             pieces=pieces,
             surface=trees.get(name),
+            spring=contact.spring,
         )
 
 
@@ -185,7 +187,7 @@ def contact_arrays(
 ) -> tuple[Contacts, Laws]:
     """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step.
 
-    ``weight``, (nc, 3), is the node of each contact's weight, and its places in the system; None: they have none.
+    ``weight``, (nc, 3), is the node of each contact's weight or spring, and its places in the system; None: none.
     ``terms`` are those of all couplings.
     """
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
@@ -209,6 +211,8 @@ def contact_arrays(
         terms=terms,
         bound=np.array([pair.bound for pair in pairs], float),
         breakaway=np.array([pair.breakaway for pair in pairs], float),
+        stiffness=np.array([pair.spring[0] for pair in pairs], float),
+        damping=np.array([pair.spring[1] for pair in pairs], float),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))

@@ -120,7 +120,9 @@ def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
             point = point + other["e"]
             plane = _plane(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
         law = 0.0, limits.restitution
-        yield Pair(f"{name}.{face}", POINT_PLANE, place.b.index, place.a.index, _point(point), plane, 0.0, law)
+        spring = limits.stiffness or 0.0, limits.damping or 0.0
+        bodies = place.b.index, place.a.index
+        yield Pair(f"{name}.{face}", POINT_PLANE, *bodies, _point(point), plane, 0.0, law, spring=spring)
 
 
 def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:

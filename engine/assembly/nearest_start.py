@@ -81,6 +81,7 @@ class _Search:
             rotation_matrix(state.p[i], state.R[i])
             self.turn[i] = root @ _right_jacobian(vector).T @ np.linalg.inv(root)
         find_contacts(self.model.contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)
+        state.gap[self.model.contacts.stiffness > 0.0] = np.inf  # they may overlap
         at, drawn = work.bilateral, np.zeros(len(work.bilateral.violation))
         row_violations(self.model.bilateral, state.x, state.R, drawn, at.violation, at.point, at.direction)
 

@@ -148,11 +148,12 @@ def _overlaps(
     """
     gap, allowed = state.gap, mechanism.simulation.penetration
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
-    if (gap >= -allowed).all():
+    rigid = contacts.stiffness == 0.0  # where the others overlap, they press
+    if (gap >= -allowed)[rigid].all():
         return
     worst: dict[str, int] = {}  # faces of a joint with the same clearance share one fault
     for i, name in enumerate(names):
-        if not gap[i] >= -allowed:
+        if rigid[i] and not gap[i] >= -allowed:
             key = _clearance_key(mechanism, name)
             worst[key] = i if key not in worst or gap[i] < gap[worst[key]] else worst[key]
     for key, i in worst.items():
@@ -171,7 +172,10 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     """Return the line of a message that names the overlapping pair and the allowed values."""
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
-        return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
+        return (
+            f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`; "
+            "parts that press each other need a `stiffness`"
+        )
     owner, bodies = bodies_of_contact(mechanism, name)
     joint, _, face = name.partition(".")
     clearance = get_value(mechanism, key) if mechanism.joints[joint].ideal else mechanism.joints[joint].play(face)

@@ -119,7 +119,8 @@ def _add_weight(contacts, i, rows, j):
     """Write the normal row of a JOINT_FRICTION: it acts on nothing but a weight, as mobile as the joint.
 
     The weight is pressed with the bound of the friction, see `press`, so that Coulomb's law between the normal impulse
-    and that along the joint, with a coefficient of 1, is the law of the joint. Other contacts have no weight.
+    and that along the joint, with a coefficient of 1, is the law of the joint. A contact with a stiffness has a spring
+    in its place, which is rigid until `kernels.compliance` softens it. Other contacts have neither.
     """
     node, square = contacts.weight[i, 0], 0.0
     for s in range(3, rows.node.shape[1]):
@@ -131,12 +132,30 @@ def _add_weight(contacts, i, rows, j):
     rows.pair[j, 1, 2] = rows.pair[j, 2, 1] = contacts.weight[i, 2]
     G = rows.G[j]
     for side in range(2):
-        if rows.node[j, side] >= 0:
+        if rows.node[j, side] >= 0 and contacts.bound[i] > 0.0:
             for k in range(BODY):
                 square += G[1, ROW * side + k] ** 2
     for k in range(ROW):
         G[0, 2 * ROW + k] = G[1, 2 * ROW + k] = G[2, 2 * ROW + k] = 0.0
     G[0, 2 * ROW] = np.sqrt(square)
+
+
+@inner
+def mobility(bodies, state, sites, body, i):
+    """Return the velocity that a unit impulse along the normal of contact i gives a body at its point."""
+    if body >= bodies.mass.shape[0]:
+        return 0.0
+    R, root, N = state.R[body], bodies.inverse_root[body], sites.frame[i, 0]
+    d0, d1 = sites.point[i, 0] - state.x[body, 0], sites.point[i, 1] - state.x[body, 1]
+    d2 = sites.point[i, 2] - state.x[body, 2]
+    m0, m1, m2 = d1 * N[2] - d2 * N[1], d2 * N[0] - d0 * N[2], d0 * N[1] - d1 * N[0]
+    spin = 0.0
+    for k in range(3):
+        turned = 0.0
+        for j in range(k + 1):
+            turned += root[k, j] * (R[0, j] * m0 + R[1, j] * m1 + R[2, j] * m2)
+        spin += turned * turned
+    return 1.0 / bodies.mass[body] + spin
 
 
 @inner

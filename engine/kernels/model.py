@@ -86,7 +86,9 @@ class Contacts(NamedTuple):
     terms: Terms
     bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
     breakaway: np.ndarray  # (nc,) the same of one that sticks, at least as large
-    weight: np.ndarray  # (nc, 3) int64, node of the weight that presses a JOINT_FRICTION (-1: none); pieces with a, b
+    weight: np.ndarray  # (nc, 3) int64, node of a JOINT_FRICTION's weight or a spring (-1: none); pieces with a, b
+    stiffness: np.ndarray  # (nc,) force per penetration; 0: rigid, see compliance.py
+    damping: np.ndarray  # (nc,) force per closing speed, of contacts with a stiffness
     surfaces: Surfaces
 
 
@@ -272,6 +274,8 @@ class Scratch(NamedTuple):
     gap: np.ndarray  # (nc,) gaps at the pose within the step
     q: np.ndarray  # (nc, 3) relative velocities without impulses
     shift: np.ndarray  # (nc,) the impact law's addition to the normal component of q
+    begun: np.ndarray  # (nc,) gap at the start of the step, of contacts with a stiffness
+    depth: np.ndarray  # (nc,) how far contacts may penetrate without being projected; 0: rigid ones
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem

@@ -40,7 +40,7 @@ def project_positions(bodies, metric, contacts, rows, state, work, problem, cont
     least, poor = np.inf, 0
     for made in range(ROUNDS + 1):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
-        worst, contact = largest_penetration(state.gap)
+        worst, contact = largest_penetration(state.gap, work.depth)
         rows_at_pose(rows, state, at_pose)
         off, widest = largest_violations(metric, rows, at_pose)
         # the second condition: NaN or infinite, which the time loop reports as diverged
@@ -66,7 +66,7 @@ def project_positions(bodies, metric, contacts, rows, state, work, problem, cont
             factorise_bilateral(problem.system, problem.bilateral)
             hold_bilateral(problem.system, problem.bilateral, at_pose.violation, problem.w)
             add_whitened(weights, problem.w, displacement)
-        nc = gather_displacement_problem(weights, contacts, state, work.sites, displacement, work.u, problem, within)
+        nc = gather_displacement_problem(weights, contacts, state, work, displacement, problem, within)
         if nc > 0:
             solved, _, _ = solve_friction(nc, problem, TOLERANCE)
             if solved != CONVERGED:
@@ -79,12 +79,16 @@ def project_positions(bodies, metric, contacts, rows, state, work, problem, cont
 
 
 @inner
-def largest_penetration(gap):
-    """Return the largest penetration, which is >= 0, or NaN if any gap is NaN; and its contact."""
+def largest_penetration(gap, depth):
+    """Return the largest penetration beyond a contact's ``depth``, which is >= 0, and its contact.
+
+    It is NaN if any gap is NaN.
+    """
     worst, where = 0.0, -1
     for i in range(gap.shape[0]):
-        if not -gap[i] <= worst:  # NaN counts as the worst
-            worst, where = -gap[i], i
+        deep = -gap[i] - depth[i]
+        if not deep <= worst:  # NaN counts as the worst
+            worst, where = deep, i
     return worst, where
 
 
@@ -102,18 +106,21 @@ def largest_violations(metric, rows, at_pose):
 
 
 @inner
-def gather_displacement_problem(bodies, contacts, state, sites, displacement, u, problem, within):
-    """Write the displacement problem of the contacts with gaps up to ``within``; return their number."""
-    n = 0
+def gather_displacement_problem(bodies, contacts, state, work, displacement, problem, within):
+    """Write the displacement problem of the contacts with gaps up to ``within``; return their number.
+
+    The gap of a contact that may penetrate to some depth counts from there.
+    """
+    n, sites, u, depth = 0, work.sites, work.u, work.depth
     for i in range(state.gap.shape[0]):
-        if state.gap[i] <= within and contacts.kind[i] < JOINT_FRICTION:  # a direction has no place
+        if state.gap[i] + depth[i] <= within and contacts.kind[i] < JOINT_FRICTION:  # a direction has no place
             whitened_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n)
             contact_velocity(contacts, state.x, state.R, sites, displacement, i, u)
             problem.mu[n] = 0.0
             for k in range(3):
                 problem.q[n, k] = 0.0
                 problem.r[n, k] = 0.0
-            problem.q[n, 0] = state.gap[i] + u[i, 0]
+            problem.q[n, 0] = state.gap[i] + depth[i] + u[i, 0]
             if problem.q[n, 0] < 0.0:  # initial guess: each contact corrects its own violation
                 problem.r[n, 0] = -problem.q[n, 0] / normal_delassus(problem.rows, n)
             n += 1

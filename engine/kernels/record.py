@@ -38,6 +38,7 @@ def record(model, state, work, t, h, rows):
         at += BODY
     for c in range(state.gap.shape[0]):
         row[at] = find_contact(model.contacts, state.x, state.R, c, work.sites.point, work.sites.frame)
+        row[3] += 0.5 * model.contacts.stiffness[c] * min(row[at], 0.0) ** 2
         row[at + 1], row[at + 2], row[at + 3] = state.r[c, 0], state.r[c, 1], state.r[c, 2]
         row[at + 4] = 1.0 if work.active[c] else 0.0
         at += CONTACT

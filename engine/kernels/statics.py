@@ -13,6 +13,7 @@ from engine.friction.newton import newton
 from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
+from engine.kernels.compliance import hold_compression
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import add_whitened, contact_velocity, press, whitened_rows
 from engine.kernels.energy import kinetic_energy
@@ -53,7 +54,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     status = UNSOLVED
     for attempt in range(len(COMPLIANCE)):
         compliance = COMPLIANCE[attempt] * diagonal
-        if not _balance(nc, work, problem, compliance, TOLERANCE[attempt], False):
+        if not _balance(nc, model.contacts, work, problem, compliance, TOLERANCE[attempt], False):
             continue
         moving = _begun(bodies, state, work, problem)
         if moving > MOVING * falling:
@@ -61,7 +62,7 @@ def hold_loads(arrays, phase, t, h, touching_gap):
         else:
             status = HELD
             for _ in range(REFINEMENTS):
-                if not _balance(nc, work, problem, compliance, TOLERANCE[attempt], True):
+                if not _balance(nc, model.contacts, work, problem, compliance, TOLERANCE[attempt], True):
                     break
         if status != UNSOLVED:
             break
@@ -123,13 +124,13 @@ def _loads_alone(arrays, phase, t, h):
 
 
 @inner
-def _balance(nc, work, problem, compliance, tolerance, loaded):
+def _balance(nc, contacts, work, problem, compliance, tolerance, loaded):
     """Write the impulses of compliant contacts into ``work.u``; return whether they were found.
 
     If ``loaded``, the springs carry the impulses of ``work.u`` before they yield: each repetition reduces the unbalance
     to the share that the compliance has in the whole.
     """
-    _set_springs(nc, work, problem, compliance, loaded)
+    _set_springs(nc, contacts, work, problem, compliance, loaded)
     if _solve(nc, problem, tolerance, loaded) != CONVERGED:
         return False
     for j in range(nc):
@@ -160,7 +161,7 @@ def _wait_for_balance(nc, arrays, compliance, tolerance, moving, falling):
     for _ in range(PATIENCE):
         if moving <= BALANCED * falling:
             break
-        if not _balance(nc, work, problem, compliance, tolerance, True):
+        if not _balance(nc, arrays.model.contacts, work, problem, compliance, tolerance, True):
             return UNSOLVED if moving > MOVING * falling else HELD
         before, moving = moving, _begun(bodies, state, work, problem)
         if moving > SHRINKING * before:
@@ -173,7 +174,8 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
     """Write the rows of the touching contacts; return their number and the mean diagonal of their Delassus operator.
 
     A solver may leave 1e-27 instead of a zero impulse, so a contact must be closed, or have carried a load. The
-    friction of an ideal joint is always there; it acts for the time ``h``.
+    friction of an ideal joint is always there; it acts for the time ``h``. The force of a contact with a stiffness
+    follows from its penetration.
     """
     contacts, sites, load, nc, diagonal = model.contacts, work.sites, 0.0, 0, 0.0
     find_contacts(contacts, state.x, state.R, work.gap, sites.point, sites.frame)
@@ -188,20 +190,22 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
             if contacts.bound[i] > 0.0:
                 press(contacts, i, h, 0.0, problem, nc)
                 work.q[i, 0] = problem.q[nc, 0]
+            if contacts.stiffness[i] > 0.0:
+                hold_compression(model.bodies, contacts, state, work, problem.rows, h, i, nc)
             diagonal += square(problem.rows, nc)
             nc += 1
     return nc, diagonal / max(3 * nc, 1)
 
 
 @inner
-def _set_springs(nc, work, problem, compliance, loaded):
+def _set_springs(nc, contacts, work, problem, compliance, loaded):
     """Set the compliance of each contact; if ``loaded``, start from the impulses carried by its spring, ``work.u``."""
     for j in range(nc):
         i, problem.compliance[j] = work.chosen[j], compliance
         for k in range(3):
             problem.r[j, k] = work.u[i, k] if loaded else 0.0
             problem.q[j, k] = work.q[i, k] - compliance * problem.r[j, k]
-        if problem.rows.node.shape[1] > 2 and problem.rows.node[j, 2] >= 0:  # a weight presses equally on any spring
+        if contacts.bound[i] > 0.0:  # a weight presses equally on any spring
             problem.q[j, 0] = work.q[i, 0] * (1 + compliance / problem.rows.G[j, 0, 2 * ROW] ** 2)
 
 

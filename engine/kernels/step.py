@@ -11,6 +11,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.kernels.bilateral import add_contact_part, find_redundant_rows, hold_joints, row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
+from engine.kernels.compliance import compress, soften
 from engine.kernels.energy import work_of_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
@@ -68,6 +69,7 @@ def step(context):
     time = impulse_time(model.phases.damping[phase], h)
     for growth in range(GROWTH_ROUNDS + 1):
         nc = gather_problem(bodies, contacts, laws, state, work, problem, time)
+        soften(bodies, contacts, state, work, problem, nc, (before, after, time))
         if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
         if nc > 0:
@@ -86,6 +88,7 @@ def step(context):
     if bilateral.read[0]:
         add_contact_part(bilateral, work.bilateral, problem, nc, h, model.phases.damping[phase])
     fastest, spin = fastest_body(bodies, state.v), fastest_spin(state.v)
+    stored = compress(contacts, work, problem, nc, after, time)
     created, lost = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
 
     # the rest of the displacement, the projection of the positions, and twists consistent with the joints at the new
@@ -95,7 +98,7 @@ def step(context):
     penetration, contact, violation, widest, lifted = project_positions(
         bodies, model.metric, contacts, bilateral, state, work, problem, control
     )
-    braked, energy = 0.0, created + lifted
+    braked, energy = 0.0, created + stored + lifted
     if not plain:
         braked = hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
     lost += braked - lifted

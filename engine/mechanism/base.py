@@ -227,6 +227,33 @@ class PairLaw(TableModel):
         default=None, description="the coefficient of restitution, instead of the material's"
     )
 
+    @property
+    def spring(self) -> tuple[float, float]:
+        """Stiffness and damping where it overlaps; 0: rigid."""
+        return 0.0, 0.0
+
+
+def not_given(value: Any) -> bool:
+    """Return whether there is none; what is not given is left out of digests, so that those of earlier files stay."""
+    return value is None
+
+
+def check_spring(table: Any) -> None:
+    """Refuse the table of a contact or stop with a damping and no stiffness, or a stiffness and a restitution."""
+    if table.damping is not None and table.stiffness is None:
+        raise refuse(
+            "a rigid contact has no damping of its own; allowed: with a stiffness; give one, or write a restitution",
+            key="damping",
+            value=table.damping,
+        )
+    if table.stiffness is not None and table.restitution:
+        raise refuse(
+            "a contact with a stiffness bounces by itself; allowed: one of the two; remove it, and let damping take "
+            "the energy, or remove the stiffness",
+            key="restitution",
+            value=table.restitution,
+        )
+
 
 def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:
     """Refuse the table if direction ``names[1]`` is not perpendicular to ``names[0]``; both have unit length."""

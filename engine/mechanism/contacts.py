@@ -5,7 +5,18 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import Length, Name, PairLaw, Point, TableModel, refuse
+from engine.mechanism.base import (
+    Length,
+    Name,
+    Number,
+    PairLaw,
+    Point,
+    PositiveNumber,
+    TableModel,
+    check_spring,
+    not_given,
+    refuse,
+)
 from engine.mechanism.closed_profiles import Extruded, Turned
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
@@ -29,11 +40,6 @@ PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for se
 """The pairs with a gap function: side a of the kernels, then side b."""
 
 
-def is_none(value: Any) -> bool:
-    """Return whether a primitive is absent."""
-    return value is None
-
-
 class Side(TableModel):
     """One side of a contact: a body, and exactly one primitive fixed to it."""
 
@@ -52,13 +58,13 @@ class Side(TableModel):
     )
     # excluded from digests if unused, so that the digests of mechanisms older than these kinds do not change
     turned: Turned | None = Field(
-        default=None, exclude_if=is_none, description="a turned solid: { point, axis, start, profile }"
+        default=None, exclude_if=not_given, description="a turned solid: { point, axis, start, profile }"
     )
     extruded: Extruded | None = Field(
-        default=None, exclude_if=is_none, description="an extruded solid: { point, axis, along, start, profile, ... }"
+        default=None, exclude_if=not_given, description="an extruded solid: { point, axis, along, start, profile, ... }"
     )
     surface: FreeFormSurface | None = Field(
-        default=None, exclude_if=is_none, description="faces of any shape: { patches } or a B-spline surface"
+        default=None, exclude_if=not_given, description="faces of any shape: { patches } or a B-spline surface"
     )
 
     @cached_property
@@ -88,6 +94,26 @@ class Contact(PairLaw):
     a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
+    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="the normal force per overlap, a number > 0; default: rigid, no overlap",
+    )
+    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("damping")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="what the normal force of a contact with a stiffness has more per closing speed, a number >= 0",
+    )
+
+    @property
+    def spring(self) -> tuple[float, float]:
+        """Stiffness and damping where it overlaps; 0: rigid."""
+        return self.stiffness or 0.0, self.damping or 0.0
+
+    @model_validator(mode="after")
+    def _rigid_or_not(self) -> Self:
+        check_spring(self)
+        return self
 
     @cached_property
     def kind(self) -> str:

@@ -25,14 +25,16 @@ from engine.mechanism.base import (
     Restitution,
     TableModel,
     check_perpendicular,
+    check_spring,
     is_number,
+    not_given,
     refuse,
 )
 from engine.mechanism.components import Each
 from engine.mechanism.quantities import Quantity
 
 WIDEST = 3.0  # rad between the stops of a rotation: a little less than half a turn
-LIMITS = "the stops of an ideal joint: { lower, upper, restitution }"
+LIMITS = "the stops of an ideal joint: { lower, upper, restitution } or { lower, upper, stiffness, damping }"
 # what only an ideal joint has, and why one with play has not
 IDEAL = {
     "limits": "a joint with play meets its stops somewhere; allowed: in an ideal joint; "
@@ -213,6 +215,16 @@ class TravelLimits(TableModel):
     restitution: Annotated[Restitution, Quantity("number")] = Field(
         default=0.0, description="the coefficient of restitution of both stops"
     )
+    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="the force of both stops per length beyond them, a number > 0; default: rigid",
+    )
+    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("damping")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="what that force has more per speed, a number >= 0",
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -220,6 +232,7 @@ class TravelLimits(TableModel):
             raise refuse("no stop; allowed: lower, upper or both; give one")
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise refuse("allowed: lower < upper; correct one of the two", key="lower", value=self.lower)
+        check_spring(self)
         return self
 
 
@@ -231,18 +244,24 @@ class AngleLimits(TableModel):
     restitution: Annotated[Restitution, Quantity("number")] = Field(
         default=0.0, description="the coefficient of restitution of both stops"
     )
+    stiffness: Annotated[PositiveNumber | None, Quantity("torsional stiffness")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="the torque of both stops per angle beyond them, a number > 0; default: rigid",
+    )
+    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("torsional damping")] = Field(
+        default=None,
+        exclude_if=not_given,
+        description="what that torque has more per speed, a number >= 0",
+    )
 
     @model_validator(mode="after")
     def _less_than_half_a_turn(self) -> Self:
         if not 0 < self.upper - self.lower <= WIDEST:
             text = f"{self.upper - self.lower:.6g} rad apart; allowed: 0 < upper - lower <= {WIDEST:g}; "
             raise refuse(f"{text}for more, write the two stops as contacts", key="upper", value=self.upper)
+        check_spring(self)
         return self
-
-
-def _not_given(value: Any) -> bool:
-    """Return whether there is none; the digests of earlier mechanisms stay."""
-    return value is None
 
 
 FrictionForce = Annotated[
@@ -250,7 +269,7 @@ FrictionForce = Annotated[
     Quantity("force"),
     Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the force with which an ideal joint resists sliding, whatever it carries, a number >= 0",
     ),
 ]
@@ -259,7 +278,7 @@ FrictionTorque = Annotated[
     Quantity("torque"),
     Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the torque with which an ideal joint resists turning, whatever it carries, a number >= 0",
     ),
 ]
@@ -268,7 +287,7 @@ BreakawayForce = Annotated[
     Quantity("force"),
     Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the force at which an ideal joint that sticks begins to slide; default: friction_force",
     ),
 ]
@@ -277,7 +296,7 @@ BreakawayTorque = Annotated[
     Quantity("torque"),
     Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the torque at which an ideal joint that sticks begins to turn; default: friction_torque",
     ),
 ]
@@ -285,7 +304,7 @@ OneWay = Annotated[
     Literal["forward", "backward"] | None,
     Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the only way in which an ideal joint moves, along or about the first side's axis (forward) or "
         "against it (backward), as a clutch or fine ratchet has it; default: both",
     ),
@@ -410,7 +429,7 @@ class Prismatic(Joint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
 
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    limits: TravelLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
     friction_force: FrictionForce
     breakaway_force: BreakawayForce
     one_way: OneWay
@@ -513,7 +532,7 @@ class Lobes(TableModel):
 
 LobedForm = Annotated[
     Lobes | None,
-    Field(default=None, exclude_if=_not_given, description="its form, if it is not round: { number, height, phase }"),
+    Field(default=None, exclude_if=not_given, description="its form, if it is not round: { number, height, phase }"),
 ]
 
 
@@ -525,7 +544,7 @@ class Journal(Line):
     )
     diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the diameter of the pin, a number > 0, in place of its radius; with that of the bearing",
     )
     lobes: LobedForm
@@ -536,7 +555,7 @@ class Bearing(Line):
 
     diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the diameter of the bore, a number > 0; with that of the journal, in place of radial_clearance",
     )
     lobes: LobedForm
@@ -585,14 +604,14 @@ class JournalJoint(Joint):
     )
     taper: Annotated[tuple[float, ...] | None, BeforeValidator(_numbers), Quantity("length")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="by how much the clearance at each ring exceeds radial_clearance, one number for each ring",
     )
     ring_offsets: Annotated[
         tuple[tuple[float, float, float], ...] | None, BeforeValidator(_offsets), Quantity("length")
     ] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="how far the centre of each ring is off the bearing's axis, as of bores in two walls: one vector"
         " for each ring, in the frame of the body",
     )
@@ -688,7 +707,7 @@ class Cylindrical(JournalJoint):
     """A journal that turns and slides in its bearing."""
 
     type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    limits: TravelLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
     friction_force: FrictionForce
     breakaway_force: BreakawayForce
     friction_torque: FrictionTorque
@@ -701,7 +720,7 @@ class Revolute(JournalJoint):
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "taper", "axial_clearance")
 
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
-    limits: AngleLimits | None = Field(default=None, exclude_if=_not_given, description=LIMITS)
+    limits: AngleLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
     friction_torque: FrictionTorque
     breakaway_torque: BreakawayTorque
     one_way: OneWay

@@ -14,6 +14,7 @@ from engine.mechanism.base import (
     PositiveNumber,
     TableModel,
     Vector,
+    not_given,
     one_of,
     refuse,
 )
@@ -90,11 +91,6 @@ ActionOfTorque = Annotated[
 
 
 # Springs and dampers whose force is a table, instead of a stiffness or a damping.
-
-
-def _not_given(value: Any) -> bool:
-    """Return whether there is none; the digests of earlier mechanisms stay."""
-    return value is None
 
 
 def _table(over: str, value: str, apart: str) -> Any:
@@ -194,7 +190,7 @@ class LinearSpring(TableModel):
     )
     law: ForceOverLength | None = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the force over the length, { table }, instead of stiffness and free_length; > 0 pushes",
     )
     preload: Annotated[Number, Quantity("force")] = Field(
@@ -235,7 +231,7 @@ class TorsionSpring(TableModel):
     )
     law: TorqueOverAngle | None = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the torque on b over the rotation of b relative to a, { table }, instead of stiffness, free_angle",
     )
     preload: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the deflection")
@@ -266,7 +262,7 @@ class LinearDamper(TableModel):
     )
     law: ForceOverSpeed | None = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the force over the rate of its length, with its sign, { table }, instead of damping",
     )
 
@@ -288,7 +284,7 @@ class TorsionDamper(TableModel):
     )
     law: TorqueOverSpeed | None = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the torque over the angular speed, with its sign, { table }, instead of damping",
     )
 
@@ -307,7 +303,7 @@ class Force(TableModel):
     body: Name = Field(description="the body the force acts on")
     against: Name | None = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the body on which the opposite force acts, at the same place; default: none",
     )
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where it acts, in the body frame")
@@ -328,7 +324,7 @@ class Torque(TableModel):
 
     body: Name = Field(description="the body the torque acts on")
     against: Name | None = Field(
-        default=None, exclude_if=_not_given, description="the body on which the opposite torque acts; default: none"
+        default=None, exclude_if=not_given, description="the body on which the opposite torque acts; default: none"
     )
     torque: Annotated[Vector, Quantity("torque")] = Field(description="the torque [x, y, z]")
     frame: Frame = Field(default="world", description="the axes of the torque: world or body")

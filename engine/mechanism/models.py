@@ -579,7 +579,7 @@ class Mechanism(TableModel):
         material = self.materials[name] if name else Material(friction=0.0)
         return (
             material.friction if pair.friction is None else pair.friction,
-            material.restitution if pair.restitution is None else pair.restitution,
+            (0.0 if pair.spring[0] else material.restitution) if pair.restitution is None else pair.restitution,
         )
 
     def stretch(self, body: str) -> float:

@@ -42,11 +42,25 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_unknown_coordinates(data),
         *_unknown_expansions(data),
         *_unknown_laws(data),
+        *_springs_without_projection(data),
         *_unknown_responses(data),
         *_derived_faults(data),
         *events_of_events(data),
         *broken_phases(data),
     ]
+
+
+def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield each stiffness of a contact or a stop that the plain scheme does not compute."""
+    if sub_table(data, "simulation").get("scheme") != "moreau_jean":
+        return
+    contacts = [("contacts", name, entry) for name, entry in named_tables(data, "contacts").items()]
+    stops = [("joints", name, sub_table(entry, "limits")) for name, entry in named_tables(data, "joints").items()]
+    for table, name, entry in (*contacts, *stops):
+        if entry.get("stiffness") is not None:
+            key = (table, name, *(("limits",) if table == "joints" else ()), "stiffness")
+            text = "the scheme moreau_jean has rigid contacts only; allowed: none; remove it, or the scheme"
+            yield Fault(key, text, entry["stiffness"])
 
 
 def _sides(table: str, entry: Mapping[str, Any]) -> tuple[str, str]:

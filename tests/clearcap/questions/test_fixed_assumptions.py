@@ -8,6 +8,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from engine.mechanism import get_value, load_mechanism, set_values, unit_of
+from engine.mechanism.joints import AngleLimits
 from tests.engine.small import made
 from tests.engine.test_couplings import wheels
 
@@ -99,5 +100,12 @@ def test_friction_of_ideal_joints_and_backlash_are_there(plan):
     by_key = {each.key: each for each in found}
     assert (by_key["joints.first.friction_torque"].value, by_key["joints.first.friction_torque"].unit) == (0.3, "N m")
     assert by_key["couplings.mesh.backlash"].value == 0.02
+    stop = mechanism.joints["second"].model_copy(
+        update={"limits": AngleLimits(lower=-1.0, upper=1.0, stiffness=7.0, damping=0.1)}
+    )
+    springy = mechanism.model_copy(update={"joints": {**mechanism.joints, "second": stop}})
+    by_key = {each.key: each for each in fixed_assumptions(replace(plan, spec=spec, mechanism=springy))}
+    assert by_key["joints.second.limits.stiffness"].value == 7.0
+    assert by_key["joints.second.limits.damping"].unit == "N m s/rad"
     button = fixed_assumptions(replace(plan, spec=spec, mechanism=load_mechanism("push_button")))
     assert {each.key: each.value for each in button}["springs.dome.law.table"] == "5 points"
