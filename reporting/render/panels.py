@@ -150,12 +150,13 @@ def chart_words(chart: ControlChart) -> str:
 
 
 def marked_words(chart: ControlChart) -> str:
-    """Return how many points of a chart break a rule, and which rules."""
+    """Return how many points of a chart break a rule, and of measured parts which rules."""
     count = len(chart.marked)
-    if not count:
-        return "No point breaks a rule"
+    words = {0: "No point breaks a rule", 1: "1 point breaks a rule"}.get(count, f"{count} points break a rule")
+    if not count or chart.spread is None:
+        return words
     rules = "; ".join(f"{name}, {chart.texts[name]}: {len(those)}" for name, those in chart.marks.items() if those)
-    return f"{'1 point breaks' if count == 1 else f'{count} points break'} a rule ({rules})"
+    return f"{words} ({rules})"
 
 
 def deciding_fit(response: ResponseAnalysis) -> Fit | None:
