@@ -41,6 +41,8 @@ STAGES_OF_STEP = {
     "first_active_set": CONTACTS,
     "look_at_active_contacts": CONTACTS,
     "gather_problem": CONTACTS,
+    "soften": CONTACTS,
+    "compress": CONTACTS,
     "apply_impulses": CONTACTS,
     "grow_active_set": CONTACTS,
     "fastest_body": CONTACTS,
