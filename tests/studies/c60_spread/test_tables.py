@@ -85,10 +85,10 @@ def test_tables_of_all_responses():
 # -- the document ----------------------------------------------------------------------------------------------------
 
 
-def table_after(head):
+def table_after(head, page=PAGE):
     """Return the rows of the document's table with a head, cell by cell."""
-    assert PAGE.count(head) == 1
-    lines = PAGE[PAGE.index(head) :].split("\n\n")[0].splitlines()
+    assert page.count(head) == 1
+    lines = page[page.index(head) :].split("\n\n")[0].splitlines()
     return [re.split(r" \| ", line.strip("| ")) for line in lines[len(head.splitlines()) :] if set(line) - set("|- ")]
 
 
