@@ -342,7 +342,8 @@ def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
 
     def root(body: int) -> int:
         while parent[body] != body:
-            body = parent[body] = parent[parent[body]]
+            parent[body] = parent[parent[body]]
+            body = parent[body]
         return body
 
     for a, b in linked.tolist():
