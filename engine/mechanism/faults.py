@@ -16,6 +16,7 @@ from engine.mechanism.base import is_number
 from engine.mechanism.closest import closest
 from engine.mechanism.components import declared
 from engine.mechanism.quantities import Quantity, UnitSystem
+from engine.mechanism.recipes import recipe_for
 
 MOST_FAULTS = 50  # listed per file
 
@@ -77,12 +78,13 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
             return Fault(keys, f"missing; it is {field.description if field else 'required'}; add it")
         case "extra_forbidden":
             known = at.known_keys
-            return Fault(keys, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(at.path[-1], known)}")
+            remedy = did_you_mean(at.path[-1], known) or recipe_for(at.path[-1])
+            return Fault(keys, f"unknown key; allowed here: {', '.join(known)}{remedy}")
         case "union_tag_not_found":
             return Fault((*keys, "type"), f"missing; allowed: {', '.join(_tags(field))}; add type = ...")
         case "union_tag_invalid":
             tag, known = str(context["tag"]), _tags(field)
-            text = f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}"
+            text = f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known) or recipe_for(tag)}"
             return Fault((*keys, "type"), text, tag)
     if details["loc"] and details["loc"][-1] == "[key]":
         return Fault(keys, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from engine import simulate
+from engine.errors import MechanismError
 from engine.mechanism import mechanism_from
+from engine.mechanism.recipes import RECIPES as TITLES
+from tests.engine.small import block_on_floor, made
 
 PAGE = (Path(__file__).parents[2] / "docs" / "modelling.md").read_text(encoding="utf-8")
 HEADER, *RECIPES = re.split(r"^## ", PAGE, flags=re.M)
@@ -30,3 +33,16 @@ def test_a_recipe_gives_what_it_says(title):
     stated = re.findall(r"`(\w+) = ([\d.]+)`", FOUND[title].split("```")[-1])
     assert stated
     assert {n: run.responses[n] for n, _ in stated} == {n: pytest.approx(float(v), rel=1e-3) for n, v in stated}
+
+
+def test_an_unknown_key_or_type_names_its_recipe():
+    """Each title is one of the page."""
+    assert TITLES.keys() <= {text.split("\n", 1)[0] for text in PAGE.split("\n## ")}
+    data = block_on_floor()
+    data["contacts"]["corner_0"]["a"]["mesh"] = {"file": "a.stl"}
+    data["joints"] = {"pair": {"type": "gear"}}
+    data["solenoids"] = {}
+    with pytest.raises(MechanismError) as caught:
+        made(data)
+    for title in ("What there is none of yet", "A pair of gears", "A solenoid or magnet"):
+        assert f'see "{title}' in str(caught.value)
