@@ -73,7 +73,7 @@ class GaugeStudy:
     anova: tuple[AnovaRow, ...]
     components: tuple[Component, ...]  # of "gauge R&R", its parts, "part" and "total"
     ndc: int  # number of distinct categories, ``sqrt(2) part / R&R``, rounded down, at least 1
-    ndc_interval: tuple[int, int | None]  # None: no upper end
+    ndc_interval: tuple[int, int]
     freedom: float  # effective degrees of freedom of R&R (Satterthwaite)
     confidence: float
     verdict: str  # by AIAG's bars, in words

@@ -74,7 +74,7 @@ class Line(BodyPoint):
     axis: Direction = Field(description="the direction of the axis, in the frame of the body")
     deviation: Deviation | None = Field(
         default=None,
-        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        exclude_if=not_given,
         description="how the part is off its drawing: { off, way, tilt, tilt_way }",
     )
 

@@ -36,6 +36,7 @@ from engine.mechanism.base import (
     TableModel,
     Vector,
     is_number,
+    not_given,
     refuse,
     with_numbers,
 )
@@ -132,11 +133,6 @@ def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
     return tuple((float(c[0]), float(c[1]), float(c[2]) if len(c) == 3 else 0.0) for c in corners)
 
 
-def _not_given(value: Any) -> bool:
-    """Return whether there is none; the digests of earlier mechanisms stay."""
-    return value is None
-
-
 class Body(TableModel):
     """A rigid body. At the start its frame is at ``origin``, rotated by ``angle`` about ``axis``."""
 
@@ -155,12 +151,12 @@ class Body(TableModel):
     )
     expansion: Annotated[Annotated[Number, Field(ge=-1e-3, le=1e-3)] | None, Quantity("expansion")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the coefficient of linear thermal expansion, a number; default: that of its material by name",
     )
     growth: Annotated[Annotated[Number, Field(ge=-0.5, le=0.5)] | None, Quantity("number")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="by which share all lengths of the body exceed those of the file, as by shrinkage or moisture",
     )
     center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
@@ -309,7 +305,7 @@ class Simulation(TableModel):
     )
     assembly_travel: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
         " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism",
     )
@@ -384,7 +380,7 @@ class Mechanism(TableModel):
     )
     temperature: Annotated[Annotated[Number, Field(gt=-273.15, le=1000)] | None, Quantity("temperature")] = Field(
         default=None,
-        exclude_if=_not_given,
+        exclude_if=not_given,
         description="the temperature of all bodies, whose lengths in the file are those at 20 degC; default: 20",
     )
     validity: tuple[ValidityCondition, ...] = Field(

@@ -6,7 +6,18 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
-from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, PositiveNumber, TableModel, refuse
+from engine.mechanism.base import (
+    BodyPoint,
+    Direction,
+    Length,
+    Name,
+    Number,
+    Point,
+    PositiveNumber,
+    TableModel,
+    not_given,
+    refuse,
+)
 from engine.mechanism.conditions import At, ValidityCondition
 from engine.mechanism.dimensions import MeasurableQuantity
 from engine.mechanism.expression import LONGEST, ExpressionFault, names_in, parse
@@ -78,7 +89,7 @@ class Formula(Derived):
     stated: MeasurableQuantity | None = Field(
         default=None,
         alias="quantity",
-        exclude_if=lambda value: value is None,
+        exclude_if=not_given,
         description="what it measures, such as energy, where the formula does not show it",
     )
 
@@ -261,7 +272,7 @@ class Force(Measured):
 
     averaged_over: Annotated[PositiveNumber | None, Quantity("time")] = Field(
         default=None,
-        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        exclude_if=not_given,
         description="time constant of a mean over the past, as a load cell shows it behind a filter of first order; "
         "default: the force of one step, which at an impact depends on the step",
     )

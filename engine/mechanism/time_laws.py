@@ -9,7 +9,18 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, Tag, model_validator
 
-from engine.mechanism.base import Direction, Name, Number, Point, PositiveNumber, TableModel, is_number, one_of, refuse
+from engine.mechanism.base import (
+    Direction,
+    Name,
+    Number,
+    Point,
+    PositiveNumber,
+    TableModel,
+    is_number,
+    not_given,
+    one_of,
+    refuse,
+)
 from engine.mechanism.quantities import Quantity
 
 Points = tuple[tuple[float, float], ...]
@@ -63,7 +74,7 @@ class FactorTable(TableLaw):
 
     over: Name | None = Field(
         default=None,
-        exclude_if=lambda value: value is None,  # so that the digests of earlier mechanisms stay
+        exclude_if=not_given,
         description="a response that the factor depends on, a position, angle or speed, instead of the time",
     )
 

@@ -10,6 +10,7 @@ from engine import simulate
 from engine.errors import MechanismError
 from engine.mechanism import mechanism_from
 from engine.mechanism.recipes import RECIPES as TITLES
+from engine.mechanism.recipes import recipe_for
 from tests.engine.small import block_on_floor, made
 
 PAGE = (Path(__file__).parents[2] / "docs" / "modelling.md").read_text(encoding="utf-8")
@@ -46,3 +47,8 @@ def test_an_unknown_key_or_type_names_its_recipe():
         made(data)
     for title in ("What there is none of yet", "A pair of gears", "A solenoid or magnet"):
         assert f'see "{title}' in str(caught.value)
+
+
+def test_a_word_within_another_asks_for_no_recipe():
+    assert [word for word in ("bracket", "track_width", "pressure", "rebound") if recipe_for(word)] == []
+    assert "A rack, a screw" in recipe_for("drive-rack")
