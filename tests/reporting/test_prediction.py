@@ -52,6 +52,14 @@ def test_what_differs_is_said():
     assert validation(*of(d=x), *of(d=a[:300])).predictions[0].beyond_interval is None
 
 
+def test_a_sigma_too_small_is_as_far_off_as_one_too_large():
+    """Half or twice the predicted one: within a factor of more than two, either way."""
+    y = np.random.default_rng(4).normal(size=1000)
+    factors = [validation(*of(d=k * y[:200]), *of(d=y)).predictions[0].std_within for k in (0.5, 2.0)]
+    assert min(factors) > 2.0
+    assert max(factors) < 2.6
+
+
 def test_samples_that_are_no_production_predict_nothing():
     x = of(d=np.arange(20.0))
     corners = replace(x[1], sampler="worst_case", design=Design(False, "corners"))

@@ -93,6 +93,13 @@ def test_parts_are_in_the_order_of_a_column_and_lots_in_the_order_in_which_they_
         assert table["production lot"].to_pylist() == [0, 0, 1, 1, 2, 2]
 
 
+def test_days_and_months_are_told_apart_by_the_whole_column():
+    """The last of January was before the first of February, with the day first, or the month, as one date tells."""
+    for column in (["01/02/26", "31/01/26"], ["02/01/26", "01/31/26"], ["01.02.2026", "09.01.2026"]):
+        table = parts_table(pd.DataFrame({"d": [2.0, 1.0], "at": column}), load_limits(LIMITS | {"order": "at"}))
+        assert table["d"].to_pylist() == [1.0, 2.0], column
+
+
 def test_empty_rows_are_no_parts_and_two_columns_of_one_name_are_refused(tmp_path):
     (tmp_path / "a.csv").write_text("no;d\n1;20,01\n;\n2;\n3;20,02\n;\n")
     (tmp_path / "b.csv").write_text("d,d\n20.01,30\n")

@@ -3,7 +3,25 @@
 import numpy as np
 import pytest
 
-from reporting.capability.measurement import behind_gauge
+from reporting.capability.measurement import behind_gauge, conformity
+
+
+def test_the_variance_of_the_gauge_is_taken_out() -> None:
+    x = np.array([-5.0, 5.0] * 50) * np.sqrt(99 / 100)  # standard deviation 5, of which the gauge has 4
+    found = behind_gauge(x, -9.0, 9.0, 4.0, None, 0.95, "")
+    assert (found.share, found.std, found.cpk) == (pytest.approx(0.64), pytest.approx(3.0), pytest.approx(1.0))
+    assert found.of_tolerance == pytest.approx(24 / 18)
+    nothing = behind_gauge(x, -9.0, 9.0, 5.0, None, 0.95, "")
+    assert (nothing.std, nothing.cpk, nothing.cpk_interval) == (None, None, None)
+
+
+def test_near_a_limit_nothing_is_proved() -> None:
+    """ISO 14253-1, limits 0 and 10, expanded uncertainty 1: proved within 1 to 9, proved not beyond -1 and 11."""
+    x = np.array([-1.1, -0.9, 0.5, 1.0, 5.0, 9.0, 9.1, 10.9, 11.1])
+    found = conformity(x, 0.0, 10.0, 1.0)
+    assert (found.low, found.high) == (1.0, 9.0)
+    assert (found.conforming, found.nonconforming, found.undecided) == (3, 2, 4)
+    assert conformity(x, None, 10.0, 1.0).conforming == 6
 
 
 @pytest.mark.slow
