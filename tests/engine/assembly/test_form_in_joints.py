@@ -79,6 +79,18 @@ def brute(points: np.ndarray, lobes: Any) -> np.ndarray:
     return least.min(axis=-1) - radius
 
 
+def test_the_point_of_a_contact_lies_on_its_lobe():
+    """It is the arm of friction about the axis."""
+    lobes = {"number": 3, "height": 0.01, "phase": -0.4}
+    assembly = assemble(made(ring(None, lobes)))
+    place(assembly, 0, [0.02, 0.01, 0.0], Rotation.identity())
+    gap, sites = np.zeros(len(assembly.contact_names)), assembly.work.sites
+    find_contacts(assembly.model.contacts, assembly.state.x, assembly.state.R, gap, sites.point, sites.frame)
+    centres = discs(lobes, 1.0)
+    arms = np.linalg.norm(sites.point[: len(gap), :2] - centres, axis=1)
+    assert arms == pytest.approx(RADIUS - np.hypot(*centres[0]), abs=1e-12)
+
+
 FORMS: list[tuple[Any, Any]] = [
     ({"number": 2, "height": 0.02, "phase": 0.3}, None),
     ({"number": 3, "height": 0.005}, None),
