@@ -88,9 +88,15 @@ def timed_loop() -> tuple[Callable[..., None], np.ndarray]:
 
 
 def _rebound(kernel: Any, names: Mapping[str, Any]) -> FunctionType:
-    """Return the function of a kernel with some of the functions it calls replaced, by name."""
+    """Return the function of a kernel with some of the functions it calls replaced, by name.
+
+    Its own name differs: machine code that is read from the disk may have a function of the same name and number, which
+    would then be called in its place.
+    """
     function = kernel.py_func
-    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
+    copy = FunctionType(function.__code__, {**function.__globals__, **names}, f"timed_{function.__name__}")
+    copy.__qualname__ = copy.__name__
+    return copy
 
 
 def _timed(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
