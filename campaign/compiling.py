@@ -24,8 +24,7 @@ _announcing = threading.Lock()  # one announcer per process: estimating the run 
 def compile_engine() -> None:
     """Compile everything that campaigns need, unless it is in the cache of compiled code; log this.
 
-    Kernels that are compiled together share most of the work: one that is left for later takes one second here, but ten
-    in another process. A process that needs the first of them should therefore compile all.
+    Kernels compiled together share most of the work: one left for later takes one second here, ten in another process.
     """
     if missing := missing_kernels():
         with announced_compilation(missing):
@@ -41,21 +40,14 @@ def _compile_apart() -> None:
 
 
 def load_engine() -> None:
-    """Load everything that runs need into this process, so that loading and compiling do not count as time of a run.
-
-    What is not in the cache of compiled code is compiled, and this is logged.
-    """
+    """Load, or compile, what runs need, so that this does not count as time of a run."""
     with announced_compilation(missing_kernels()):
         warm_up()
 
 
 @contextmanager
 def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
-    """Log during the block that the engine is being compiled, and for how long, once the first kernel is written.
-
-    `missing` are the files that compiling writes; see `engine.missing_kernels`. Nothing is logged if no file is
-    missing, or if the block lies within another such block.
-    """
+    """Log during the block that the engine is compiled, once the first of the ``missing`` files is written."""
     if not missing or not _announcing.acquire(blocking=False):
         yield
         return

@@ -14,8 +14,5 @@ _NUMERICAL = re.compile(r"(?!.*_NUM_THREADS$)((OPENBLAS|OMP|MKL|BLIS|NPY)_.*|NUM
 
 
 def numerical(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Return the variables of an environment on which the last digits of a number depend.
-
-    Processes of one campaign must agree in them, so whoever starts a process with another environment passes them on.
-    """
+    """Return the variables on which the last digits of a number depend; who starts a process passes them on."""
     return {name: value for name, value in environment.items() if _NUMERICAL.fullmatch(name)}

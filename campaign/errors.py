@@ -67,9 +67,6 @@ class UnreachableError(CampaignError):
 
 
 def error_named(kinds: Iterable[str], *modules: ModuleType) -> type[CampaignError] | None:
-    """Return the first class of these names in some modules, for an error from another process; None if there is none.
-
-    Its constructor takes the message alone.
-    """
+    """Return the first class of these names in some modules, made from a message alone; None if there is none."""
     found = (getattr(module, kind, None) for kind in kinds for module in modules)
     return next((each for each in found if isinstance(each, type) and issubclass(each, CampaignError)), None)

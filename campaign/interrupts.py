@@ -50,10 +50,7 @@ def exit_at_interrupt() -> Iterator[None]:
 
 
 def in_unraisable_hook(frame: FrameType | None) -> bool:
-    """Return whether a frame belongs to the hook for swallowed exceptions, where another one would be lost too.
-
-    The frame is the one where a signal interrupted this process.
-    """
+    """Return whether a frame belongs to the hook for swallowed exceptions, where another one would be lost too."""
     hook = getattr(sys.unraisablehook, "__code__", None)
     while frame is not None:
         if frame.f_code is hook:

@@ -108,10 +108,7 @@ def seal_plan(content: Mapping[str, Any]) -> str:
 
 
 def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
-    """Read ``plan.json``: its checked header, and the document as written, which is not checked in format 1.
-
-    Raises StoreError if the file has another format, or was changed after it was written.
-    """
+    """Read ``plan.json``: its checked header, and the document as written, which is not checked in format 1."""
     try:
         document = json.loads(text)
         if document["format"] not in (FORMAT, WITHOUT_DIGEST):
@@ -206,10 +203,7 @@ def _repeats(document: Mapping[str, Any]) -> float:
 
 
 def usual_share(samples: int) -> float:
-    """Return the share of the samples that a campaign repeats unless it asks for another.
-
-    It is 3 %, raised to at most 5 % to get twenty repeats, and lowered so that there are at most 300.
-    """
+    """Return the share of its samples that a campaign repeats: 3 %, up to 5 % to get twenty, 300 at most."""
     return min(max(USUAL_SHARE, min(WANTED / samples, LARGEST_USUAL)), ENOUGH / samples)
 
 
@@ -266,10 +260,7 @@ class RepeatPlan(PlanHeader):
 
 
 def plan_repeats(campaign: PlanHeader, shares: Sequence[float]) -> tuple[RepeatPlan, ...]:
-    """Return the sets of repeats of a campaign for rising shares of its samples.
-
-    Each set holds the repeats that its share adds to the share before it; empty sets are left out.
-    """
+    """Return the sets of repeats that rising shares of the samples add, each to the one before; empty ones left out."""
     firsts = [first for first, _ in campaign.batches]
     columns = [*campaign.columns, {"name": SETTINGS, "type": "string", "unit": "", "nullable": False}]
     plans = []

@@ -20,10 +20,7 @@ def cores() -> int:
 
 @contextmanager
 def meanwhile(act: Callable[[threading.Event], None], name: str) -> Iterator[None]:
-    """Run a function in a thread during the block; it gets an event that is set when the block ends, and then returns.
-
-    If it fails to return, it does not keep the process from ending.
-    """
+    """Run a function in a daemon thread during the block; the event that it gets is set when the block ends."""
     over = threading.Event()
     thread = threading.Thread(target=act, args=(over,), name=name, daemon=True)
     thread.start()

@@ -21,11 +21,10 @@ UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of 
 
 @lru_cache(maxsize=1)
 def row_build() -> str:
-    """Return the build of this installation.
+    """Return the build of this installation; two machines with the same one and type of processor compute the same row.
 
-    Two machines with the same build and type of processor compute the same row. It consists of hashes of the sources of
-    `engine`, `campaign` and the distributions, and versions of Python and the numerical libraries: ``engine 5d0e...,
-    campaign 9ab1..., distributions 77c0..., python 3.11.7, numpy 2.4.1, ...``.
+    It has hashes of sources, and versions of Python and numerical libraries: ``engine 5d0e..., campaign 9ab1...,
+    distributions 77c0..., python 3.11.7, numpy 2.4.1, ...``.
     """
     ingredients = {
         "engine": engine_sources(),

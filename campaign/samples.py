@@ -44,10 +44,7 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
 
 
 def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
-    """Return the variables and responses of the rows of independent samples, in the order of the rows.
-
-    The tables have the columns `columns_read`. Samples that cannot be assembled are left out where a limit judges them.
-    """
+    """Return the independent samples in tables of `columns_read`, without those not assemblable that a limit judges."""
     pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
     samples = [np.empty(0, np.int64)]
     for table in tables:

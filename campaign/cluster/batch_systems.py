@@ -37,11 +37,7 @@ _NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload",
 
 @contextmanager
 def batch_jobs(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement]]:
-    """Start a scheduler in this process and workers as jobs; yield a client and the jobs, and cancel them at the end.
-
-    Raises SpecError if the package is missing, or its configuration lacks a required setting; UnreachableError if the
-    batch system refuses the jobs, or its commands are not on this machine.
-    """
+    """Start a scheduler here and workers as jobs; yield a client and the jobs, and cancel them at the end."""
     with job_certificates(cluster) as certificates, scratch_folder() as scratch:
         with dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}), interrupts_held():
             jobs = job_cluster(cluster, certificates)
@@ -59,10 +55,7 @@ def batch_jobs(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement]]:
 
 
 def submission(cluster: Cluster) -> str:
-    """Return what would be submitted to a batch system, or to Kubernetes, and how often; nothing is submitted.
-
-    Raises what `batch_jobs` and `kubernetes_resource` raise before they submit anything.
-    """
+    """Return what would be submitted to a batch system, or to Kubernetes, and how often; nothing is submitted."""
     if cluster.kind == "kubernetes":
         yaml = _package("yaml", "kubernetes", "kubernetes")
         return str(yaml.safe_dump(_scaled_manifest(cluster), sort_keys=False))
@@ -126,10 +119,7 @@ def _muted(name: str) -> Iterator[None]:
 
 
 def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
-    """Return dask-jobqueue's cluster: a scheduler in this process, and no jobs yet.
-
-    A job has one single-threaded worker per core.
-    """
+    """Return dask-jobqueue's cluster without jobs yet; a job has one single-threaded worker per core."""
     kind = cluster.kind
     jobqueue = _package("dask_jobqueue", "jobqueue", kind)
     if cluster.workers is None:
@@ -169,14 +159,7 @@ def _setting(kind: str, key: str) -> Any:
 
 @contextmanager
 def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
-    """Create the ``DaskCluster`` of dask's configuration, unless it exists, and yield the address of its scheduler.
-
-    It is deleted at the end if it was created here, unless ``kubernetes.shutdown-on-close`` is false. The address is
-    valid only inside Kubernetes, so the coordinator must run there too.
-
-    Raises SpecError if the package or certificates are missing, or the configuration names no manifest;
-    UnreachableError if Kubernetes does not answer, or refuses the request.
-    """
+    """Yield the scheduler's address, valid inside Kubernetes, of a ``DaskCluster``; delete one that was made here."""
     _package("dask_kubernetes", "kubernetes", "kubernetes")
     kr8s, httpx = (_package(name, "kubernetes", "kubernetes") for name in ("kr8s", "httpx"))
     objects = importlib.import_module("kr8s.objects")

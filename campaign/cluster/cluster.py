@@ -146,10 +146,7 @@ def workers_in(text: str) -> int | tuple[int, int]:
 
 
 def security(tls: Tls | None) -> Security | None:
-    """Return checked certificates for dask: the given ones, or those of dask's configuration; None without either.
-
-    Raises SpecError if a file is missing, unreadable or invalid, or if other users can read the private key.
-    """
+    """Return checked certificates for dask: the given ones, or those of dask's configuration; None without either."""
     tls = tls or configured()
     if tls is None:
         return None

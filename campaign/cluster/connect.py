@@ -34,10 +34,7 @@ PODS_WITHIN = 300.0  # s; images may have to be fetched first
 
 
 def check_cluster(cluster: Cluster) -> None:
-    """Refuse options that contradict each other or allow unencrypted traffic, before any work is done.
-
-    Raises SpecError, which names the option and says what to write instead.
-    """
+    """Refuse options that contradict each other or allow unencrypted traffic, before any work is done."""
     if cluster.kind not in KINDS:
         raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
     if cluster.scheduler is not None and cluster.kind != "local":
@@ -61,14 +58,10 @@ def check_cluster(cluster: Cluster) -> None:
 
 @contextmanager
 def connect(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement | None]]:
-    """Start or reach a cluster and yield a dask client to it, and the jobs of a batch system that are its workers.
+    """Start or reach a cluster; yield a dask client to it, and the jobs of a batch system that are its workers.
 
     Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
     is lost, the block can be left as usual, and another call connects again.
-
-    Raises SpecError if the options contradict each other, a TLS file is missing, unreadable or invalid, or traffic
-    beyond this machine would be unencrypted; UnreachableError if no scheduler answers in time, or either side rejects
-    the other's certificate.
     """
     check_cluster(cluster)
     if cluster.scheduler is not None:
@@ -105,10 +98,7 @@ def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
 
 @contextmanager
 def client_at(address: str, with_security: Security | None, within: float | None = None) -> Iterator[Client]:
-    """Yield a client to the scheduler at an address, waiting for it at most ``within`` seconds.
-
-    Raises UnreachableError if it does not answer in time, or either side rejects the other's certificate.
-    """
+    """Yield a client to a scheduler; UnreachableError if it does not answer in time or rejects the certificate."""
     within = within or REACHED_WITHIN
     with dask.config.set(SETTINGS), silence_logging_cmgr(logging.CRITICAL):
         _reach(address, with_security, within)

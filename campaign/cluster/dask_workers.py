@@ -43,11 +43,7 @@ def connect_workers(cluster: Cluster) -> Iterator[Workers]:
 
 
 class DaskWorkers:
-    """The workers that a dask client reaches, which is not closed here; see `campaign.cluster.workers.Workers`.
-
-    ``jobs`` are those of a batch system that have the workers. If workers that were ``started_here``, as processes of
-    this machine, are all gone, no one else starts new ones.
-    """
+    """The workers that a dask client reaches; ``jobs`` are those of a batch system that have them."""
 
     def __init__(self, client: Client, jobs: JobReplacement | None = None, *, started_here: bool = False) -> None:
         self._client, self._jobs = client, jobs
@@ -214,10 +210,7 @@ class DaskWorkers:
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function on a worker; add the worker's address to its error, so that the worker can be refused.
-
-    Meanwhile it tells at once when the store refuses: it tries again for minutes before it gives up.
-    """
+    """Call a function on a worker, whose address its error gets; tell at once of a store that refuses for minutes."""
     worker = get_worker()
 
     def tell(fault: str) -> None:
@@ -233,13 +226,10 @@ def _call(function: Callable[..., T], *arguments: Any) -> T:
 
 
 class Liveness:
-    """Which workers are silent, that is, send no heartbeat because they hang or were stopped.
+    """Which workers have sent no heartbeat for ``longest`` seconds, because they hang or were stopped.
 
-    The time without one is counted only while this process is awake. A check adds at most twice the interval between
-    checks: if a laptop sleeps or all processes of a campaign are stopped, there are no checks, and no worker is to
-    blame.
-
-    A worker is silent after ``longest`` seconds without a heartbeat.
+    The time without one is counted only while this process is awake: a check adds at most twice the interval between
+    checks. If a laptop sleeps or all processes of a campaign are stopped, no worker is to blame.
     """
 
     def __init__(self, longest: float) -> None:
@@ -249,11 +239,7 @@ class Liveness:
         self._looked_at: float | None = None
 
     def look(self, heartbeats: Mapping[str, float], now: float) -> list[str]:
-        """Record the last heartbeat of each worker and return the silent workers, whose counts then start anew.
-
-        The times of heartbeats are by the receiver's clock and only checked for changes; ``now`` is this process's
-        monotonic clock [s].
-        """
+        """Return the workers silent at a monotonic time [s], and count anew; only heartbeats that change count."""
         passed = 0.0 if self._looked_at is None else min(now - self._looked_at, 2.0 * LOOK_INTERVAL)
         self._looked_at = now
         self._silent_for = {
@@ -267,11 +253,7 @@ class Liveness:
 
 
 class PrestartedWorkers:
-    """A context that starts workers while their campaign is still being planned, and ends them at its exit.
-
-    They are started in a thread, for the first `connect`, and kept for the next ones. Only processes of this machine
-    start early; other workers are connected when needed.
-    """
+    """Workers of this machine that start while their campaign is still planned, and last for all calls of `connect`."""
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
@@ -300,10 +282,7 @@ class PrestartedWorkers:
 
     @contextmanager
     def connect(self, cluster: Cluster) -> Iterator[Workers]:
-        """Yield the workers that started early, or those of the call before; connect to some if there are none.
-
-        Workers whose block ended with an error are ended. Raises the same errors as `connect_workers`.
-        """
+        """Yield the workers that are there, or connect to some; those whose block ended with an error are ended."""
         self._wait()
         error, self._error = self._error, None
         if error is not None:

@@ -79,10 +79,7 @@ def _oar(answer: str) -> dict[str, QueuedJob]:
 
 
 def _pbs(answer: str) -> dict[str, QueuedJob]:
-    """Return the jobs in the table of ``qstat -s``.
-
-    The id is in the first column, the state in the last but one; below each job may stand the comment of the scheduler.
-    """
+    """Return the jobs in the table of ``qstat -s``: id first, state last but one, a comment below a job that waits."""
     jobs: dict[str, QueuedJob] = {}
     last = ""
     for line in answer.splitlines():

@@ -71,13 +71,9 @@ PRELOAD = {"distributed.worker.preload": [NO_DASHBOARD, "campaign.worker.preload
 
 @contextmanager
 def local_client(workers: int, security: Security | None = None) -> Iterator[Client]:
-    """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end.
+    """Start ``workers`` processes, and yield a dask client to them; without certificates there are passing ones.
 
-    Each worker and this process may use an equal share of the machine's memory. A worker that takes more is restarted,
-    and its batch counts as one that killed its worker.
-
-    ``security`` None makes new certificates that exist only during the run. Raises UnreachableError if the workers fail
-    to start several times in a row.
+    Each worker and this process may use an equal share of the memory; a worker that takes more is restarted.
     """
     security = security or passing_security()
     settings = {**SETTINGS, **CLOSED, **PRELOAD}

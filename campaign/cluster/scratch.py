@@ -20,10 +20,7 @@ PREFIX = "clearcap-scratch-"
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a folder of mode 0700 and yield it; remove it at the end, and folders of killed runs at the start.
-
-    Raises UnreachableError if the folder cannot be made.
-    """
+    """Make a folder of mode 0700 and yield it; remove it at the end, and folders of killed runs at the start."""
     parent = Path(tempfile.gettempdir())
     _remove_abandoned(parent)
     try:

@@ -32,11 +32,9 @@ class _Authority:
 
 
 def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dict[str, Path]:
-    """Write the certificates of a new authority for scheduler, workers and clients; return the paths by file name.
+    """Write the certificates of a new authority, and keys of mode 0600; return their paths; no file is replaced.
 
-    There are ``ca.pem``, and for each role a certificate ``.pem`` and a private key ``.key`` of mode 0600, valid for 1
-    to 825 days. ``hosts`` names the scheduler for tools that check names; dask does not. Raises SpecError if the days
-    are out of range, one of the files exists, or the folder cannot be written; no file is replaced.
+    ``hosts`` names the scheduler for tools that check names; dask does not.
     """
     if not 1 <= days <= LONGEST:
         raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")
@@ -58,8 +56,7 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
 def passing_security() -> Security:
     """Return certificates of a new authority for one run on this machine; they exist only in memory.
 
-    They are valid as far back as ahead, so that correcting the clock during the run does not lock out a worker that
-    replaces a dead one.
+    They are valid as far back as ahead, so that correcting the clock locks out no worker that replaces a dead one.
     """
     now, validity = datetime.datetime.now(datetime.UTC), datetime.timedelta(days=LONGEST)
     contents = _contents((now - validity, now + validity), ())

@@ -30,10 +30,7 @@ class NoWorkerLeft(CampaignError):
 
 
 class Workers(Protocol):
-    """Processes that run calls of module-level functions.
-
-    A finished call is a future that holds the result of the function, its exception, or `WorkerDied`.
-    """
+    """Processes that run calls; a finished call is a future with the function's result, its error, or `WorkerDied`."""
 
     @property
     def name(self) -> str:
@@ -49,38 +46,23 @@ class Workers(Protocol):
         """Say how many calls are still to come, including those in flight; a batch system's jobs may follow that."""
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Have a worker call a module-level function, found there by its name, with small values that can be pickled.
+        """Have a worker call a module-level function with small values; ``key`` names the call on a scheduler's pages.
 
-        ``key`` is the name of the call on a scheduler's own pages. `next_finished` returns the future when it is
-        finished. Raises SchedulerLost if the connection to the workers is gone, NoWorkerLeft if every worker is
-        refused.
+        Raises SchedulerLost, and NoWorkerLeft if every worker is refused, as `next_finished` does.
         """
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
-        """Wait for a call to finish and return it; None if none finished within ``timeout`` [s], or none is in flight.
-
-        ``timeout`` None waits without limit. Raises SchedulerLost if the connection to the workers is gone,
-        NoWorkerLeft if calls are waiting and every worker is refused.
-        """
+        """Wait for a call to finish; None if none does within ``timeout`` [s], if any, or none is in flight."""
 
     def refuse(self, call: Future[Any]) -> str:
-        """Submit no more calls to the worker in which this call failed.
-
-        Return the worker's name, or nothing if the worker was refused before.
-        """
+        """Submit no more calls to the worker in which this one failed; return its name, empty if refused before."""
 
     def cancel(self) -> None:
         """Cancel all calls in flight; their futures never finish."""
 
 
 def compile_first(workers: Workers) -> None:
-    """Have a worker compile the engine; if that worker dies, have another do it.
-
-    If the engine is already compiled, nothing is done: every worker loads it with its first batch, all at the same
-    time.
-
-    Raises UnreachableError if several workers in a row die while they compile or load the engine.
-    """
+    """Have one worker compile the engine, if it is not compiled; if that worker dies, another."""
     for attempt in range(1, ATTEMPTS + 1):
         try:
             if missing := _result(workers, missing_kernels):

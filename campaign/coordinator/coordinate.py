@@ -90,8 +90,7 @@ def coordinate(
     """Compute the missing rows of a campaign; at the end there is a row for every sample.
 
     A service that computes it (``is_served``) leaves it open for the next one if Ctrl-C ends it, and at its end too if
-    it still has to write the report (``report_due``). Raises LeaseHeld or LeaseLost, Cancelled, WrongBuild if rows are
-    missing, TooManyFailed, StoreError or UnreachableError; stored rows stay, and another call continues from there.
+    it still has to write the report (``report_due``). Whatever it raises, stored rows stay, and another call goes on.
     """
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
@@ -150,8 +149,7 @@ def _write_failure(
 ) -> None:
     """Record how a campaign ended; a failure to write this must not hide the original error.
 
-    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator; a campaign ended
-    by Ctrl-C stays open if a service was computing it.
+    It stays open for the next coordinator if a supervisor, the store or the cluster ended it, or Ctrl-C a service.
     """
     if isinstance(error, LeaseLost):
         return
@@ -166,10 +164,7 @@ def _write_failure(
 
 
 class Coordinator:
-    """Compute the missing batches of a campaign on workers, and publish its progress.
-
-    ``token`` is that of the lease that this process holds; ``show`` is called with each heartbeat.
-    """
+    """Compute the missing batches of a campaign on workers, and publish its progress; ``token`` is the lease's."""
 
     def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
         self.store, self.plan = store, plan
@@ -193,11 +188,7 @@ class Coordinator:
         self._recorded_at = 0.0
 
     def run(self, connect: Connect) -> None:
-        """Compute until the store has all batches; parts damaged in the meantime are computed again.
-
-        ``connect`` is called again if the scheduler is lost. Raises what `coordinate`
-        raises if the campaign ends early.
-        """
+        """Compute until the store has all batches, also those damaged meanwhile; ``connect`` again after each loss."""
         self._stop_at_checkpoint()
         # each round ends with reading all files again; on a disk that keeps damaging them, no round would be the last
         for _ in range(TRIES):
@@ -217,11 +208,7 @@ class Coordinator:
             self.store.files.sweep(name)  # temporary files of killed workers
 
     def compute(self, workers: Workers) -> None:
-        """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
-
-        Raises SchedulerLost if the connection to the workers is lost; LeaseLost, Cancelled, TooManyFailed, StoreError
-        or CampaignError if the campaign ends early.
-        """
+        """Keep batches in flight until all are completed, or the stopping rule ends the campaign."""
         window = Window(workers, self.address)
         next_check = time.monotonic()
         try:
@@ -313,10 +300,7 @@ class Coordinator:
         self._look_at_store()
 
     def _look_at_store(self) -> None:
-        """Check the store, without waiting for one that fails: batches go on, and the next check tries again.
-
-        Raises Cancelled or LeaseLost; StoreError if the store has failed for as long as its policy allows.
-        """
+        """Check the store, without waiting for one that fails: batches go on, until it has failed for too long."""
         try:
             self._check_store(self.store.hasty)
         except StoreError as error:

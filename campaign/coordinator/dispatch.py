@@ -27,10 +27,10 @@ PAUSES = (0.5, 15.0)  # s; the first and the longest pause; each is twice as lon
 
 
 class WorkQueue:
-    """Batches to compute, in the order of their samples, and up to which sample the campaign is complete.
+    """Batches to compute in the order of their samples, and ``parts``, those of completed ones, by number.
 
-    Batches beyond the first ``end`` samples are left out; ``unrepeated`` are those with a missing repeat. `parts` has
-    the parts of completed batches by number; only batches below `limit` are handed out.
+    Batches beyond the first ``end`` samples are left out; ``unrepeated`` are those with a missing repeat. Only batches
+    below `limit` are handed out.
     """
 
     def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
@@ -102,10 +102,7 @@ class Window:
         return len(self._in_flight)
 
     def fill(self, queue: WorkQueue) -> None:
-        """Submit batches until the window is full or the queue hands out no more.
-
-        Raises SchedulerLost if the connection to the workers is lost, CampaignError if every worker runs another build.
-        """
+        """Submit batches until the window is full or the queue hands out no more."""
         while len(self) < self.size and (requests := self._next_requests(queue)):
             key = f"batch-{requests[0].batch:06d}"
             try:
@@ -128,10 +125,7 @@ class Window:
         return self._workers.refuse(future)
 
     def look(self, waiting: int) -> list[Wait]:
-        """Count the workers and return what they wait for; warn every minute if there are none.
-
-        ``waiting`` batches have not been submitted yet. Raises SchedulerLost if the connection is lost.
-        """
+        """Count the workers and return what they wait for, with ``waiting`` batches not yet submitted; warn if none."""
         self.worker_count = self._workers.count()
         self._workers.expect(waiting + self.batches)
         waits = self._workers.waits()

@@ -40,10 +40,7 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
 
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
-    """Return the message that too few stored runs are ok; empty if enough are, or if there are no runs.
-
-    ``failures.min_ok`` of the campaign is the least share of ok runs; ``statuses`` has the number of runs by status.
-    """
+    """Return the message that fewer stored runs are ok than ``failures.min_ok`` requires; empty if enough are."""
     from reporting.statuses import (
         judged_counts,  # loads numpy, which `clearcap status` does not need
         statuses_in_words,

@@ -102,8 +102,7 @@ Show = Callable[[Heartbeat], None]
 class Progress:
     """Counts and moments of the stored rows of a campaign, and the rate at which rows are computed.
 
-    `computed` is the number of rows computed since the start; `samples` decreases if the stopping rule ends the
-    campaign.
+    `computed` rows are those since the start; `samples` decreases if the stopping rule ends the campaign.
     """
 
     def __init__(self, store: Store, plan: Plan, survey: Survey) -> None:
@@ -237,9 +236,8 @@ def observe(
 ) -> Observation:
     """Observe a campaign once, from at most four small files and without waiting, so that one poller can observe many.
 
-    Use `Store.hasty` to avoid waiting for an unreachable store. Judging a coordinator on another machine takes the
-    ``earlier`` observation too; the heartbeat of one that no longer writes says so. ``now`` is the time of a monotonic
-    clock [s], None for that of this process. Raises StoreError if a file cannot be read.
+    Judging a coordinator on another machine takes the ``earlier`` observation too; the heartbeat of one that no longer
+    writes says so. ``now`` is the time of a monotonic clock [s], None for that of this process.
     """
     state, document = state_of(store, campaign_id), store.read_json(campaign_id, HEARTBEAT)
     written, sign = Heartbeat.from_json(document or {}), None
@@ -290,10 +288,7 @@ def observe_patiently(store: Store, campaign_id: str) -> Observation:
 
 
 def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
-    """Yield the heartbeats of a campaign as they are written, the last one with the state in which it ended.
-
-    This waits for a queued campaign. It sleeps between two observations, so it suits one follower but not a server.
-    """
+    """Yield the heartbeats of a campaign as they are written, until the state in which it ends; for one follower."""
     said: set[str] = set()
     seen: Observation | None = None
     while True:

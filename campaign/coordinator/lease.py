@@ -36,10 +36,7 @@ class LeaseLost(CampaignError):
 
 @contextmanager
 def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
-    """Hold the lease of a campaign in the block; yield the token that identifies it.
-
-    Raises LeaseHeld if a process that is alive holds it.
-    """
+    """Hold the lease of a campaign in the block, and yield its token; LeaseHeld if a process that is alive holds it."""
     token = secrets.token_hex(8)
     try:  # an interrupt may come as soon as the lease is written, before it is known to be
         take_lease(store, campaign_id, token=token)
@@ -59,10 +56,7 @@ def _give_back(store: Store, campaign_id: str, token: str) -> None:
 
 @contextmanager
 def beating(store: Store, folder: str) -> Iterator[None]:
-    """Write a heartbeat every two seconds during the block, for a process that holds a lease and computes nothing.
-
-    ``folder`` is the id of a campaign, or `campaign.store.layout.SERVICE`.
-    """
+    """Write a heartbeat every two seconds during the block, for who holds a lease of a campaign or service."""
     hasty, outage = store.hasty, Outage(store.url, store.files.retry_policy)
 
     def write_heartbeats(over: threading.Event) -> None:
@@ -150,9 +144,8 @@ def judge_life(
 ) -> SignOfLife:
     """Judge from this check and the previous one, without waiting, whether the process that holds a lease is alive.
 
-    For a process on this machine the answer is known at once. A process elsewhere is alive if its heartbeat has
-    changed, and dead if it has been the same for `STALE_AFTER` seconds. ``earlier`` is the previous result, None at the
-    first check; ``now`` is when both files were read, by a monotonic clock [s].
+    Of a process on this machine that is known at once. One elsewhere is alive if its heartbeat has changed, and dead if
+    it has been the same for `STALE_AFTER` seconds. ``now`` is when both were read, by a monotonic clock [s].
     """
     if lease is None:
         return SignOfLife(None, None, now, False)

@@ -18,11 +18,7 @@ Say = Callable[[str], None]
 
 
 def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
-    """Return the progress of a campaign as plain data; ``say`` gets a sentence for each fault of its files.
-
-    The entries are ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a running campaign or None,
-    ``waits_for``, what it waits for in words, and ``comparisons``, the address of each by the id of the other campaign.
-    """
+    """Return the progress of a campaign as plain data, also of its running coordinator and of its comparisons."""
     campaign_id = header.campaign_id
     state, counts = progress(store, header, say)
     heartbeat = None
@@ -36,10 +32,7 @@ def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, A
 
 
 def running_report(store: Store, seen: "Observation", say: Say) -> dict[str, Any] | None:
-    """Return the document of `progress_report` from an observation, without reading any file of rows.
-
-    None if the campaign is not running or has no heartbeat yet.
-    """
+    """Return what `progress_report` does from an observation, without any file of rows; None unless it is running."""
     if seen.state != "running" or seen.heartbeat is None:
         return None
     counts = {name: getattr(seen.heartbeat, name) for name in COUNTS}
@@ -63,10 +56,7 @@ def _report(
 
 
 def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the state of a campaign with its date as ISO 8601, and the numbers of its rows, in all and by status.
-
-    A completed campaign that has lost rows since is ``incomplete``.
-    """
+    """Return the state of a campaign, ``incomplete`` if it lost rows after its end, and the numbers of its rows."""
     state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
     if state["state"] == "completed" and counts["left"]:
         message = f"rows lost after the campaign was completed: {counts['left']}"

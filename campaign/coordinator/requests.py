@@ -15,10 +15,7 @@ from campaign.store.layout import CANCEL, DELETED, HEARTBEAT, LEASE, PLAN, RERUN
 
 
 def cancel_campaign(store: Store, campaign_id: str) -> str:
-    """End a campaign, unless it is ``completed``, and return its previous state.
-
-    Unfinished runs are abandoned, finished rows stay. Raises StoreError if the store cannot be written.
-    """
+    """End a campaign, unless it is ``completed``, and return its previous state; finished rows stay."""
     state = state_of(store, campaign_id)
     before = str(state["state"])
     if before != "completed":
@@ -48,10 +45,7 @@ def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: s
 
 
 def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
-    """Return the open request to compute rows again; None if there is none.
-
-    Raises StoreError if the document cannot be read, or was not written by clearcap.
-    """
+    """Return the open request to compute rows again, None if there is none; StoreError if clearcap did not write it."""
     document = store.read_json(campaign_id, RERUN)
     if document is None:
         return None
@@ -76,8 +70,7 @@ class SignedCampaign(CampaignError):
 def being_signed(store: Store, campaign_id: str) -> Iterator[Callable[[str, str], None]]:
     """Protect a campaign from all changes during the block; yield what makes this last, to be called as it ends.
 
-    Its arguments are the digest of the sign-off and the signer's name. Raises LeaseHeld if somebody computes or changes
-    the campaign, LeaseLost if another process took it over meanwhile.
+    Its arguments are the digest of the sign-off and the signer's name. Raises LeaseHeld or LeaseLost.
     """
     with hold_lease(store, campaign_id) as token:
         earlier = store.read_json(campaign_id, SIGNED)
@@ -133,11 +126,7 @@ def unsigned(store: Store, campaign_id: str) -> Iterator[None]:
 
 
 def delete_campaign(store: Store, campaign_id: str) -> None:
-    """Delete the folder of a campaign with all its content, or finish an interrupted deletion.
-
-    If a process on another machine holds the lease, this takes up to ten seconds, plus the time to remove the files.
-    Raises LeaseHeld if another process is computing or deleting it, StoreError if it cannot be deleted.
-    """
+    """Delete the folder of a campaign with all its content, or finish that; LeaseHeld if a process computes it."""
     with hold_lease(store, campaign_id) as token:
         refuse_signed(store, campaign_id)
         _remove_all(store, campaign_id, token)

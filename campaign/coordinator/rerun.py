@@ -42,10 +42,7 @@ class RerunResult:
 
 
 def failed_samples(store: Store, plan: PlanHeader, statuses: Iterable[str] = ()) -> list[int]:
-    """Return, in order, the samples whose run has one of ``statuses``, or by default those that failed.
-
-    For a set of repeats, the statuses are those of the repeats.
-    """
+    """Return, in order, the samples whose run, or repeat, has one of ``statuses``, by default those that failed."""
     selected, samples = set(statuses), []
     for table in store.stream(plan, ["sample", "status"]):
         rows = zip(table["sample"].to_pylist(), table["status"].to_pylist(), strict=True)
@@ -62,11 +59,10 @@ def rerun(
     repeated: Iterable[int] = (),
     begun: Callable[[], None] = lambda: None,
 ) -> RerunResult:
-    """Compute rows again in isolated subprocesses, and replace the parts of their batches.
+    """Compute rows, and stored repeats, again in isolated subprocesses, and replace the parts of their batches.
 
-    So are the repeats of the samples ``repeated`` that the store has. ``begun`` is called once the lease is held and
-    the workers are connected. Raises SpecError if a sample has no row yet, WrongBuild, LeaseHeld; WorkerDied,
-    SchedulerLost or StoreError if something fails: parts that have been replaced stay.
+    ``begun`` is called once the lease is held and the workers are connected. Parts that have been replaced stay,
+    whatever fails; SpecError if a sample has no row yet.
     """
     batches = _by_batch(store, plan, samples)
     address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
@@ -100,10 +96,7 @@ def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simula
     """Compute failed rows again if the store holds a request for this; return None if it does not.
 
     The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
-    ok by then stay as they are.
-
-    Raises what `rerun` raises: if another attempt may succeed, the request stays; otherwise it is removed, and the
-    state says why.
+    ok by then stay. It stays too if another attempt may succeed; otherwise the state says why not.
     """
     asked = rerun_request(store, plan.campaign_id)
     if asked is None:

@@ -24,10 +24,7 @@ ENOUGH = 5.0  # s; if the first run takes longer, no other is tried
 
 
 def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] = time.perf_counter) -> float | None:
-    """Return how long a run of a plan takes on this machine [s]; None if one of its first runs kills its process.
-
-    The runs are computed in an isolated subprocess, and their rows are discarded.
-    """
+    """Return how long a run takes here [s], from a few in a subprocess; None if one of them kills its process."""
     runs = min(RUNS, plan.spec.samples)
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
         store = open_store(folder)
@@ -44,11 +41,7 @@ def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] =
 
 
 def known_seconds_per_run(store: Store, plan: Plan) -> float | None:
-    """Return how long runs of a plan's mechanism took in other campaigns of a store [s]; None if there are none.
-
-    Nothing is simulated. One file of rows is read, from the first campaign with the same mechanism and the same run
-    settings; its distributions may differ.
-    """
+    """Return how long runs of the same mechanism and settings took in another campaign of a store [s]; None without."""
     wanted = _what_time_depends_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
         try:

@@ -27,8 +27,7 @@ def serve(
 ) -> list[str]:
     """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones.
 
-    ``decide``, then ``report``, are called for each completed campaign. ``once`` returns when no campaign is queued,
-    instead of waiting for more without end. Raises LeaseHeld if another process serves the store.
+    ``decide``, then ``report``, are called for each completed campaign. ``once`` returns when no campaign is queued.
     """
     completed: list[str] = []
     unreadable: dict[str, str] = {}
@@ -48,10 +47,7 @@ def serve(
 
 
 def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool:
-    """Return whether to continue a campaign; one whose files cannot be read is logged once and skipped.
-
-    ``unreadable`` holds the logged messages by campaign.
-    """
+    """Return whether to continue a campaign; one that cannot be read is logged once, in ``unreadable``, and skipped."""
     try:
         is_open: bool = state_of(store, campaign_id)["open"]
     except StoreError as error:
@@ -89,10 +85,7 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, report: Report
 
 
 def _report(store: Store, plan: Plan, report: Report) -> None:
-    """Write the report of a completed campaign, then close it; if the service is killed before, it starts over.
-
-    If the report cannot be written, the campaign is closed with the reason, so that the next campaign gets its turn.
-    """
+    """Write the report of a completed campaign, then close it, also if that fails, so that the next has its turn."""
     try:
         report(store, plan)
     except StoreError:

@@ -14,18 +14,9 @@ STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted"
 
 
 def write_state(
-    store: Store,
-    campaign_id: str,
-    state: str,
-    message: str = "",
-    *,
-    is_open: bool = False,
-    options: Sequence[str] = (),
+    store: Store, campaign_id: str, state: str, message: str = "", *, is_open: bool = False, options: Sequence[str] = ()
 ) -> None:
-    """Write a new state, and whether a coordinator that serves the store shall continue the campaign.
-
-    ``options`` are those of the command that say where the campaign is computed, for whoever continues it.
-    """
+    """Write a new state, the options of its command, and whether a service shall continue the campaign."""
     process = this_process()
     content = {"state": state, "since": time.time(), "message": message, "open": is_open, "options": [*options]}
     content |= {"pid": process["pid"], "on": process["name"]}
@@ -45,13 +36,11 @@ def close_campaign(store: Store, campaign_id: str, message: str | None = None) -
 
 
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
-    """Return the state of a campaign: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
+    """Return ``state``, ``message``, ``since``, ``options`` of a campaign, and whether it is ``open`` for a service.
 
-    ``options`` are those of the command that computed it last. Values in the file that clearcap never writes are
-    ignored, and ``fault`` names them; otherwise ``fault`` is None. A campaign that is running according to its file but
-    has no living coordinator is ``interrupted``, and open like a queued one. Without a state in the file, the state
-    follows from the heartbeat; if that says ``completed``, the campaign is open, because its report may be missing.
-    Without either the state is ``planned``. The ``message`` of a running campaign may be that it is being cancelled.
+    A campaign that is running according to its file but has no living coordinator is ``interrupted``, and open like a
+    queued one. Without a state in the file, it follows from the heartbeat; if that says ``completed``, the campaign is
+    open, because its report may be missing. Values that clearcap never writes are ignored, and ``fault`` names them.
     """
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES

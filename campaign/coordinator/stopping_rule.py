@@ -52,10 +52,7 @@ class Verdict:
 
 
 class Checkpoints:
-    """The numbers of samples at which a campaign's stopping rule is evaluated, and its last verdict.
-
-    Without a rule, or once it has stopped the campaign, there are none. `verdict` is None before the first.
-    """
+    """The numbers of samples at which a campaign's stopping rule, if any, is evaluated, and its last `verdict`."""
 
     def __init__(self, store: Store, plan: Plan) -> None:
         self.verdict: Verdict | None = None

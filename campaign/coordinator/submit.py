@@ -52,9 +52,8 @@ def plan_campaign(
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; if the store already has its plan, return that one.
 
-    For a new campaign, ``when_new`` is called before any run, and each caution (`campaign.spec.campaign_cautions`) and
-    each open question of its file (a line that begins with ``#?``) is logged as a warning. Raises SpecError if the
-    campaign has faults, or the workers cannot reach the store; StoreError if the store cannot be written.
+    For a new campaign, ``when_new`` is called before any run, and its cautions and open questions (lines that begin
+    with ``#?``) are logged as warnings.
     """
     from campaign.spec.campaign_cautions import (
         campaign_cautions,  # loads all of reporting, which a server does not need
@@ -92,8 +91,7 @@ def submit(
 
     ``batch_size`` None makes a batch take about ten seconds, by the time of a few runs in a separate process (minutes),
     or, without ``tries_runs``, of stored runs of this mechanism; without any, batches are small. ``by`` None is the
-    user of this process. The submitter owns a new campaign unless ``labels`` names an owner; one that the store has
-    keeps its owner, with a message, and gets the tags.
+    user of this process, who owns a new campaign unless ``labels`` names an owner; one that is there keeps its owner.
     """
     new, user = make_plan(campaign, batch_size), user_name() if by is None else by
     is_new = new.campaign_id not in store.campaigns()
@@ -162,10 +160,7 @@ class Assignment:
 
 
 def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Assignment:
-    """Assign a coordinator to a campaign, and start one if needed, with these options of ``clearcap coordinate``.
-
-    ``queue_only`` leaves the campaign to a coordinator that serves the store, now or later.
-    """
+    """Assign a coordinator to a campaign; start one if needed, with these options, unless ``queue_only``."""
     store.remove(plan.campaign_id, CANCEL)  # of an earlier cancellation
     if is_coordinated(store, plan.campaign_id):
         return Assignment("coordinator")
@@ -215,10 +210,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
 
 
 def reuse_rows(store: Store, plan: Plan) -> int:
-    """Copy rows of a new plan, and their repeats, from other campaigns of the store; return the number of rows.
-
-    With a sampler whose first samples depend on the number of samples, nothing is reused, and a message says why.
-    """
+    """Copy rows of a new plan, and repeats, from other campaigns of the store; return the number of rows."""
     reused = 0
     for other in _plans_with_same_rows(store, plan):
         if reason := sampler_named(plan.spec.sampler).not_extendable:

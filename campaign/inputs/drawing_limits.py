@@ -99,10 +99,7 @@ _ABOVE = {
         *(14, 19, 23, 28, 28, 35, 35, 43, 43, 53, 59, 71, 79, 92, 100, 108, 122, 130, 140, 158, 170, 190, 208, 232),
         252,
     ),
-    "t": (
-        *((_NONE,) * 6),
-        *(41, 48, 54, 66, 75, 91, 104, 122, 134, 146, 166, 180, 196, 218, 240, 268, 294, 330, 360),
-    ),
+    "t": (*((_NONE,) * 6), *(41, 48, 54, 66, 75, 91, 104, 122, 134, 146, 166, 180, 196, 218, 240, 268, 294, 330, 360)),
     "u": (
         *(18, 23, 28, 33, 33, 41, 48, 60, 70, 87, 102, 124, 144, 170, 190, 210, 236, 258, 284, 315, 350, 390, 435, 490),
         540,
@@ -177,10 +174,7 @@ class Limits(NamedTuple):
 
 
 def dimension_limits(text: str) -> Limits:
-    """Return the limits of a dimension, such as ``20 ±0.1``, ``20 +0.05/-0.01``, ``12 H7``, ``30 ISO 2768-m``.
-
-    ValueError: the text is none of these, or the standard has no such class at this size.
-    """
+    """Return the limits of a dimension: ``20 ±0.1``, ``20 +0.05/-0.01``, ``12 H7``, ``30 ISO 2768-m``; ValueError."""
     size, rest = _size(text)
     if found := _EQUAL.fullmatch(rest):
         width = Decimal(found["width"])
@@ -199,10 +193,7 @@ def dimension_limits(text: str) -> Limits:
 
 
 def fit_limits(text: str) -> tuple[Limits, Limits]:
-    """Return the limits of hole and shaft of a fit, such as ``12 H7/g6``.
-
-    ValueError: the text is no fit, or the standard has no such class at this size.
-    """
+    """Return the limits of hole and shaft of a fit, such as ``12 H7/g6``; ValueError if it is none of the standard."""
     size, rest = _size(text)
     found = _PAIRED.fullmatch(rest)
     if found is None or not found["hole"].isupper() or not found["shaft"].islower():

@@ -248,8 +248,7 @@ class Response(TableModel, strict=True):
         " normal; if absent), Cpk by mean and sigma whatever the shape, or the percentile index of ISO 22514-2.",
     )
     source: str = Field(
-        default="",
-        description='Where the limits come from; begins with "assumption" if nobody has published them.',
+        default="", description='Where the limits come from; begins with "assumption" if nobody has published them.'
     )
 
     @model_validator(mode="after")
@@ -342,8 +341,7 @@ class CampaignSpec(TableModel, strict=True):
         description="Step, horizon and tolerance of every run; the mechanism's own if absent.",
     )
     failures: Failures = Field(
-        default=Failures(),
-        description="Further attempts at failed runs, and how many runs may fail.",
+        default=Failures(), description="Further attempts at failed runs, and how many runs may fail."
     )
     execution: Execution = Field(default=Execution(), description="Limits of the time and memory of one run.")
     repeats: RepeatSettings | None = Field(

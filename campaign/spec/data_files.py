@@ -31,10 +31,7 @@ PLAIN_MEMORY = {"ARROW_DEFAULT_MEMORY_POOL": "system"}  # other pools reserve mo
 
 
 def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[SpecFault]]:
-    """Return a campaign with the columns of its data files in place of their names, and the faults of the files.
-
-    The campaign is as read, and may have other faults; a table whose file cannot be read is unchanged.
-    """
+    """Return a campaign, as read, with the columns of its data files in place of their names, and the files' faults."""
     whole, faults = dict(raw), list[SpecFault]()
     variables, table = raw.get("variables"), raw.get("table")
     with ParquetReader() as reader:
@@ -63,11 +60,7 @@ def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str
 def read_columns(
     files: NamedFiles, file: str, names: list[str], reader: "ParquetReader | None" = None
 ) -> dict[str, list[float]]:
-    """Return columns of numbers from a CSV or Parquet file, by name; without a reader, one is started if needed.
-
-    Raises SpecError, which does not name the key, if the file cannot be read, lacks a column, has too many rows, or
-    holds anything but finite numbers.
-    """
+    """Return columns of finite numbers from a CSV or Parquet file, by name; SpecError, without the key, on failure."""
     suffix = PurePath(file).suffix.lower()
     if suffix not in FORMATS:
         raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")

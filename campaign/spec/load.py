@@ -94,10 +94,7 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
 
 
 def with_named_mechanism(tables: Mapping[str, Any]) -> tuple[dict[str, Any], Mechanism | None]:
-    """Return the tables of a campaign with the file name of a mechanism that stands in them, and that mechanism.
-
-    SpecError if the mechanism has faults.
-    """
+    """Return the tables of a campaign with a file name in place of a mechanism as an object, and that mechanism."""
     given = tables.get("mechanism")
     if not isinstance(given, Mechanism | Mapping):
         return dict(tables), None
@@ -177,10 +174,7 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
 
 
 def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield a fault for each contradiction between a campaign, as read, and its mechanism.
-
-    The campaign may have other faults; only tables that are valid by themselves are checked.
-    """
+    """Yield the contradictions between a campaign, as read, and its mechanism, in tables that are valid themselves."""
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)
     yield from target_faults(raw, mechanism)
@@ -281,10 +275,7 @@ def _no_response(name: str, mechanism: Mechanism) -> str:
 
 
 def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the faults of the variables of a campaign, as read, and of their targets, one at a time.
-
-    The campaign may have other faults; only variables that are valid by themselves are checked.
-    """
+    """Yield the faults of a campaign's variables that are valid by themselves, and of their targets, one at a time."""
     # more variables are refused in any case: checking them too would only take time
     variables = dict(islice(_sound_variables(raw.get("variables")), MOST_VARIABLES))
     targets = {name: variable.target or name for name, variable in variables.items()}
@@ -351,10 +342,7 @@ def _counts_misfits(raw: Mapping[str, Any]) -> bool:
 def _faults_of(
     name: str, target: str, values: set[float], mechanism: Mechanism, counted: bool = False
 ) -> Iterator[SpecFault]:
-    """Yield the faults of a variable whose target cannot be set, or of values that the mechanism refuses.
-
-    Values with which the parts cannot be assembled are no fault if such samples are ``counted``.
-    """
+    """Yield the faults of a target, or of values that the mechanism refuses, unless misfits are ``counted``."""
     keys = ["variables", name]
     try:
         get_value(mechanism, target)

@@ -79,11 +79,7 @@ class FolderFiles:
 
 
 class GivenFiles:
-    """Files given with the text of a campaign, which cannot name any others.
-
-    They go by their names in the campaign, such as ``latch.toml`` or ``data/gaps.csv``. Raises SpecError if there are
-    too many files, if they are too large, or if a name leads out of the campaign's folder.
-    """
+    """Files given with the text of a campaign, which cannot name any others, by names such as ``data/gaps.csv``."""
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
         total = sum(map(len, contents.values()))

@@ -10,10 +10,7 @@ from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
 
 def campaign_questions(campaign: object) -> Iterator[str]:
-    """Yield the open questions of a campaign file, given by its path, each with its file and line.
-
-    Anything else than a path, such as a loaded campaign, has no open questions.
-    """
+    """Yield the open questions of a campaign file, given by its path, each with its file and line."""
     if not isinstance(campaign, str | Path):
         return
     yield from _said(campaign)

@@ -20,8 +20,7 @@ BATCH = 65_536  # rows decoded at a time
 def read(request: bytes, send: Callable[[str, bytes], None]) -> None:
     """Send the names of all columns, and the values of the named ones as float64, if each is there once.
 
-    The request is a list of names as JSON, a line feed, and the content of the file. Raises SpecError if there are too
-    many rows or columns, or if a column holds no numbers; and whatever pyarrow raises.
+    The request is a list of names as JSON, a line feed, and the content of the file.
     """
     at = request.index(b"\n")
     names: list[str] = json.loads(request[:at])

@@ -58,11 +58,7 @@ def certificate_units(system: UnitSystem) -> dict[str, str]:
 def results_schema(
     mechanism: Mechanism, targets: Mapping[str, str], campaign_id: str, of_sampler: tuple[str, ...] = ()
 ) -> pa.Schema:
-    """Return the schema of a campaign's table.
-
-    ``targets`` has the key of the mechanism that each variable sets, ``of_sampler`` the columns that the sampler adds.
-    The id is for the metadata, which show the campaign that a part belongs to.
-    """
+    """Return the schema of a campaign's table, from the key that each variable sets and the columns of its sampler."""
     units = certificate_units(mechanism.units)
     fields = [
         pa.field("sample", pa.int64(), nullable=False),

@@ -73,10 +73,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class LabelChange:
-    """A change of labels; anything that is None or not named stays as it is.
-
-    Raises SpecError if a text is too long or contains characters that are not allowed.
-    """
+    """A change of labels; what is None or not named stays. SpecError if a text is too long or has hidden characters."""
 
     owner: str | None = None  # empty to remove it
     add: tuple[str, ...] = ()
@@ -156,10 +153,7 @@ class StaleLabels(CampaignError):
 
 
 def read_labels(store: Store, campaign_id: str) -> Labels:
-    """Return the labels of a campaign; empty ones of version 0 if it has none.
-
-    Raises StoreError if they cannot be read, or were not written by clearcap.
-    """
+    """Return the labels of a campaign; empty ones of version 0 if it has none."""
     return _newest(store, campaign_id, 0)
 
 
@@ -168,9 +162,7 @@ def change_labels(
 ) -> Labels:
     """Change the labels of a campaign, given by its full id, and return the new ones; `by` is who changes them.
 
-    The change is refused with StaleLabels if the labels have another version by now than `version`; None applies it to
-    the current labels. Raises SpecError if there is no such campaign, or it would have too many tags; StoreError if the
-    labels cannot be read or written.
+    StaleLabels if they have another version by now than `version`; None applies the change to the current ones.
     """
     # otherwise labels would bring back the folder of a campaign that was deleted
     if not store.files.exists(f"{campaign_id}/{PLAN}"):

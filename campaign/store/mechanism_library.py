@@ -40,10 +40,7 @@ def saved_mechanisms(store: Store) -> dict[str, int]:
 
 
 def read_mechanism(store: Store, name: str, version: int | None = None) -> SavedMechanism | None:
-    """Return a version of a mechanism, by default the newest; None if it does not exist.
-
-    Raises StoreError if it cannot be read, or was not written by clearcap.
-    """
+    """Return a version of a mechanism, by default the newest; None if it does not exist."""
     if not _NAME.fullmatch(name):
         return None
     wanted = saved_mechanisms(store).get(name) if version is None else version
@@ -56,8 +53,7 @@ def read_mechanism(store: Store, name: str, version: int | None = None) -> Saved
 def save_mechanism(store: Store, name: str, text: str, by: str, version: int | None = None) -> SavedMechanism:
     """Save a mechanism's file, which is not checked here, as a new version; earlier ones stay.
 
-    `version` is the newest one that its author has seen, 0 for none; saving is refused with StaleMechanism if there is
-    a later one. None saves it in any case. Raises SpecError if the name is not allowed, or the text too long.
+    `version` is the newest one that its author has seen, 0 for none; StaleMechanism if there is a later one by now.
     """
     if not _NAME.fullmatch(name):
         raise SpecError(f"name {name!r:.100}: not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first")

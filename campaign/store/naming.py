@@ -17,10 +17,7 @@ _CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 
 
 def check_is_store(files: Files) -> None:
-    """Check that the folder of a store exists; behind a URL no folder is needed.
-
-    Raises SpecError if it does not exist, or is a file or the folder of one campaign.
-    """
+    """Raise SpecError unless the folder of a store exists and is not that of one campaign; a URL needs no folder."""
     if not files.local:
         return
     try:
@@ -52,11 +49,9 @@ def which_campaign(
     wanted: str | None,
     deciding: Callable[[Sequence[str]], Collection[str]] = lambda ids: (),
 ) -> str:
-    """Return the id of the campaign that a user means, out of those of the store.
+    """Return the id that a user means by it, by its first letters if no other begins so, or by None for the only one.
 
-    ``wanted`` is an id, or its first letters if no other id begins with them; None means the only campaign. Campaigns
-    that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names. Raises SpecError
-    if no campaign matches, or several do.
+    Campaigns that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names.
     """
     check_is_store(files)
     if not ids:
@@ -92,10 +87,7 @@ def command_line(files: Files, verb: str, *words: str) -> str:
 
 
 def store_option(files: Files) -> list[str]:
-    """Return the command-line words that name the store.
-
-    There are none if the environment names the store with a password, which no command line should contain.
-    """
+    """Return the words that name the store; none if the environment names one with a password, which stays unseen."""
     named = os.environ.get(STORE)
     if files.has_secrets and named is not None and PrivateUrl(named).shown == files.url:
         return []

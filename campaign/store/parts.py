@@ -92,10 +92,7 @@ def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
 
 
 def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
-    """Return the content of the file of batches ``first`` to ``last`` from their rows, in the plan's columns.
-
-    Raises ValueError if these are not the rows of these batches.
-    """
+    """Return the content of the file of batches ``first`` to ``last``; ValueError if these are not their rows."""
     import pyarrow.parquet as pq
 
     rows = table if table.schema.equals(plan.schema, check_metadata=True) else table.cast(plan.schema)
@@ -121,10 +118,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
 
 
 def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
-    """Return the parts of batches ``first`` to ``last`` in the content of their file.
-
-    Raises BadPart if the file is truncated, damaged, or of another campaign.
-    """
+    """Return the parts of batches ``first`` to ``last`` in the content of their file; BadPart if it is another's."""
     digest, seal = read_seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
     if seal["campaign"] != plan.sealed_as:
@@ -142,11 +136,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
 
 
 def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows in the content of a checked file: the columns in the given order, or all.
-
-    ``rows`` is the number that it must have. Raises BadPart if this version cannot read them, or if they would take
-    more memory than a file of rows may.
-    """
+    """Return ``rows`` rows of a checked file, with the columns in the given order, or all; BadPart if unreadable."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -199,10 +189,7 @@ def _plain(table: "pa.Table") -> "pa.Table":
 
 
 def read_seal(content: bytes) -> tuple[str, dict[str, Any]]:
-    """Return the digest and the content of the seal of a file; BadPart if the file is not complete.
-
-    The digest covers the file with zeros in place of the digest itself.
-    """
+    """Return the digest of a file, with zeros in its own place, and the content of its seal; BadPart if incomplete."""
     start = content.rfind(_HEAD)
     digest_at = start + len(_HEAD)
     stated = content[digest_at : digest_at + len(_UNSEALED)]
@@ -259,20 +246,12 @@ def dump_manifest(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
     for part in sorted(parts, key=lambda part: part.batch):
         entry = files.setdefault(part.file, {"size": part.size, "sha256": part.sha256, "statuses": {}})
         entry["statuses"][str(part.batch)] = part.statuses
-    document = {
-        "format": MANIFEST_FORMAT,
-        "campaign": plan.sealed_as,
-        "digest": _digest(files),
-        "files": files,
-    }
+    document = {"format": MANIFEST_FORMAT, "campaign": plan.sealed_as, "digest": _digest(files), "files": files}
     return (json.dumps(document, separators=(",", ":")) + "\n").encode()
 
 
 def parse_manifest(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
-    """Return the parts that a manifest names, by file.
-
-    Raises ValueError if the content is not a manifest of this plan, or was changed after it was written.
-    """
+    """Return the parts that a manifest names, by file; ValueError if it is not this plan's, or was changed."""
     document = json.loads(content)
     try:
         if (document["format"], document["campaign"]) != (MANIFEST_FORMAT, plan.sealed_as):
@@ -364,11 +343,7 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
 
 
 def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
-    """Return the parts in a file of rows.
-
-    Raises FileNotFoundError if it does not exist, or its name is not that of a file of rows of this plan; BadPart if it
-    is truncated, damaged, too large, or of another campaign.
-    """
+    """Return the parts in a file of rows of this plan; FileNotFoundError or BadPart if it is none."""
     return _read_checked(files, plan, name)[1]
 
 

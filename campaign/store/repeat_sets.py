@@ -29,10 +29,7 @@ class RepeatSurvey:
 
 
 def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
-    """Return the share of samples that a campaign's plan repeats, and the larger shares requested later.
-
-    Raises StoreError if ``repeats.json`` holds anything but rising shares.
-    """
+    """Return the shares of samples that are repeated, rising: the plan's, and those requested later."""
     document = store.read_json(plan.campaign_id, REPEATS) or {"shares": []}
     added = document.get("shares")
     shares = (plan.repeats, *(added if isinstance(added, list) else [None]))
@@ -60,11 +57,7 @@ def repeat_plans(store: Store, plan: PlanHeader) -> tuple[RepeatPlan, ...]:
 def survey_repeats(
     store: Store, sets: Sequence[RepeatPlan], *, verify: bool = False, mend: bool = False
 ) -> RepeatSurvey:
-    """Return the state of some sets of repeats in a store.
-
-    ``verify`` reads every file, see `Store.survey`. ``mend`` quarantines bad files, so that their rows are computed
-    again, and writes the manifests.
-    """
+    """Return the state of some sets of repeats; ``verify`` reads every file, ``mend`` quarantines bad ones."""
     missing, bad, statuses = set[int](), list[str](), list[dict[str, int]]()
     for repeats in sets:
         survey = store.survey(repeats, verify)

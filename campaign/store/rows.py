@@ -40,10 +40,7 @@ def files_by_batch(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
 
 
 def holders(plan: PlanHeader, names: Iterable[str]) -> dict[int, list[str]]:
-    """Return the names of the files that hold each batch, in the order in which to try them.
-
-    A batch's own part comes first, then the longest merged file.
-    """
+    """Return the names of the files that hold each batch: its own part first, then the longest merged file."""
     spans = {name: span for name in names if (span := batches_of(name, plan))}
     by_batch: dict[int, list[str]] = {}
     for name in sorted(spans, key=lambda name: (name.startswith("rows"), spans[name][0] - spans[name][1], name)):

@@ -36,13 +36,7 @@ _IRRELEVANT = (HEARTBEAT, LOG)  # to a change token
 
 
 class Store:
-    """Campaigns under one folder or URL; see `campaign.store.layout` for the files.
-
-    Parameters
-    ----------
-    files : Files
-        Files under the root.
-    """
+    """Campaigns under one folder or URL; see `campaign.store.layout` for the files."""
 
     def __init__(self, files: Files) -> None:
         self.files = files
@@ -125,36 +119,13 @@ class Store:
     # -- rows --------------------------------------------------------------------------------------------------------
 
     def write_part(self, plan: PlanHeader, batch: int, table: "pa.Table") -> Part:
-        """Write the rows of a batch, replacing earlier ones.
-
-        Parameters
-        ----------
-        plan : PlanHeader
-            The campaign.
-        batch : int
-            Batch number.
-        table : pyarrow.Table
-            The rows, in the plan's columns.
-
-        Returns
-        -------
-        Part
-            The written part.
-        """
+        """Write the rows of a batch, in the plan's columns, replacing earlier ones."""
         content = encode(plan, table, batch, batch)
         self.files.write(part_name(plan, batch), content)
         return check(plan, content, batch, batch, merged=False)[0]
 
     def read_part(self, plan: PlanHeader, batch: int) -> "pa.Table":
-        """Read the rows of a batch, from its own part or from a merged file.
-
-        Raises
-        ------
-        FileNotFoundError
-            If no file holds the batch.
-        BadPart
-            If every file that holds it is truncated, damaged, or of another campaign.
-        """
+        """Read the rows of a batch from its part or a merged file; FileNotFoundError, or BadPart if all are damaged."""
         return read_batch(self.files, plan, batch)
 
     def read_own_part(self, plan: PlanHeader, batch: int) -> "tuple[Part, pa.Table]":
@@ -162,15 +133,7 @@ class Store:
         return read_part_file(self.files, plan, batch)
 
     def survey(self, plan: PlanHeader, verify: bool = False) -> Survey:
-        """Return which parts and rows of a plan the store holds.
-
-        Parameters
-        ----------
-        plan : PlanHeader
-            The campaign.
-        verify : bool
-            Read and check every file, not only files that the manifest lacks or lists with another size.
-        """
+        """Return which parts and rows of a plan the store holds; ``verify`` reads all files, also the manifest's."""
         return survey(self.files, plan, self.end(plan), verify=verify)
 
     def record(self, plan: PlanHeader, parts: Iterable[Part]) -> None:
@@ -178,40 +141,17 @@ class Store:
         self.files.write(manifest_name(plan), dump_manifest(plan, parts))
 
     def quarantine(self, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
-        """Rename the files of bad batches to ``.bad``, with a warning, so that the batches are computed again.
-
-        Parameters
-        ----------
-        plan : PlanHeader
-            The campaign.
-        bad : iterable of int
-            Batch numbers, such as a survey's ``bad``. Each file is read once more; a file that is sound by now stays.
-
-        Returns
-        -------
-        list of str
-            The new names of the files, relative to the folder of the parts.
-        """
+        """Rename files of bad batches to ``.bad``, so that they are computed again; return the new names."""
         return quarantine(self.files, plan, bad)
 
     def compact(self, plan: PlanHeader) -> Compacted:
-        """Merge the parts into files of about 100,000 rows, and write the manifest.
-
-        It may be killed and repeated at any time, even while the campaign runs; the next call merges later parts. Bad
-        files stay; running the campaign quarantines them.
-        """
+        """Merge the parts into files of about 100,000 rows; it may be killed and repeated at any time."""
         compacted = compact(self.files, plan)
         self.record(plan, compacted.parts.values())
         return compacted
 
     def end(self, plan: PlanHeader) -> int:
-        """Return the number of rows in the table: all planned rows, unless the stopping rule ended the campaign.
-
-        Raises
-        ------
-        StoreError
-            If ``stopped.json`` does not say where the campaign ended.
-        """
+        """Return the number of rows in the table: all planned rows, unless the stopping rule ended the campaign."""
         stopped = self.read_json(plan.campaign_id, STOPPED)
         if stopped is None:
             return sum(plan.batches[-1])
@@ -227,23 +167,7 @@ class Store:
     def stream(
         self, plan: PlanHeader, columns: Sequence[str] | None = None, batches: Collection[int] | None = None
     ) -> "Iterator[pa.Table]":
-        """Yield the rows of a campaign in the order of the samples, about ten thousand at a time.
-
-        Parameters
-        ----------
-        plan : PlanHeader
-            The campaign.
-        columns : sequence of str, optional
-            Columns to read; by default all.
-        batches : collection of int, optional
-            Batches to read; by default all.
-
-        Yields
-        ------
-        pyarrow.Table
-            The next rows, of one file or of several small ones. Missing batches are left out; bad ones too, with a
-            warning.
-        """
+        """Yield rows in the order of the samples, ten thousand at a time; bad files are left out, with a warning."""
         return stream(self.files, plan, self.end(plan), columns, batches)
 
     def table(self, campaign_id: str | None = None) -> "pa.Table":
@@ -327,10 +251,7 @@ def report_folder(campaign_id: str, against: str | None = None) -> str:
 
 
 def comparisons(store: Store, campaign_id: str) -> dict[str, list[str]]:
-    """Return the names of the files of a campaign's comparisons, by the id of the other campaign.
-
-    A comparison is kept if the other campaign is deleted.
-    """
+    """Return the names of the files of a campaign's comparisons, by the id of the other campaign, deleted or not."""
     others = store.files.names(f"{campaign_id}/{COMPARISONS}")
     written = {other: store.files.names(report_folder(campaign_id, other)) for other in others}
     whole = {other: [name for name in names if not name.endswith(TEMPORARY)] for other, names in written.items()}
@@ -361,8 +282,8 @@ def change_token(store: Store, campaign_id: str) -> str | None:
 def change_tokens(store: Store) -> dict[str, str]:
     """Return the token of each campaign of a store, by id.
 
-    In a folder this takes one listing per campaign and one stat of each of its files and folders, but does not read the
-    folders of rows. On S3 it takes one request per thousand files of the store, so compact complete campaigns.
+    In a folder this takes one listing per campaign and one stat of each of its files, on S3 one request per thousand
+    files of the store.
     """
     if store.files.local:
         tokens = {name: change_token(store, name) for name in store.folders()}

@@ -23,12 +23,7 @@ def run_batches(address: CampaignAddress, requests: Sequence[BatchRequest]) -> l
 
 
 def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
-    """Compute a batch and the repeats of its samples, and write their parts, unless the store has them already.
-
-    Raises WrongBuild if this process runs another build than the campaign is planned for, Cancelled if the campaign is
-    cancelled meanwhile, StoreError if the store fails, ChildFailed if the process that computes the runs in isolation
-    fails repeatedly.
-    """
+    """Compute a batch and the repeats of its samples, and write their parts, unless the store has them already."""
     store, plan = open_campaign(address)
     start = perf_counter()
     if request.has_rows:

@@ -27,10 +27,7 @@ class ChildFailed(CampaignError):
 
 
 class DoubtfulRun(CampaignError):
-    """A run raised an error that the machine may have caused; repeating it in a process of its own will show.
-
-    ``row`` is the row of the run, valid if the run caused the error itself.
-    """
+    """A run raised an error that the machine may have caused; ``row`` is its row if the run itself did."""
 
     def __init__(self, row: dict[str, Any]) -> None:
         super().__init__(row)

@@ -10,10 +10,9 @@ import pyarrow.compute as pc
 
 @dataclass(frozen=True)
 class Moments:
-    """Number, mean and sum of squared deviations of a set of values.
+    """Number, mean and sum of squared deviations of a set of values; a sum of two describes both sets together.
 
-    The sum of two objects describes both sets together. The formula of Chan, Golub and LeVeque (1983) loses no digits
-    if the mean is large.
+    The formula of Chan, Golub and LeVeque (1983) loses no digits if the mean is large.
     """
 
     n: int = 0

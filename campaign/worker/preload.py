@@ -27,10 +27,9 @@ class NoPandas:
 
 
 def dask_setup(worker: Any) -> None:
-    """Make a starting worker load ahead; dask calls this.
+    """Make a starting worker load ahead, in its thread for batches, so that it joins the scheduler in the meantime.
 
-    The thread for batches does the loading, so that the worker joins the scheduler in the meantime and its first batch
-    waits. The versions that the worker states when it joins are looked up before: once in thousands of starts, one of
+    The versions that the worker states when it joins are looked up before: once in thousands of starts, one of
     them was not found while another thread imported modules, and dask warned of different versions.
     """
     get_versions()  # caches them
@@ -42,20 +41,14 @@ def dask_setup(worker: Any) -> None:
 
 
 def load_ahead() -> None:
-    """Load the modules that batches need, and the engine if it is compiled.
-
-    An error here is ignored, because it recurs with the first batch, which reports it to the coordinator.
-    """
+    """Load the modules that batches need, and the engine if it is compiled; an error recurs with the first batch."""
     with suppress(Exception):
         keep_pandas_out()
         _load()
 
 
 def keep_pandas_out() -> None:
-    """Keep pyarrow in this process from importing pandas, as it does when it makes its first array.
-
-    Rows are not pandas tables, and importing it takes longer than the first runs. Other code may still import it.
-    """
+    """Keep pyarrow here from importing pandas with its first array, which takes longer than the first runs."""
     import pyarrow as pa
 
     if "pandas" in sys.modules:

@@ -52,11 +52,7 @@ class DoubtfulRow(Row):
 def compute_row(
     plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], attempt: int, cancel: "Cancel"
 ) -> Row:
-    """Simulate one sample, again with each setting of the retry policy until a run succeeds, and return its row.
-
-    ``values`` are its inputs by variable name, ``attempt`` is the number of the first run, from 1. The row is that of
-    the last run; it counts the attempts and says how the earlier ones ended.
-    """
+    """Simulate one sample, again with each setting of the retry policy until a run succeeds; return its last row."""
     earlier: list[str] = []
     for settings in (plan.spec.simulation, *plan.spec.failures.retry):
         row = _attempt(plan, simulate, sample, values, settings, cancel)
@@ -77,11 +73,7 @@ def crashed_row(
     wall_s: float | None = None,
     attempts: int = 1,
 ) -> Row:
-    """Return the row of a run without a certificate, because it raised an error or ended its process.
-
-    ``values`` are its inputs by variable name, ``status`` is ``crashed``, ``timeout`` or ``not_assemblable``,
-    ``wall_s`` how long the run took [s], if known.
-    """
+    """Return the row of a run without a certificate, because it raised an error or ended its process."""
     empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *LATER_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
     return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
@@ -188,10 +180,7 @@ def _checked(run: Run, mechanism: Mechanism) -> tuple[str, str]:
 
 @lru_cache(maxsize=4)
 def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
-    """Return the store and the plan of a campaign after compiling the engine, for a process that computes rows.
-
-    Raises what `read_campaign` raises.
-    """
+    """Return the store and the plan of a campaign after compiling the engine, for a process that computes rows."""
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
         load_engine()
@@ -200,11 +189,7 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
 
 @lru_cache(maxsize=4)
 def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
-    """Return the store and the plan of a campaign, read once per process; the engine need not be compiled.
-
-    Raises WrongBuild if this process runs another build than the campaign is planned for, StoreError if the store or
-    the plan cannot be read.
-    """
+    """Return the store and the plan of a campaign, read once per process; WrongBuild if this one has another build."""
     check_build(address.campaign_id, address.row_build)
     store = open_store(address.store, address.retry_policy)
     return store, store.plan(address.campaign_id)
@@ -217,16 +202,11 @@ def open_repeats(address: CampaignAddress) -> tuple[RepeatPlan, ...]:
 
 
 def rows_in_process(
-    address: CampaignAddress,
-    samples: Sequence[int],
-    attempt: int = 1,
-    begin: Callable[[int], None] = lambda _: None,
+    address: CampaignAddress, samples: Sequence[int], attempt: int = 1, begin: Callable[[int], None] = lambda _: None
 ) -> Iterator[Row]:
-    """Yield the row of each sample, in order, computed in this process.
+    """Yield the row of each sample, in order, computed here; ``begin`` is called with each before its run.
 
-    ``attempt`` is that of the batch, from 1; ``begin`` is called with each sample before its run begins. Raises
-    Cancelled if the campaign is cancelled meanwhile, DoubtfulRun if a run raises an error that the machine may have
-    caused, and what `open_campaign` raises.
+    Raises Cancelled, and DoubtfulRun if a run raises an error that the machine may have caused.
     """
     from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
 
@@ -256,12 +236,7 @@ def rows_in_process(
 
 @dataclass(frozen=True)
 class HalvedStep:
-    """A replacement of `engine.simulate` that halves the step, or all step lengths if steps are adaptive.
-
-    The time limit of the run is doubled, because it takes twice as many steps.
-
-    `simulate` has the parameters of `engine.simulate`.
-    """
+    """A replacement of ``simulate`` that halves the step, or all lengths of steps, and doubles the time limit."""
 
     simulate: Simulate
 
@@ -282,11 +257,7 @@ class HalvedStep:
 
 
 def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: float | None) -> dict[str, float]:
-    """Return, by key, half of each setting that determines the step lengths of a run.
-
-    Settings are those of ``values``, numbers that the run changes, else the mechanism's. ``step`` is the fixed step of
-    the run, None for the mechanism's steps.
-    """
+    """Return, by key, half of each setting that determines the step lengths of a run: a fixed ``step``, or others."""
     if step is not None:
         return {STEP: 0.5 * step}
     keys = (STEP, *(OF_ADAPTIVE if mechanism.simulation.adaptive else ()))
@@ -315,11 +286,7 @@ class RepeatedSample:
 def repeated_sample(
     store: Store, plan: Plan, sample: int, motion: Path | None = None, *, halved: bool = False
 ) -> RepeatedSample:
-    """Compute a sample as a worker would, or its repeat with half the step, and compare it with the store.
-
-    ``motion`` is an HDF5 file to write its motion to. Raises MechanismError and TrajectoryError as `engine.simulate`
-    does.
-    """
+    """Compute a sample as a worker would, or its repeat, with its ``motion`` as HDF5, and compare it with the store."""
     from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
 
     load_engine()
@@ -332,10 +299,7 @@ def repeated_sample(
 
 
 def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
-    """Return the stored row of a sample, from a campaign or a set of its repeats; None if there is none.
-
-    Raises StoreError if the store cannot be read.
-    """
+    """Return the stored row of a sample, from a campaign or a set of its repeats; None if there is none."""
     at = table.rows_before(sample)
     if table.numbers_of(at, at + 1) != [sample]:
         return None

@@ -36,10 +36,7 @@ BEGUN, ROW, DOUBTFUL = "begun", "row", "doubtful"  # messages of a child; see `c
 
 
 def compute(request: bytes, send: Send) -> None:
-    """Compute rows in a child, which says when a run begins, and sends the row when it has ended.
-
-    A run that raises an error that the machine may have caused is doubtful, and is the last one.
-    """
+    """Compute rows in a child, which says when a run begins, and sends its row; a doubtful run is the last one."""
     address, samples, attempt = pickle.loads(request)
     try:
         for row in rows_in_process(address, samples, attempt, lambda _: send(BEGUN, b"")):
@@ -83,9 +80,8 @@ class _Ending:
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
     """Yield the row of each sample, in order, computed in a child process; replace a child that ends too early.
 
-    Runs that ended their process have rows too. ``attempt`` is that of the batch, from 1. Raises Cancelled if the
-    campaign is cancelled meanwhile, ChildFailed if `STARTS` children in a row fail for reasons of their own, and what
-    `campaign.worker.row.read_campaign` raises.
+    Runs that ended their process have rows too. Raises Cancelled, and ChildFailed if `STARTS` children in a row fail
+    for reasons of their own.
     """
     _, plan = read_campaign(address)
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own

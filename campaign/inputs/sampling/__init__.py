@@ -43,17 +43,13 @@ def sampler_named(name: str) -> Sampler:
 def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
     """Return samples ``first .. first + count - 1`` of all variables, shape (count,) each, in their targets' units.
 
-    The values are bit for bit the same however the samples are split into calls. Raises ValueError if there is no such
-    sampler.
+    The values are bit for bit the same however the samples are split into calls.
     """
     return sampler_named(inputs.sampler).draw(inputs, first, count)
 
 
 def check_sampling(inputs: SampledInputs) -> None:
-    """Check that the samples of a campaign can be drawn, and that every given key has an effect.
-
-    Raises ValueError with the key at fault, its value and the remedy.
-    """
+    """Raise ValueError, with key, value and remedy, unless the samples can be drawn and every key has an effect."""
     check_correlations(inputs)
     sampler = sampler_named(inputs.sampler)
     for other in SAMPLERS.values():

@@ -24,11 +24,7 @@ LARGEST = 1.0 - 2.0**-53  # uniform number: the double next to 1
 
 
 def check_correlations(inputs: SampledInputs) -> None:
-    """Raise ValueError for a fault in the correlations between variables.
-
-    A correlation must not name an unknown variable, a constant, or one variable twice; no pair may be given twice, and
-    the correlations must not contradict each other.
-    """
+    """Raise ValueError for correlations of no two variables that vary, given twice, or that contradict each other."""
     pairs = Counter(frozenset((a, b)) for a, b, _ in inputs.correlations or ())
     for a, b, rank in inputs.correlations or ():
         entry = f'correlations, ["{a}", "{b}", {rank:g}]'
@@ -50,11 +46,7 @@ def check_correlations(inputs: SampledInputs) -> None:
 
 
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
-    """Return the uniform numbers of the correlated variables after mixing; shapes stay the same.
-
-    ``u`` has the independent uniform numbers of all variables, inside (0, 1); they are mixed in the order of its names.
-    Each correlation is a rank correlation.
-    """
+    """Return the uniform numbers of the correlated variables, mixed in the order of ``u``; shapes stay the same."""
     names = [name for name in u if any(name in pair for pair in correlations)]
     scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}
     for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):

@@ -51,10 +51,9 @@ class InverseTransformSampler(Sampler):
 
 
 def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the number of the production batch of each sample, from 0, in the shape of ``sample``.
+    """Return the number of the production batch of each sample, from 0; None if no variable varies by batch.
 
-    Samples with the same number share all their shifts. If variables have batches of different sizes, a new number
-    begins with every new batch of any variable. None if no variable varies by production batch.
+    Samples with the same number share all their shifts: a new number begins with every new batch of any variable.
     """
     sizes = {v.batch.size for v in inputs.variables.values() if isinstance(v, Continuous) and v.batch}
     if not sizes:
@@ -66,10 +65,7 @@ def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArra
 
 
 def quantiles(variable: Distribution, seed: int, name: str, u: Array | None, first: int, count: int) -> Array:
-    """Return the values of one variable at samples ``first .. first + count - 1``, shape (count,).
-
-    ``u`` has its uniform numbers, inside (0, 1), shape (count,); None for a constant.
-    """
+    """Return the values of one variable at samples ``first .. first + count - 1`` for uniform ``u``; None: constant."""
     if u is None:
         return variable.ppf(np.full(count, 0.5))
     if not isinstance(variable, Continuous) or variable.batch is None:
@@ -123,10 +119,7 @@ class LatinHypercube(InverseTransformSampler):
 
 
 def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Array:
-    """Return samples ``first .. first + count - 1`` of a variable, uniform numbers inside (0, 1), shape (count,).
-
-    ``samples`` is the number of samples of the whole campaign, and so of strata; at most 10 million.
-    """
+    """Return samples ``first .. first + count - 1`` of a variable, uniform in (0, 1), one in each stratum."""
     stratum = _strata(seed, name, samples)[first : first + count]
     # 26 bits, centred: the sum below is exact, and the quotient stays within the stratum
     place = ((words(seed, name, first, count, PLACE) >> np.uint64(38)).astype(np.float64) + 0.5) * 2.0**-26

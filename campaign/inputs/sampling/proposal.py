@@ -75,10 +75,7 @@ class Proposal(TableModel, strict=True):
 
 
 def drawn_from(proposal: Proposal, u: Array) -> NDArray[np.int64]:
-    """Return the component that draws each sample, shape (n,): 0 for the distributions themselves, then from 1.
-
-    ``u`` has a uniform number for each sample, inside (0, 1).
-    """
+    """Return the component that draws each sample, (n,), by its uniform number: 0 for the distributions themselves."""
     ends = list(accumulate((c.share for c in proposal.components), initial=proposal.nominal))
     # the shares may add up to slightly less than 1, and a number above their sum belongs to the last component
     return np.minimum(np.searchsorted(ends, u, side="right"), len(proposal.components)).astype(np.int64)

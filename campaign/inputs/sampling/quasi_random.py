@@ -240,11 +240,7 @@ def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, A
 
 
 def nearest_sizes(variables: int, samples: int) -> tuple[int, ...]:
-    """Return the nearest sizes of a design below and above ``samples``; only ``samples`` if it is such a size.
-
-    A design has ``n (variables + 2)`` samples with n a power of 2, because such a number of Sobol points is evenly
-    spread. If ``samples`` is below the smallest design, only the size of that design is returned.
-    """
+    """Return the sizes ``n (variables + 2)``, n a power of 2, of designs next to ``samples``, or itself if one."""
     width = variables + 2
     below = width << max((samples // width).bit_length() - 1, 0)
     return (below,) if samples <= below else (below, 2 * below)

@@ -32,8 +32,7 @@ class Files:
     raised. A second attempt succeeds if the first one had done its work without confirming it.
 
     `breaker` is shared by concurrent callers that must not wait; `local` says whether the root is a folder of this
-    machine, possibly shared with other machines. Raises SpecError if the URL names a file system that is not installed
-    here.
+    machine, possibly shared with other machines.
     """
 
     def __init__(self, url: str, retry_policy: RetryPolicy = PATIENT, breaker: CircuitBreaker | None = None) -> None:
@@ -87,11 +86,7 @@ class Files:
         return self._backend.path(name) if self.local else f"{self.url.rstrip('/')}/{name}"
 
     def check_writable(self) -> None:
-        """Check in one attempt that files can be written; no file remains.
-
-        Raises SpecError if the user named a place that does not exist, is not a folder, or belongs to another user;
-        StoreError if the disk or the server fails.
-        """
+        """Check in one attempt that files can be written: SpecError if the user named a wrong place, or StoreError."""
         try:
             self._backend.probe()
         except Exception as error:  # every file system has its own errors
@@ -99,11 +94,10 @@ class Files:
             raise unwritable(message, error) from self._cause(error)
 
     def read(self, name: str, at_most: int = LARGEST, *, must_exist: bool = False) -> bytes:
-        """Return a file's content of at most ``at_most`` bytes.
+        """Return a file's content of at most ``at_most`` bytes; FileNotFoundError, OddFile or StoreError.
 
         ``must_exist`` says that the file is known to exist: if it is not found, the store may be unavailable, so the
-        read is tried again. Raises FileNotFoundError if it does not exist, OddFile if it is not a regular file or too
-        large, StoreError if it cannot be read.
+        read is tried again.
         """
         return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
 
@@ -128,11 +122,7 @@ class Files:
         return self._do(self._backend.names, folder, "listed")
 
     def stamps(self, folder: str) -> dict[str, str]:
-        """Return a stamp for each name; the stamp differs after a change.
-
-        For a folder of this machine, the names are those of its files and folders; a folder has changed if a file in it
-        was written or removed. Behind a URL, where there are no folders, they are the names of all files below it.
-        """
+        """Return a stamp for each name in a folder, behind a URL of all files below it; it differs after a change."""
         return self._do(self._backend.stamps, folder, "listed")
 
     def listed(self, folder: str) -> "Files":
@@ -163,10 +153,7 @@ class Files:
         )
 
     def move(self, old: str, new: str) -> None:
-        """Rename a file; FileNotFoundError if it does not exist.
-
-        Behind a URL it is copied and then removed; if the process is killed in between, both exist.
-        """
+        """Rename a file; behind a URL it is copied and then removed: both exist if the process is killed in between."""
         check_name(self.url, new)
         attempts = count(1)
 
@@ -273,10 +260,7 @@ def check_name(store: str, name: str) -> None:
 
 
 class OddFile(StoreError):
-    """An entry of the store was not written by clearcap: it is a pipe, a link or a folder, or too large.
-
-    `where` names the store and the file, `reason` says what it is instead.
-    """
+    """A file that clearcap did not write: `where` names store and file, `reason` says what it is instead."""
 
     def __init__(self, where: str, reason: str) -> None:
         super().__init__(f"{where} {reason}, so clearcap did not write it; move it away")

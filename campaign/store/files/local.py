@@ -26,10 +26,7 @@ FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EI
 
 
 class LocalFolder:
-    """Files under a folder. Paths are full paths; errors are those of the operating system.
-
-    Only regular files are read. Links are followed in the path of the root; below it, only links to folders within it.
-    """
+    """Files under a folder, by their full paths; links are followed in the path of the root, and below it within it."""
 
     shared = True
     faults = OSError
@@ -150,11 +147,7 @@ class LocalFolder:
             _discard(path)
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
-        """Remove the temporary files of dead writers.
-
-        A writer on this machine is dead if its process is gone. Any other writer is dead if its file is older than
-        ``dead_after`` seconds by the clock of the file system.
-        """
+        """Remove the temporary files of dead writers: of ended processes, and those older than ``dead_after`` [s]."""
         leftovers = [os.path.join(path, name) for name in self.names(path) if name.endswith(ending)]
         if not leftovers:
             return

@@ -32,11 +32,7 @@ MANY_FILES = 60.0  # s, added for an operation that the server answers in many p
 
 
 class ObjectStore:
-    """Files under an fsspec URL, given with its secrets. Paths and errors are those of the file system.
-
-    `answer_s` is how long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
-    Raises ValueError or ImportError if the file system of the URL is not installed.
-    """
+    """Files under an fsspec URL with its secrets; ``answer_s`` is how long a server may take, besides the bytes [s]."""
 
     faults = Exception  # every file system has its own errors
 
@@ -214,12 +210,7 @@ def _name(entry: dict[str, Any]) -> str:
 
 
 class ListedObjects(ObjectStore):
-    """Files under a URL for reading; the content of one folder is taken from an earlier listing.
-
-    Reading a file that was removed since the listing raises FileNotFoundError, as usual.
-
-    The folder is given by its full path; `sizes` has the size of each file below it, by its name relative to it.
-    """
+    """Files under a URL for reading; the content of one folder, by its full path, is taken from an earlier listing."""
 
     def __init__(self, store: ObjectStore, folder: str, sizes: Mapping[str, int]) -> None:
         vars(self).update(vars(store))  # the same connection
@@ -260,11 +251,10 @@ class ListedObjects(ObjectStore):
 
 
 class OpenedFileSystem:
-    """The file system of an fsspec URL, given with its secrets; opened at first use.
+    """The file system of an fsspec URL with its secrets, opened at first use; `shared` with other processes, or not.
 
     A file system with a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
-    share one connection. `shared` says whether other processes see the same files. Raises ValueError or ImportError if
-    the file system is not installed.
+    share one connection.
     """
 
     def __init__(self, url: str) -> None:

@@ -103,11 +103,7 @@ class CircuitBreaker:
 
     @contextmanager
     def asking(self) -> Iterator[None]:
-        """Guard a block that asks the store.
-
-        Raises StoreError at once if the store is known not to answer and another thread is asking it or has just done
-        so.
-        """
+        """Guard a block that asks the store; StoreError at once if it does not answer and another thread asks it."""
         begin = time.monotonic()
         with self._lock:
             if self._fault:
