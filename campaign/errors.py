@@ -1,11 +1,12 @@
-"""Errors of a campaign that are not bugs; every message is complete and written for the user."""
+"""Errors of a campaign that are not bugs, each with a complete message for the user, and statuses of failed runs."""
 
 import errno
 from collections.abc import Iterable
+from enum import StrEnum
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # only callers that check something need to import the engine
+if TYPE_CHECKING:
     from engine.faults.fault import Fault
 
 
@@ -70,3 +71,16 @@ def error_named(kinds: Iterable[str], *modules: ModuleType) -> type[CampaignErro
     """Return the first class of these names in some modules, made from a message alone; None if there is none."""
     found = (getattr(module, kind, None) for kind in kinds for module in modules)
     return next((each for each in found if isinstance(each, type) and issubclass(each, CampaignError)), None)
+
+
+class FailedStatus(StrEnum):
+    """The status of a row whose run is not ``ok``."""
+
+    NOT_CONVERGED = "not_converged"
+    NOT_AT_REST = "not_at_rest"
+    JAMMED = "jammed"
+    DIVERGED = "diverged"
+    TIMEOUT = "timeout"
+    INVALID = "invalid"
+    NOT_ASSEMBLABLE = "not_assemblable"
+    CRASHED = "crashed"

@@ -130,3 +130,32 @@ def _identity(spec: CampaignSpec, mechanism: Mechanism, build: Mapping[str, str]
         content["order"] = list(spec.variables)
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"{spec.name}-{hashlib.sha256(canonical.encode()).hexdigest()[:10]}"
+
+
+# -- values of two runs that differ by less than the resolution of the solver count as equal ---------------------------
+
+
+def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
+    """Return the largest insignificant difference of a response, in its unit and as a share of the largest value, or 0.
+
+    A position is known to within the penetration that a step tolerates, an angle to within that penetration divided by
+    the size of the mechanism, and a force or a torque to within the relative residual of the friction problems.
+    """
+    unit, sim = mechanism.response_units()[response], mechanism.simulation
+    if unit == mechanism.unit("length"):
+        return sim.penetration, 0.0
+    if unit == mechanism.unit("angle"):
+        return sim.penetration / (_extent(mechanism.model_dump()) or 1.0), 0.0
+    if unit in (mechanism.unit("force"), mechanism.unit("torque")):
+        return 0.0, sim.tolerance
+    return 0.0, 0.0
+
+
+def _extent(part: Any, key: str = "") -> float:
+    """Return the largest coordinate of any point in a mechanism, or in a part of it."""
+    if isinstance(part, dict):
+        return max((_extent(value, name) for name, value in part.items()), default=0.0)
+    if isinstance(part, list | tuple):
+        is_point = "point" in key and all(isinstance(x, int | float) for x in part)
+        return max((abs(x) if is_point else _extent(x, key) for x in part), default=0.0)
+    return 0.0

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.errors import StoreError
-from campaign.run_status import FailedStatus
+from campaign.errors import FailedStatus, StoreError
 
 if TYPE_CHECKING:
     import pyarrow as pa

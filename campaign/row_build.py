@@ -1,4 +1,6 @@
-"""The build that computes rows: all sources and libraries that a row depends on, besides its campaign and its number.
+"""The installed version, and the build that computes rows: all sources and libraries that a row depends on.
+
+A row depends on its campaign and its number besides.
 
 Components that carry a row without changing it are left out: the store, which seals rows and reads them back bit for
 bit; pyarrow, which holds them in between; and pydantic, which reads the spec, whose values are in the plan.
@@ -9,13 +11,13 @@ row does not depend on where and in which order rows are computed.
 import hashlib
 import platform
 from functools import lru_cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from engine.platform.build import LIBRARIES, engine_sources, hash_sources
 
 DISTRIBUTIONS = Path(__file__).parents[1] / "reporting" / "distributions"
-SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py", "run_status.py")  # of campaign
+SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
 
@@ -57,3 +59,11 @@ def differences(planned: str) -> str:
 def _ingredients(build: str) -> dict[str, str]:
     """Return the version of each ingredient of a build."""
     return {name: value for name, _, value in (item.partition(" ") for item in build.split(", "))}
+
+
+def clearcap_version() -> str:
+    """Return the installed version, or ``not installed`` if the sources run without installation."""
+    try:
+        return version("clearcap")
+    except PackageNotFoundError:
+        return "not installed"

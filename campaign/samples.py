@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.errors import CampaignError
+from campaign.errors import CampaignError, FailedStatus
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
-from campaign.run_status import FailedStatus
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from engine.arrays import Array

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster, Tls
     from campaign.coordinator.heartbeat import Heartbeat
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
+    from campaign.spec.campaign_file import campaign_text
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
-    from campaign.spec.write import campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.questions.gauge import gauge_study
@@ -99,7 +99,7 @@ _HOMES = {
     "campaign.cluster.cluster": ("Cluster", "Tls"),
     "campaign.coordinator.heartbeat": ("Heartbeat",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
-    "campaign.spec.write": ("campaign_text",),
+    "campaign.spec.campaign_file": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
     "clearcap.questions.gauge": ("gauge_study",),
@@ -122,7 +122,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 def __getattr__(name: str) -> object:
     """Import a name when it is first used."""
     if name == "__version__":
-        from campaign.version import clearcap_version
+        from campaign.row_build import clearcap_version
 
         return clearcap_version()
     if name not in _HOME:

@@ -10,9 +10,9 @@ from typing import TextIO
 
 from campaign.coordinator.heartbeat import Heartbeat, observe
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL
-from campaign.environment import STORE
 from campaign.errors import CampaignError, SpecError, UnreachableError
 from campaign.plan_header import PlanHeader
+from campaign.processes import STORE
 from campaign.store import Store
 from engine.platform.child import python_environment
 

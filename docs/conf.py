@@ -1,6 +1,6 @@
 """Settings of Sphinx for the site; `docs/build_site.py` writes its sources and builds it."""
 
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 
 project = "clearcap"
 author = "clearcap"

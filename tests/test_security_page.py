@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from campaign.cluster import scratch, tls_certificates
-from campaign.spec import data_files, named_files, parquet_columns
+from campaign.cluster import local, tls_certificates
+from campaign.spec import named_files, parquet_columns
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from clearcap.cli import app
@@ -66,15 +66,15 @@ def test_limits():
         f"{toml_file.LARGEST // 10**6} MB, keys of {toml_file.MOST_PARTS} parts, {toml_file.MOST_NESTED} levels,"
         f" {toml_file.MOST_TABLES} keys, words and numbers of {toml_file.LONGEST_WORD} characters",
         f"{expression.LONGEST} characters, {expression.DEEPEST} levels",
-        f"{data_files.LARGEST_FILE // 10**6} MB, {parquet_columns.MOST_ROWS} rows, {parquet_columns.MOST_COLUMNS}"
-        f" columns; a separate process reads Parquet, with {data_files.LARGEST_DECODED >> 30} GiB of memory and"
-        f" {data_files.LONGEST_READ:g} s",
+        f"{named_files.LARGEST_FILE // 10**6} MB, {parquet_columns.MOST_ROWS} rows, {parquet_columns.MOST_COLUMNS}"
+        f" columns; a separate process reads Parquet, with {named_files.LARGEST_DECODED >> 30} GiB of memory and"
+        f" {named_files.LONGEST_READ:g} s",
         f"{cad.file_bytes >> 20} MiB; a separate process reads it, with {cad.memory_bytes >> 30} GiB of memory and"
         f" {cad.seconds} s",
         f"{named_files.MOST_FILES} files, {named_files.LARGEST_TOTAL // 10**6} MB in all",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",
         f"at most {tls_certificates.LONGEST}",
-        f"`{scratch.PREFIX}...`",
+        f"`{local.PREFIX}...`",
     ]
     for limit in limits:
         assert limit in PAGE

@@ -23,11 +23,10 @@ from distributed import Client, Security, Status
 
 from campaign.cluster.cluster import NEEDED, Cluster, Tls, security
 from campaign.cluster.job_replacement import JobReplacement, jobs_replaced
-from campaign.cluster.local import CLOSED, NO_DASHBOARD, SETTINGS, interrupts_held
-from campaign.cluster.scratch import scratch_folder
+from campaign.cluster.local import CLOSED, NO_DASHBOARD, SETTINGS, interrupts_held, scratch_folder
 from campaign.cluster.tls_certificates import LONGEST, make_certificates
-from campaign.environment import numerical
 from campaign.errors import SpecError, UnreachableError
+from campaign.processes import numerical
 from campaign.waits import counted
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}

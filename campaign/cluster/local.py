@@ -9,20 +9,25 @@ that replaces a dead one after the clock was set back. Its scratch folder and HT
 it leaves half a cluster behind if a signal comes while it starts; hence the rest of this module.
 """
 
+import fcntl
 import logging
+import os
+import shutil
 import signal
+import sys
+import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import active_children, resource_tracker
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from types import FrameType
 
 import dask
 from distributed import Client, LocalCluster, Security
 from distributed.system import MEMORY_LIMIT
 
-from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
 from campaign.safe_path import current_folder_left_out
@@ -67,6 +72,7 @@ CLOSED = {
 # modules that workers of this machine load while the coordinator is still planning; given by name, because this
 # package does not import `campaign.worker`
 PRELOAD = {"distributed.worker.preload": [NO_DASHBOARD, "campaign.worker.preload"]}
+PREFIX = "clearcap-scratch-"
 
 
 @contextmanager
@@ -162,3 +168,53 @@ def _termination_held() -> Iterator[None]:
         signal.signal(signal.SIGTERM, handler)
         if held:
             handler(signal.SIGTERM, held[0])
+
+
+# -- the folder for temporary files of one run, closed to other users and removed however the run ends -----------------
+#
+# Dask puts its scratch folder first on the import path. By default that is ``/tmp/dask-scratch-space``, which any user
+# of the machine may have prepared; so each run gets a folder of its own, with an unpredictable name.
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder of mode 0700 and yield it; remove it at the end, and folders of killed runs at the start."""
+    parent = Path(tempfile.gettempdir())
+    _remove_abandoned(parent)
+    try:
+        folder, lock = _locked_folder(parent)
+    except OSError as error:
+        raise UnreachableError(
+            f"{parent}: no folder for temporary files can be made there ({error.strerror}); free space, or set TMPDIR"
+        ) from error
+    try:
+        yield folder
+    finally:
+        sys.path[:] = [entry for entry in sys.path if not Path(entry).is_relative_to(folder)]
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+def _locked_folder(parent: Path) -> tuple[Path, int]:
+    """Return a new folder and its lock, which the system releases when this process ends."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+        with suppress(FileNotFoundError):  # another run mistook it for abandoned before it was locked
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if folder.exists():
+                return folder, lock
+            os.close(lock)
+
+
+def _remove_abandoned(parent: Path) -> None:
+    """Remove the folders of this user's killed runs, recognized because no process holds their locks."""
+    for folder in parent.glob(f"{PREFIX}*"):
+        with suppress(OSError):  # of another user, removed meanwhile, or locked by a running process
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                if os.fstat(lock).st_uid == os.getuid():
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(lock)

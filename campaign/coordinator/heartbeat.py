@@ -16,13 +16,11 @@ from pydantic import AfterValidator, ConfigDict, Field, StrictStr, TypeAdapter, 
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, STALE_AFTER, SignOfLife, holder, judge_life
 from campaign.coordinator.state import LATEST, state_of
 from campaign.inputs.sampling import sampler_named
-from campaign.plan import Plan
-from campaign.resolution import resolution
+from campaign.plan import Plan, resolution
 from campaign.store import Store, Survey
 from campaign.store.layout import HEARTBEAT, LEASE, PLAN
 from campaign.waits import STOPPING, Wait, in_words, is_wait
-from campaign.worker.messages import BatchResult
-from campaign.worker.moments import Moments, add_moments, moments
+from campaign.worker.messages import BatchResult, Moments, add_moments, moments
 
 RATE_WINDOW = 60.0  # s over which the rate of runs is averaged
 STALLED = (3.0, 10.0)  # times a batch takes, and at the least seconds, after which it is odd that none has finished

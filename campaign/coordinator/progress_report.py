@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from campaign.coordinator.state import resume_command, state_of
 from campaign.store import Store
-from campaign.store.repeat_sets import repeat_plans, survey_repeats
-from campaign.store.store import comparisons, report_folder
+from campaign.store.store import comparisons, repeat_plans, report_folder, survey_repeats
 
 if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat, Observation

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from campaign.coordinator.lease import LeaseHeld, beating, check_lease, hold_lease, is_coordinated, lease_holder
 from campaign.coordinator.state import state_of, write_state
-from campaign.errors import CampaignError, StoreError
-from campaign.run_status import FailedStatus
+from campaign.errors import CampaignError, FailedStatus, StoreError
 from campaign.store import Store
 from campaign.store.files.files import TEMPORARY
 from campaign.store.layout import CANCEL, DELETED, HEARTBEAT, LEASE, PLAN, RERUN, SIGNED

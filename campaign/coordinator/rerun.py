@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.workers import compile_first
+from campaign.cluster.workers import compile_first, connect_workers
 from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.requests import refuse_signed, rerun_request
 from campaign.coordinator.state import write_state
@@ -17,10 +16,10 @@ from campaign.plan import Plan
 from campaign.plan_header import PlanHeader, RepeatPlan, plan_repeats
 from campaign.store import Store
 from campaign.store.layout import RERUN
-from campaign.store.repeat_sets import repeat_plans, repeated_shares
+from campaign.store.store import repeat_plans, repeated_shares
+from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.row import Row, open_campaign, open_repeats, repeats_to_table, rows_to_table
-from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from engine import simulate as engine_simulate
 

@@ -15,8 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from campaign.coordinator.dispatch import WorkQueue
-from campaign.plan import Plan
-from campaign.resolution import resolution
+from campaign.plan import Plan, resolution
 from campaign.spec.campaign_file import Response, Stop
 from campaign.store import Store
 from campaign.store.layout import STOPPED

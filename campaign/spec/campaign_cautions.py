@@ -1,13 +1,18 @@
-"""Cautions before the first run of a campaign: what looks wrong in it, although it could run."""
+"""Before the first run of a campaign: what looks wrong in it, although it could run, and what its file asks."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from campaign.inputs.distributions.discrete import Empirical
 from campaign.spec.load import Campaign
 from engine import EngineError, check, set_values
+from engine.cad_import.proposed_text import questions_of_file
 from engine.mechanism import Mechanism
+from engine.platform.regular_file import read_regular_file
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 from engine.preflight import Caution, cautions
 from engine.preflight.cautions import step_caution
 from reporting.capability.row_order import row_order
@@ -57,3 +62,29 @@ def _typical(campaign: Campaign) -> Mechanism:
     except EngineError:
         return campaign.mechanism
     return changed
+
+
+# -- questions still open in a campaign file and in the mechanism file that it names -----------------------------------
+
+
+def campaign_questions(campaign: object) -> Iterator[str]:
+    """Yield the open questions of a campaign file, given by its path, each with its file and line."""
+    if not isinstance(campaign, str | Path):
+        return
+    yield from _said(campaign)
+    mechanism = _tables(Path(campaign)).get("mechanism")
+    if isinstance(mechanism, str) and (Path(mechanism).suffix == ".toml" or len(Path(mechanism).parts) > 1):
+        yield from _said(Path(campaign).parent / mechanism)
+
+
+def _said(path: str | Path) -> Iterator[str]:
+    for question in questions_of_file(path):
+        yield f"question: {path}, line {question.line}: {question.text}"
+
+
+def _tables(path: Path) -> Mapping[str, Any]:
+    """Return the tables of a file; empty if it cannot be read, as loading it reports the reason."""
+    try:
+        return parse_toml(read_regular_file(path, LARGEST))
+    except (OSError, ValueError, UnfitToml):
+        return {}

@@ -1,17 +1,23 @@
-"""The pydantic models of a campaign file: which keys and values are allowed."""
+"""The campaign file: models of its keys and values, and its text from tables or proposed from a CAD file."""
 
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from math import inf
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
+import tomli_w
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import SAMPLERS, check_sampling
-from campaign.inputs.sampling.proposal import Proposal
+from campaign.inputs.sampling.importance import Proposal
 from engine.mechanism.base import Number, PositiveNumber, TableModel
 from engine.mechanism.faults import did_you_mean
+
+if TYPE_CHECKING:
+    from engine.cad_import.proposed_joints import Diameter
+
 
 # statuses that other settings could avoid; an ``invalid`` run is a result, and settings do not cause a crash
 RETRIED = ("not_at_rest", "not_converged", "jammed", "diverged", "timeout")
@@ -29,6 +35,14 @@ Levels = (
     Annotated[int, Field(ge=2, le=LARGEST_LIST)]
     | Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=100_000)]
 )
+CPK = 1.33  # assumed for a dimension if only its limits are known, as in the docs
+SAMPLES = 1000
+_HEAD = """\
+# Proposed by clearcap mechanism import from the limits of size in the CAD file: of each diameter the middle of its
+# limits, and half of what lies between them. The Cpk with which it is made is an assumption.
+#? variables: with which Cpk, or which distribution, is each of these diameters made?
+#? responses: what are the limits of what is read off? Give lsl and usl in [responses.NAME]
+"""
 
 
 class SimulationSettings(TableModel, strict=True):
@@ -429,3 +443,54 @@ class CampaignSpec(TableModel, strict=True):
 def campaign_schema() -> dict[str, Any]:
     """Return the JSON Schema of a campaign file."""
     return CampaignSpec.model_json_schema()
+
+
+# -- its text ----------------------------------------------------------------------------------------------------------
+
+
+def campaign_text(tables: Mapping[str, Any]) -> str:
+    """Return the text of a campaign file.
+
+    Parameters
+    ----------
+    tables : mapping
+        The tables of the file as Python data, valid or not; entries that are None are left out.
+
+    Returns
+    -------
+    str
+        TOML with the same values. Top-level keys are in reading order: format, name, mechanism, ..., variables,
+        responses; keys inside a table keep their order.
+
+    Raises
+    ------
+    TypeError
+        If a value in the tables has no equivalent in TOML.
+    """
+    known = {key: tables[key] for key in CampaignSpec.model_fields if key in tables}
+    return tomli_w.dumps(_given({**known, **tables}))
+
+
+def _given(value: Any) -> Any:
+    """Return a value without the entries of its tables that are None."""
+    if isinstance(value, Mapping):
+        return {key: _given(inner) for key, inner in value.items() if inner is not None}
+    if isinstance(value, list | tuple):
+        return [_given(inner) for inner in value]
+    return value
+
+
+def proposed_campaign(diameters: "Iterable[Diameter]", mechanism: str, name: str) -> str:
+    """Return the text of a campaign file that varies diameters of a mechanism file, whose path is relative to it."""
+    variables = {
+        diameter.parameter: {
+            "target": f"parameters.{diameter.parameter}",
+            "distribution": "normal",
+            "nominal": round((diameter.lower + diameter.upper) / 2, 9),
+            "tolerance": round((diameter.upper - diameter.lower) / 2, 9),
+            "cpk": CPK,
+        }
+        for diameter in diameters
+    }
+    tables = {"format": 1, "name": name, "mechanism": mechanism, "samples": SAMPLES}
+    return _HEAD + campaign_text(tables | ({"variables": variables} if variables else {}))

@@ -19,9 +19,8 @@ from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution, Empirical, Variable
 from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
-from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import SpecFault, fault, structure_faults
-from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles, campaign_names
+from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles, campaign_names, read_data_files
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import MechanismError, NotAssemblable, check, load_mechanism, set_values
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
-from campaign.store.naming import command_line
 from campaign.store.parts import (
     ROW_GROUP,
     BadPart,
@@ -113,7 +112,7 @@ def _tables_of_files(
             by_batch[batch].remove(names[0])
             continue
         except BadPart as error:
-            command = command_line(files, "resume", plan.campaign_id)
+            command = files.command("resume", plan.campaign_id)
             logger.warning("%s %s: left out; compute its samples again with: %s", names[0], error, command)
             bad.add(names[0])
             continue

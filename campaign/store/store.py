@@ -2,12 +2,17 @@
 
 import hashlib
 import json
+import os
+import re
+import stat
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from campaign.errors import StoreError
-from campaign.plan_header import PlanHeader, parse_plan
+from campaign.errors import SpecError, StoreError
+from campaign.plan_header import PlanHeader, RepeatPlan, parse_plan, plan_repeats
 from campaign.store.files.files import TEMPORARY, Files
 from campaign.store.files.retry_policy import PATIENT, RetryPolicy
 from campaign.store.layout import (
@@ -17,12 +22,12 @@ from campaign.store.layout import (
     HEARTBEAT,
     LOG,
     PLAN,
+    REPEATS,
     REPORT,
     STOPPED,
     manifest_name,
 )
-from campaign.store.naming import command_line, folders_of_campaigns, which_campaign
-from campaign.store.parts import Part, Survey, check, dump_manifest, encode, part_name, read_part_file, survey
+from campaign.store.parts import Part, Survey, check, dump_manifest, encode, part_name, read_part_file, survey, total
 from campaign.store.rows import Compacted, compact, quarantine, read_batch, stream
 
 if TYPE_CHECKING:
@@ -30,9 +35,13 @@ if TYPE_CHECKING:
 
     from campaign.plan import Plan
 
+
 LARGEST_DOCUMENT = 2**20  # bytes: a thousand times what a state, a lease or a heartbeat takes
 P = TypeVar("P", bound=PlanHeader)
 _IRRELEVANT = (HEARTBEAT, LOG)  # to a change token
+MOST_SETS = 20
+MOST_LISTED = 10  # ids in a message
+_CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 
 
 class Store:
@@ -62,8 +71,8 @@ class Store:
         return folders_of_campaigns(self.files.names(""))
 
     def command(self, verb: str, *words: str) -> str:
-        """Return a complete command on this store; see `command_line`."""
-        return command_line(self.files, verb, *words)
+        """Return a complete command on this store; see `Files.command`."""
+        return self.files.command(verb, *words)
 
     def find(self, campaign_id: str | None) -> str:
         """Return the full id of a campaign from its first letters; None means the only one. See `which_campaign`."""
@@ -242,6 +251,72 @@ def _json(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+# -- which campaign is meant -------------------------------------------------------------------------------------------
+
+
+def check_is_store(files: Files) -> None:
+    """Raise SpecError unless the folder of a store exists and is not that of one campaign; a URL needs no folder."""
+    if not files.local:
+        return
+    try:
+        is_folder = stat.S_ISDIR(os.stat(files.full_url).st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        raise SpecError(
+            f"store {files.url}: no such folder; name the folder of your results with --store, or make one:"
+            f" {files.command('run', 'CAMPAIGN')}"
+        ) from None
+    except OSError:
+        return  # reading it reports why it cannot be read
+    if not is_folder:
+        raise SpecError(f"store {files.url}: is a file, not a folder of campaigns; name the folder with --store")
+    if files.exists(PLAN):
+        parent, name = os.path.split(files.url.rstrip("/"))
+        raise SpecError(
+            f"store {files.url}: is the folder of one campaign, not a store; write {name} --store {parent or '.'}"
+        )
+
+
+def folders_of_campaigns(names: Iterable[str]) -> list[str]:
+    """Return the names that are valid as the folder of a campaign, sorted."""
+    return sorted(filter(_CAMPAIGN.fullmatch, names))
+
+
+def which_campaign(
+    files: Files,
+    ids: Sequence[str],
+    wanted: str | None,
+    deciding: Callable[[Sequence[str]], Collection[str]] = lambda ids: (),
+) -> str:
+    """Return the id that a user means by it, by its first letters if no other begins so, or by None for the only one.
+
+    Campaigns that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names.
+    """
+    check_is_store(files)
+    if not ids:
+        raise SpecError(f"store {files.url}: holds no campaign; make one: {files.command('run', 'CAMPAIGN')}")
+    if wanted is not None and wanted in ids:
+        return wanted
+    matching = [each for each in ids if wanted is None or (wanted and each.startswith(wanted))]
+    if 1 < len(matching) <= MOST_LISTED:
+        aimed = deciding(matching)
+        matching = [each for each in matching if each not in aimed] or matching
+    if len(matching) == 1:
+        return matching[0]
+    if wanted is None:
+        raise SpecError(f"store {files.url}: name the campaign; its campaigns: {_listed(files, ids)}")
+    if matching:
+        raise SpecError(
+            f"store {files.url}: {wanted} could be several campaigns: {_listed(files, matching)}; write more of it"
+        )
+    raise SpecError(f"store {files.url}: no campaign {wanted or repr(wanted)}; its campaigns: {_listed(files, ids)}")
+
+
+def _listed(files: Files, ids: Sequence[str]) -> str:
+    """Return the first ids in one line, and the number of further ones."""
+    others = len(ids) - MOST_LISTED
+    return ", ".join(ids[:MOST_LISTED]) + (f" and {others} more, see: {files.command('list')}" if others > 0 else "")
+
+
 # -- reports -----------------------------------------------------------------------------------------------------------
 
 
@@ -299,3 +374,73 @@ def _token(stamps: Mapping[str, str]) -> str:
     """Return a digest of the stamps that matter."""
     relevant = {n: stamp for n, stamp in stamps.items() if n not in _IRRELEVANT and not n.endswith(TEMPORARY)}
     return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()[:32]
+
+
+# -- repeats: which are planned, which are done, and their rows --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RepeatSurvey:
+    """The state of a campaign's repeats in a store."""
+
+    missing: frozenset[int]  # batches of the campaign with a missing repeat; none beyond the end of its table
+    bad: list[str]  # what is wrong with bad files
+    statuses: dict[str, int]  # number of repeats by status
+    planned: int
+    done: int  # of the planned ones, those that the store holds
+
+
+def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
+    """Return the shares of samples that are repeated, rising: the plan's, and those requested later."""
+    document = store.read_json(plan.campaign_id, REPEATS) or {"shares": []}
+    added = document.get("shares")
+    shares = (plan.repeats, *(added if isinstance(added, list) else [None]))
+    numbers = [share for share in shares if isinstance(share, float | int) and not isinstance(share, bool)]
+    if len(numbers) < len(shares) or not all(a < b <= 1.0 for a, b in pairwise(numbers)):
+        raise StoreError(
+            f"store {store.url}: {plan.campaign_id}/{REPEATS} says shares = {added!r:.60}; allowed: rising numbers"
+            f" above {plan.repeats:g}, up to 1; restore it, or remove it and repeat samples again with clearcap repeat"
+        )
+    return tuple(map(float, numbers))
+
+
+def add_share(store: Store, plan: PlanHeader, share: float) -> None:
+    """Make a campaign repeat a larger share of its samples; existing repeats count towards it."""
+    shares = repeated_shares(store, plan)
+    if share > shares[-1] and len(shares) <= MOST_SETS:
+        store.write_json(plan.campaign_id, REPEATS, {"shares": [*shares[1:], share]})
+
+
+def repeat_plans(store: Store, plan: PlanHeader) -> tuple[RepeatPlan, ...]:
+    """Return the sets of repeats of a campaign."""
+    return plan_repeats(plan, repeated_shares(store, plan))
+
+
+def survey_repeats(
+    store: Store, sets: Sequence[RepeatPlan], *, verify: bool = False, mend: bool = False
+) -> RepeatSurvey:
+    """Return the state of some sets of repeats; ``verify`` reads every file, ``mend`` quarantines bad ones."""
+    missing, bad, statuses = set[int](), list[str](), list[dict[str, int]]()
+    for repeats in sets:
+        survey = store.survey(repeats, verify)
+        missing.update(repeats.campaign_batches[batch] for batch in survey.missing)
+        bad += dict.fromkeys(survey.bad.values())
+        statuses.append(survey.statuses)
+        if mend:
+            store.quarantine(repeats, survey.bad)
+            store.record(repeats, survey.parts.values())
+    counts = total(statuses)
+    planned = sum(store.end(repeats) for repeats in sets)
+    return RepeatSurvey(frozenset(missing), bad, counts, planned, sum(counts.values()))
+
+
+def read_repeats(store: Store, plan: PlanHeader, columns: Sequence[str] | None = None) -> "pa.Table | None":
+    """Return the repeats of a campaign that the store holds, set by set; None if no repeats are planned."""
+    import pyarrow as pa
+
+    sets = repeat_plans(store, plan)
+    if not sets:
+        return None
+    names = sets[0].schema.names if columns is None else list(columns)
+    empty = sets[0].schema.empty_table().select(names)
+    return pa.concat_tables([empty, *(table for repeats in sets for table in store.stream(repeats, names))])

@@ -3,19 +3,47 @@
 Everything here is pickled, because it is sent between processes and machines.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.row_build import differences
 from campaign.store import Part, Store
 from campaign.store.files.retry_policy import PATIENT, RetryPolicy
-from campaign.worker.moments import Moments
 from engine import Run, simulate
 
 Simulate = Callable[..., Run]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Number, mean and sum of squared deviations of a set of values; a sum of two describes both sets together.
+
+    The formula of Chan, Golub and LeVeque (1983) loses no digits if the mean is large.
+    """
+
+    n: int = 0
+    mean: float = 0.0  # 0 if there are no values
+    squares: float = 0.0  # sum of squared deviations from the mean
+
+    def __add__(self, other: "Moments") -> "Moments":
+        n = self.n + other.n
+        if not self.n or not other.n:
+            return self if self.n else other
+        difference = other.mean - self.mean
+        mean = self.mean + difference * other.n / n
+        return Moments(n, mean, self.squares + other.squares + difference * difference * self.n * other.n / n)
+
+    @property
+    def std(self) -> float | None:
+        """Standard deviation with divisor n - 1; None for fewer than two values."""
+        return math.sqrt(self.squares / (self.n - 1)) if self.n > 1 else None
 
 
 class WrongBuild(CampaignError):
@@ -88,3 +116,28 @@ class BatchResult:
     computed: bool = True  # whether the rows were computed now; otherwise the store had them already
     seconds: float = 0.0  # that the batch took
     repeats: int = 0  # number of repeats of its samples
+
+
+# -- moments of responses while a campaign runs ------------------------------------------------------------------------
+
+
+def moments(table: pa.Table, responses: Iterable[str]) -> dict[str, Moments]:
+    """Return the moments of each response over the plain rows of a table; rows without a value do not count."""
+    moments_of, table = {}, plain_rows(table)
+    for name in responses:
+        x = table[name].drop_null().to_numpy()
+        mean = float(x.sum()) / x.size if x.size else 0.0
+        deviations = x - mean
+        moments_of[name] = Moments(x.size, mean, float((deviations * deviations).sum()))
+    return moments_of
+
+
+def plain_rows(table: pa.Table) -> pa.Table:
+    """Return the rows drawn from the distributions themselves: all rows, except with importance sampling."""
+    return table.filter(pc.field("component") == 0) if "component" in table.column_names else table
+
+
+def add_moments(total: dict[str, Moments], more: dict[str, Moments]) -> None:
+    """Add the moments of further rows to a total, response by response."""
+    for name, m in more.items():
+        total[name] = total.get(name, Moments()) + m

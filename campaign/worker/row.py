@@ -5,7 +5,10 @@ the store.
 """
 
 import math
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import isfinite, nan
@@ -24,8 +27,7 @@ from campaign.spec.campaign_file import RETRIED, SimulationSettings
 from campaign.spec.result_columns import LATER_COLUMNS, LATER_NUMBERS
 from campaign.store import BadPart, Store, open_store
 from campaign.store.layout import CANCEL
-from campaign.store.repeat_sets import repeat_plans
-from campaign.worker.limits import cancelled_by, time_limit
+from campaign.store.store import repeat_plans
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, Simulate, check_build
 from engine import NotAssemblable, Run, simulate
 from engine.mechanism import Mechanism, get_value, unit_of
@@ -33,6 +35,7 @@ from engine.platform.child import Limits, limited
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
+
 
 Row = dict[str, Any]
 
@@ -43,6 +46,7 @@ STEP = "simulation.step"  # the fixed step, or the shortest of adaptive ones
 OF_ADAPTIVE = ("simulation.adaptive.longest", "simulation.adaptive.travel")
 WALL_LIMIT = "simulation.wall_limit"
 GIB = 1 << 30
+CHECK_INTERVAL = 2.0  # s between two checks whether the campaign is cancelled
 
 
 class DoubtfulRow(Row):
@@ -323,3 +327,43 @@ def _equal(a: Any, b: Any) -> bool:
     """Return whether two values are equal; NaN equals NaN."""
     both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
     return bool(a == b or both_nan)
+
+
+# -- limits of a run: real time, and cancellation of its campaign ------------------------------------------------------
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Kill this process with SIGALRM if the block takes longer than ``seconds``.
+
+    The engine ends a run at its own time limit. This limit is for code that ignores that one: the operating system's
+    timer needs neither the interpreter nor its lock.
+    """
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+@contextmanager
+def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
+    """Set ``cancel`` when ``is_cancelled`` returns True; a thread calls it every two seconds during the block."""
+    over = threading.Event()
+
+    def check() -> None:
+        while not over.wait(CHECK_INTERVAL):
+            try:
+                if is_cancelled():
+                    cancel.set()
+                    return
+            except Exception:  # the store cannot be reached: writing the batch will report it
+                continue
+
+    watcher = threading.Thread(target=check, name="cancel", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()

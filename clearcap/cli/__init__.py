@@ -84,8 +84,7 @@ app.add_typer(schema_app, name="schema")
 def _version(wanted: bool) -> None:
     """Print the version and the build, and exit."""
     if wanted:
-        from campaign.row_build import short_build
-        from campaign.version import clearcap_version
+        from campaign.row_build import clearcap_version, short_build
 
         print_text(f"clearcap {clearcap_version()}, build {short_build()}")
         raise typer.Exit

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.run_status import FailedStatus
+from campaign.errors import FailedStatus
 from campaign.waits import counted
 from clearcap.cli.drive import drive, fail_without_enough_ok
 from clearcap.cli.options import (
@@ -52,7 +52,7 @@ def run(
     campaigns of their own; the table decide of the campaign file sets another number. The same command, given again,
     continues where the earlier one stopped, and computes nothing if the campaign is complete.
     """
-    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.cluster.workers import PrestartedWorkers
     from campaign.coordinator.submit import plan_campaign
     from campaign.store.layout import CANCEL
 
@@ -138,7 +138,7 @@ def rerun(
     """
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
-    from campaign.store.repeat_sets import repeat_plans
+    from campaign.store.store import repeat_plans
 
     opened, plan = opened_campaign(store, campaign, is_patient=True)
     by_status = failed_samples(opened, plan, status or ()) if status or not sample else []
@@ -186,7 +186,7 @@ def repeat(
     from campaign.coordinator.lease import hold_lease
     from campaign.coordinator.requests import refuse_signed
     from campaign.store.layout import CANCEL
-    from campaign.store.repeat_sets import add_share, repeated_shares
+    from campaign.store.store import add_share, repeated_shares
     from campaign.worker.messages import check_build
 
     opened, plan = opened_campaign(store, campaign, is_patient=True)
@@ -231,7 +231,7 @@ def submit(
             from campaign.errors import SpecError
 
             raise SpecError("--server: decides where and in which batches it computes; leave those options out")
-        from campaign.spec.open_campaign_questions import campaign_questions
+        from campaign.spec.campaign_cautions import campaign_questions
 
         for question in campaign_questions(campaign):
             say(question)

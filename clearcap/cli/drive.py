@@ -12,7 +12,7 @@ from clearcap.cli.output import console, mean_number, number, print_json, print_
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
-    from campaign.cluster.dask_workers import PrestartedWorkers
+    from campaign.cluster.workers import PrestartedWorkers
     from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
     from campaign.store import Store
@@ -46,7 +46,7 @@ def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
 
 def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
     """Return the verdicts known without a report: no verdict on any response if too few runs are ok."""
-    from campaign.coordinator.failed_runs import lack_of_ok
+    from campaign.coordinator.coordinate import lack_of_ok
 
     lack = lack_of_ok(plan, statuses)
     if not lack:
@@ -73,9 +73,8 @@ def drive(
     of the finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or
     fewer than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
-    from campaign.cluster.dask_workers import PrestartedWorkers
-    from campaign.coordinator.coordinate import coordinate
-    from campaign.coordinator.failed_runs import TooManyFailed
+    from campaign.cluster.workers import PrestartedWorkers
+    from campaign.coordinator.coordinate import TooManyFailed, coordinate
     from clearcap.cli.progress import display
 
     def computed(plan: "Plan") -> "Outcome":
@@ -132,7 +131,7 @@ def _report(store: "Store", plan: "Plan") -> dict[str, str]:
 
 def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
     """If too few runs of a campaign are ok, print the reason and the remedy, and end with exit status 1."""
-    from campaign.coordinator.failed_runs import lack_of_ok, what_to_do
+    from campaign.coordinator.coordinate import lack_of_ok, what_to_do
 
     lack = lack_of_ok(plan, statuses)
     if lack:

@@ -44,7 +44,7 @@ def import_step(
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
     from campaign.errors import SpecError
-    from campaign.spec.write import proposed_campaign
+    from campaign.spec.campaign_file import proposed_campaign
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad import RECOGNITION
     from engine.cad_import.found_geometry import find_geometry
@@ -328,7 +328,7 @@ def _campaign_texts(
     mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
 ) -> dict[Path, tuple[str, "UpdatedProposal"]]:
     """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
-    from campaign.spec.write import proposed_campaign
+    from campaign.spec.campaign_file import proposed_campaign
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
     from engine.platform.regular_file import read_regular_file

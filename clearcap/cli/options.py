@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.environment import SERVER, STORE
+from campaign.processes import SERVER, STORE
 from clearcap.cli.output import say
 
 if TYPE_CHECKING:

@@ -48,7 +48,7 @@ def list_campaigns(
     from campaign.coordinator.requests import unfinished_deletions
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
-    from campaign.store.naming import check_is_store
+    from campaign.store.store import check_is_store
 
     opened = open_store(store, QUICK)
     check_is_store(opened.files)

@@ -61,7 +61,7 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
     from campaign.coordinator.requests import unsigned
     from campaign.coordinator.state import resume_command
     from campaign.store import open_store
-    from campaign.store.repeat_sets import repeat_plans
+    from campaign.store.store import repeat_plans
 
     opened = open_store(store)
     header = opened.plan_header(opened.find(campaign))
@@ -94,7 +94,7 @@ def delete(
     from campaign.errors import CampaignError, SpecError
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
-    from campaign.store.naming import which_campaign
+    from campaign.store.store import which_campaign
 
     opened = open_store(store, QUICK)
     begun = unfinished_deletions(opened)

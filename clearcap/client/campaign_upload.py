@@ -8,7 +8,7 @@ from typing import Any
 
 from campaign.errors import SpecError
 
-LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.data_files`
+LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.named_files`
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
     from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 
     if isinstance(source, Mapping):
+        from campaign.spec.campaign_file import campaign_text
         from campaign.spec.load import with_named_mechanism
-        from campaign.spec.write import campaign_text
 
         named, mechanism = with_named_mechanism(source)
         text = campaign_text(named)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
-from campaign.environment import SERVER, TOKEN
 from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
+from campaign.processes import SERVER, TOKEN
 
 if TYPE_CHECKING:
     from engine.faults.fault import Fault

@@ -12,9 +12,8 @@ from scipy.special import ndtr
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions.base import DRAWN
 from campaign.inputs.sampling import sampler_named
-from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.importance import ImportanceSampler
-from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
+from campaign.inputs.sampling.inverse_transform import InverseTransformSampler, correlated
 from campaign.inputs.sampling.sampler import varied
 from campaign.plan import Plan
 from campaign.samples import limits_of

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 
 from campaign.errors import SpecError
 from campaign.plan import Plan
+from campaign.row_build import clearcap_version
 from campaign.store import Store
-from campaign.version import clearcap_version
 
 # The media type of each format.
 FORMATS = {

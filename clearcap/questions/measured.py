@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.row_build import clearcap_version
 from campaign.spec.campaign_file import Response, ShortName
 from campaign.spec.faults import SpecFault, structure_faults
-from campaign.version import clearcap_version
 from clearcap.questions.report import report_date
 from clearcap.questions.report_source import sha256
 from engine.faults.toml_positions import with_positions

@@ -22,19 +22,15 @@ from campaign.coordinator.requests import refuse_signed, unsigned
 from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
-from campaign.plan import Plan
-from campaign.resolution import resolution
-from campaign.row_build import differences
+from campaign.plan import Plan, resolution
+from campaign.row_build import clearcap_version, differences
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store, open_store
 from campaign.store.files.files import TEMPORARY
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import STATE, STOPPED, SUBMISSION
-from campaign.store.naming import store_option
-from campaign.store.repeat_sets import read_repeats, repeat_plans, repeated_shares, survey_repeats
-from campaign.store.store import report_folder
-from campaign.version import clearcap_version
-from campaign.worker.moments import plain_rows
+from campaign.store.store import read_repeats, repeat_plans, repeated_shares, report_folder, survey_repeats
+from campaign.worker.messages import plain_rows
 from clearcap.pictures.sketches.sketch import sketch_mechanism
 from clearcap.questions.aimed_campaign import decided_by
 from clearcap.questions.fixed_assumptions import fixed_assumptions
@@ -257,7 +253,7 @@ def _has_production_batches(plan: Plan) -> bool:
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     """Return the data about a campaign that `reporting` needs; without its store all its samples count as requested."""
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
-    place = [] if store is None else store_option(store.files)
+    place = [] if store is None else store.files.option
     drawing, note = mechanism_drawing(plan)
     return ReportSpec(
         title=spec.title or spec.name,

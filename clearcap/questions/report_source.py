@@ -17,7 +17,7 @@ from campaign.errors import CampaignError
 from campaign.plan_header import PlanHeader
 from campaign.store import Store
 from campaign.store.layout import DECISION, PLAN, REPEATS, STOPPED
-from campaign.store.repeat_sets import repeat_plans
+from campaign.store.store import repeat_plans
 from reporting.write import NAMES
 
 OF_PLAN, OF_ROWS = "plan digest", "rows digest"  # names in the provenance of a report

@@ -11,11 +11,10 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, Field
 
-from campaign.errors import SpecError
+from campaign.errors import FailedStatus, SpecError
 from campaign.json_values import json_values
 from campaign.plan import Plan
 from campaign.row_build import differences
-from campaign.run_status import FailedStatus
 from campaign.samples import limits_of
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK

@@ -12,9 +12,8 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from campaign.coordinator.run_time import known_seconds_per_run, seconds_per_run
 from campaign.coordinator.state import state_of, write_state
-from campaign.coordinator.submit import submit
+from campaign.coordinator.submit import known_seconds_per_run, seconds_per_run, submit
 from campaign.errors import SpecError
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan, make_plan

@@ -19,7 +19,7 @@ from campaign.inputs.distributions.bounded import Triangular, Uniform
 from campaign.inputs.distributions.normal import TruncatedNormal
 from campaign.inputs.distributions.skewed import Exponential
 from campaign.inputs.sampling import SAMPLERS, sampler_named
-from campaign.inputs.sampling.correlation import matrix
+from campaign.inputs.sampling.inverse_transform import matrix
 from campaign.plan import Plan, dump_spec
 from campaign.samples import SampleColumns, independent_samples, limits_of, lots_of
 from campaign.spec.campaign_file import CampaignSpec

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
 from campaign.errors import CampaignError
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from clearcap.web.api import routers
 from clearcap.web.http.monitoring import Metrics, Record, ServiceGauges, WorkGauges
 from clearcap.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of

@@ -17,10 +17,9 @@ from pathlib import Path
 from campaign.coordinator.lease import is_coordinated
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError
-from campaign.row_build import row_build, short_build
+from campaign.row_build import clearcap_version, row_build, short_build
 from campaign.store import Store
 from campaign.store.layout import SERVICE
-from campaign.version import clearcap_version
 from campaign.waits import counted
 from clearcap.web.access.backup import KEY_FILE, audit_fault
 from clearcap.web.access.database import DATABASE, VERSIONS

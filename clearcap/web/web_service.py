@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any
 
-from campaign.environment import STORE
 from campaign.errors import CampaignError, StoreError
+from campaign.processes import STORE
 from campaign.store import Store
 from campaign.store.files.files import Files
 from campaign.store.files.retry_policy import HASTY, CircuitBreaker

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from engine import warm_up
 from engine.platform.build import build_id
 from studies.axial_play.plays import Play, plays, run

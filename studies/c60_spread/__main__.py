@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from engine import warm_up
 from engine.platform.build import build_id
 from studies.c60_spread.runs import clearances, run, shipped

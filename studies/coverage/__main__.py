@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from studies.coverage.families import Case, Key, all_tallies, cases
 from studies.coverage.limit_states import DESIGNED
 from studies.coverage.outcomes import Tally

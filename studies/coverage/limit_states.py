@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtri
 from scipy.stats import chi2, norm
 
-from campaign.inputs.sampling.proposal import Component, Proposal, aimed, drawn_from, log_weights, moved
+from campaign.inputs.sampling.importance import Component, Proposal, aimed, drawn_from, log_weights, moved
 from reporting.arrays import Array
 from reporting.rare.aim import Aim, aims, find_targets
 from reporting.rare.weighted import LEAST, Draws, rare_share

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from campaign.inputs.sampling.proposal import Component, Proposal, aimed, drawn_from, log_weights, moved
+from campaign.inputs.sampling.importance import Component, Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design
 from reporting.rare.rare_rejects import rare_rejects
 from reporting.spec import ProposalPart

@@ -6,7 +6,7 @@ import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from engine import warm_up
 from engine.platform.build import build_id
 from studies.trip_force.assumptions import MAPPED, Assumptions, grids

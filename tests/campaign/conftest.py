@@ -10,7 +10,7 @@ import dask
 import pytest
 from typer.testing import CliRunner
 
-from campaign.cluster import dask_workers
+from campaign.cluster import workers as of_dask
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator import rerun as rerunning
 from campaign.coordinator import submit as submission
@@ -147,7 +147,7 @@ def workers(kept_workers, monkeypatch):
     def connect_workers(_):
         yield kept_workers
 
-    for module in (coordinating, dask_workers, rerunning):
+    for module in (coordinating, of_dask, rerunning):
         monkeypatch.setattr(module, "connect_workers", connect_workers)
 
 

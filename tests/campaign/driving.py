@@ -4,7 +4,7 @@ from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.store import open_store
-from campaign.store.repeat_sets import repeated_shares
+from campaign.store.store import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine

@@ -8,9 +8,9 @@ import pytest
 import clearcap
 from campaign.cluster.local import local_client
 from campaign.coordinator.submit import start_coordinator
-from campaign.environment import numerical
+from campaign.processes import numerical
+from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress
-from campaign.worker.subprocess_runs import rows_in_subprocess
 from clearcap.web.answers.job_process import job_environment
 from clearcap.web.web_service import CoordinatorChild
 from engine.cad import step_reader

@@ -2,7 +2,7 @@
 
 import pytest
 
-from campaign.resolution import resolution
+from campaign.plan import resolution
 from engine import load_mechanism
 
 

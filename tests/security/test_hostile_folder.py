@@ -11,9 +11,9 @@ import pytest
 
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker import subprocess_runs
+from campaign.worker import batch as computing
+from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress
-from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 from engine.platform.child import python_environment
 from tests.campaign import fake_engine
@@ -129,7 +129,7 @@ def test_a_run_is_the_same_there(hostile, tmp_path):
 def test_an_isolated_child_imports_nothing_there(hostile, store, plan, monkeypatch):
     """Neither its own modules nor those of Python's library come from the current folder."""
     folder, traces = hostile
-    monkeypatch.setattr(subprocess_runs, "STARTS", 1)
+    monkeypatch.setattr(computing, "STARTS", 1)
     monkeypatch.chdir(folder)
     address = CampaignAddress.of(store, plan, fake_engine.simulate)
     assert [row["status"] for row in rows_in_subprocess(address, range(3), 1)] == ["ok"] * 3

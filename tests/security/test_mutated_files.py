@@ -27,9 +27,8 @@ from campaign.errors import CampaignError
 from campaign.inputs.sampling import draw
 from campaign.plan import Plan, dump_spec, make_plan
 from campaign.plan_header import parse_plan
-from campaign.spec.data_files import ParquetReader, read_columns
 from campaign.spec.load import load_campaign
-from campaign.spec.named_files import FolderFiles
+from campaign.spec.named_files import FolderFiles, ParquetReader, read_columns
 from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED

@@ -16,7 +16,7 @@ from campaign.cluster.tls_certificates import make_certificates
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.repeat_sets import repeated_shares
+from campaign.store.store import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine import simulate

@@ -16,8 +16,8 @@ import pytest
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator import submit as submission
 from campaign.coordinator.submit import start_coordinator
-from campaign.environment import STORE
 from campaign.plan import make_plan
+from campaign.processes import STORE
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap_here

@@ -4,10 +4,14 @@ Each sampler is one object; `SAMPLERS` is the only place that lists them. Most s
 distributions (`inverse_transform`, `quasi_random`, `importance`), the others enumerate values (`enumerating`).
 """
 
-from campaign.inputs.sampling.correlation import check_correlations
 from campaign.inputs.sampling.enumerating import Corners, Grid, UserTable
 from campaign.inputs.sampling.importance import ImportanceSampler
-from campaign.inputs.sampling.inverse_transform import LatinHypercube, RandomSampler, production_batch
+from campaign.inputs.sampling.inverse_transform import (
+    LatinHypercube,
+    RandomSampler,
+    check_correlations,
+    production_batch,
+)
 from campaign.inputs.sampling.quasi_random import Halton, Saltelli, Sobol
 from campaign.inputs.sampling.sampler import SampledInputs, Sampler
 from engine.arrays import Array

@@ -3,20 +3,87 @@
 The sampler gives every variable a uniform number for each sample, the numbers of correlated variables are mixed, and
 the variable's distribution turns the number into a value, moved by the shift of the sample's production batch:
 consecutive samples of a batch share it.
+
+Random words have 64 bits and a number: any word of any stream is available directly, in any order. The generator is
+counter-based (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011): word ``i`` of a Philox stream, keyed
+by the campaign's seed and a variable's name, belongs to sample ``i``. So more samples keep the first ones, and an
+additional variable does not change the others.
 """
 
+import hashlib
+import threading
 from abc import abstractmethod
+from collections import Counter
+from collections.abc import Mapping
 from functools import lru_cache
+from math import pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions import Continuous, Distribution
-from campaign.inputs.sampling.correlation import correlated
-from campaign.inputs.sampling.sampler import SampledInputs, Sampler, varied
-from campaign.inputs.sampling.streams import BATCH, PLACE, STRATA, permutation, uniforms, words
+from campaign.inputs.distributions import Constant, Continuous, Distribution
+from campaign.inputs.sampling.sampler import Correlations, SampledInputs, Sampler, varied
 from engine.arrays import Array
+from engine.mechanism.faults import did_you_mean
+
+Words = NDArray[np.uint64]
+
+WORDS_PER_BLOCK = 4  # Philox4x64 yields four words for each value of its counter
+# purposes of streams
+VALUE, BATCH, SCRAMBLE, STRATA, PLACE = "", "batch\n", "scramble\n", "strata\n", "place\n"
+COMPONENT = "component\n"
+
+
+class _Generator(threading.local):
+    """One generator per thread, set to another stream at each call, because a new one takes seven times as long."""
+
+    def __init__(self) -> None:
+        self.philox = np.random.Philox(key=0)
+
+    def words(self, key: Words, block: int, count: int) -> Words:
+        empty = np.zeros(WORDS_PER_BLOCK, dtype=np.uint64)
+        counter = np.array([block, 0, 0, 0], dtype=np.uint64)
+        self.philox.state = {
+            "bit_generator": "Philox",
+            "state": {"counter": counter, "key": key},
+            "buffer": empty,
+            "buffer_pos": WORDS_PER_BLOCK,
+            "has_uint32": 0,
+            "uinteger": 0,
+        }
+        return self.philox.random_raw(count)
+
+
+_generator = _Generator()
+
+
+def words(seed: int, name: str, first: int, count: int, purpose: str = VALUE) -> Words:
+    """Return ``count`` random words of a stream, starting at word ``first``, shape (count,)."""
+    block, skipped = divmod(first, WORDS_PER_BLOCK)
+    return _generator.words(_key(seed, name, purpose), block, skipped + count)[skipped:]
+
+
+def uniforms(seed: int, name: str, first: int, count: int, purpose: str = VALUE) -> Array:
+    """Return uniform numbers strictly inside (0, 1), shape (count,)."""
+    # 52 bits, centred in their cells: neither 0 nor 1 can occur, and 1 - u is exact.
+    return ((words(seed, name, first, count, purpose) >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+
+
+def permutation(seed: int, name: str, size: int, first: int = 0, purpose: str = VALUE) -> NDArray[np.int64]:
+    """Return a random permutation of 0 .. size - 1 from the words ``first`` to ``first + size - 1`` of a stream."""
+    # stable: how other sorts order equal words is up to the library
+    return np.argsort(words(seed, name, first, size, purpose), kind="stable")
+
+
+@lru_cache(maxsize=4096)
+def _key(seed: int, name: str, purpose: str) -> Words:
+    """Return 128 bits that differ for every triple of purpose, seed and name, shape (2,)."""
+    # the order of bytes is fixed, so that the key is the same on every machine
+    return np.frombuffer(hashlib.sha256(f"{purpose}{seed}\n{name}".encode()).digest()[:16], dtype="<u8").astype(
+        np.uint64
+    )
+
 
 EVENLY_SPREAD = (
     "the intervals are those of independent samples. Means and sigmas of responses close to a sum of effects of single "
@@ -130,3 +197,83 @@ def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Ar
 def _strata(seed: int, name: str, samples: int) -> NDArray[np.int32]:
     """Return the stratum of each sample, shape (samples,); cached, so that a process computes it only once."""
     return permutation(seed, name, samples, 0, STRATA).astype(np.int32)
+
+
+# -- correlated variables: a Gaussian copula, given by Spearman's rank correlations ------------------------------------
+#
+# The uniform numbers of correlated variables are transformed to normal scores, the scores are mixed, and the mixed
+# scores are transformed back to uniform numbers, so every variable keeps its distribution. A rank correlation r does
+# not depend on the distributions; the correlation of the scores is 2 sin(pi r / 6) (K. Pearson, "On further methods of
+# determining correlation", 1907).
+
+
+LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix; below it, one variable is a function of the others
+NEXT_TO_ONE = 1.0 - 2.0**-53  # uniform number: the double next to 1
+
+
+def check_correlations(inputs: SampledInputs) -> None:
+    """Raise ValueError for correlations of no two variables that vary, given twice, or that contradict each other."""
+    pairs = Counter(frozenset((a, b)) for a, b, _ in inputs.correlations or ())
+    for a, b, rank in inputs.correlations or ():
+        entry = f'correlations, ["{a}", "{b}", {rank:g}]'
+        for name in (a, b):
+            if name not in inputs.variables:
+                names = list(inputs.variables)
+                raise ValueError(f"{entry}: no variable {name}; allowed: {', '.join(names)}{did_you_mean(name, names)}")
+            if isinstance(inputs.variables[name], Constant):
+                raise ValueError(f"{entry}: {name} is a constant and cannot be correlated; remove the entry")
+        if a == b:
+            raise ValueError(f"{entry}: a variable cannot be correlated with itself; name two variables")
+        if pairs[frozenset((a, b))] > 1:
+            raise ValueError(f"{entry}: this pair is given more than once; keep one entry")
+    if inputs.correlations and (smallest := smallest_eigenvalue(inputs.correlations)) < LEAST_EIGENVALUE:
+        raise ValueError(
+            f"correlations: contradict each other, their matrix is not positive definite (smallest eigenvalue"
+            f" {smallest:.3g}); multiply all of them by at most {largest_scale(inputs.correlations):g}"
+        )
+
+
+def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
+    """Return the uniform numbers of the correlated variables, mixed in the order of ``u``; shapes stay the same."""
+    names = [name for name in u if any(name in pair for pair in correlations)]
+    scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}
+    for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):
+        # a plain sum: the bits of a matrix product depend on the number of samples
+        score = sum(share * z for share, z in zip(row, scores, strict=False) if share)
+        mixed[name] = np.clip(ndtr(score), 1.0 - NEXT_TO_ONE, NEXT_TO_ONE)
+    return mixed
+
+
+def matrix(names: tuple[str, ...], correlations: Correlations, scale: float = 1.0) -> Array:
+    """Return the correlation matrix of the normal scores, shape (k, k), with all rank correlations scaled."""
+    result, at = np.eye(len(names)), {name: i for i, name in enumerate(names)}
+    for a, b, rank in correlations:
+        result[at[a], at[b]] = result[at[b], at[a]] = 2.0 * sin(pi * scale * rank / 6.0)
+    return result
+
+
+def smallest_eigenvalue(correlations: Correlations, scale: float = 1.0) -> float:
+    """Return the smallest eigenvalue of the scores' correlation matrix."""
+    names = tuple(dict.fromkeys(name for a, b, _ in correlations for name in (a, b)))
+    return float(np.linalg.eigvalsh(matrix(names, correlations, scale))[0])
+
+
+def largest_scale(correlations: Correlations) -> float:
+    """Return the largest factor from 0 to 1, in steps of 0.01, that makes all correlations together possible."""
+    return next(
+        (n / 100 for n in range(100, 0, -1) if smallest_eigenvalue(correlations, n / 100) >= LEAST_EIGENVALUE), 0.0
+    )
+
+
+@lru_cache(maxsize=8)
+def _factor(names: tuple[str, ...], correlations: Correlations) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of the lower Cholesky factor; plain arithmetic, as a library's blocking would change bits."""
+    rows: list[tuple[float, ...]] = []
+    for i, target in enumerate(matrix(names, correlations).tolist()):
+        row: list[float] = []
+        for j in range(i):
+            product = sum(a * b for a, b in zip(row, rows[j], strict=False))
+            row.append((target[j] - product) / rows[j][j])
+        row.append(sqrt(1.0 - sum(a * a for a in row)))
+        rows.append(tuple(row))
+    return tuple(rows)

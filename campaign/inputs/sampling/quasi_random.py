@@ -6,9 +6,14 @@ from math import floor, log
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
+from campaign.inputs.sampling.inverse_transform import (
+    EVENLY_SPREAD,
+    SCRAMBLE,
+    InverseTransformSampler,
+    permutation,
+    words,
+)
 from campaign.inputs.sampling.sampler import SampledInputs, dependence, varied
-from campaign.inputs.sampling.streams import SCRAMBLE, permutation, words
 from engine.arrays import Array
 
 DIGITS = 52  # binary digits of a Sobol point

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Constant, Continuous, Distribution
-from campaign.inputs.sampling.proposal import Proposal
 from engine.arrays import Array
 
 Correlations = tuple[tuple[str, str, float], ...]
@@ -55,8 +54,8 @@ class SampledInputs(Protocol):
         """The user's samples; only sampler ``list`` reads it."""
 
     @property
-    def importance(self) -> Proposal | None:
-        """Where rejects are expected; only sampler ``importance`` reads it."""
+    def importance(self) -> object | None:
+        """The proposal, where rejects are expected; only sampler ``importance`` reads it."""
 
     @property
     def stop(self) -> object | None:

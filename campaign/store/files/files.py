@@ -1,6 +1,8 @@
 """Files of a store, in a folder or behind any fsspec URL: each is written whole or not at all."""
 
+import os
 import re
+import shlex
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -9,6 +11,7 @@ from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError, unwritable
+from campaign.processes import STORE
 from campaign.store.files.local import LocalFolder
 from campaign.store.files.private_url import PrivateUrl
 from campaign.store.files.retry_policy import HASTY, PATIENT, CircuitBreaker, Outage, RetryPolicy
@@ -56,6 +59,18 @@ class Files:
     def has_secrets(self) -> bool:
         """Whether the full URL holds a password or another secret."""
         return self._private.has_secrets
+
+    def command(self, verb: str, *words: str) -> str:
+        """Return a complete ``clearcap`` command on this store, to copy: verb, arguments and further options."""
+        return shlex.join(["clearcap", verb, *words, *self.option])
+
+    @property
+    def option(self) -> list[str]:
+        """The words that name the store; none if the environment names one with a password, which stays unseen."""
+        named = os.environ.get(STORE)
+        if self.has_secrets and named is not None and PrivateUrl(named).shown == self.url:
+            return []
+        return ["--store", self.url]
 
     @property
     def hasty(self) -> "Files":

@@ -24,7 +24,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 from cryptography.hazmat.primitives.kdf.scrypt import Scrypt
 
 from campaign.errors import CampaignError, SpecError
-from campaign.version import clearcap_version
+from campaign.row_build import clearcap_version
 from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.database import DATABASE, Database, copy_of
 from engine.platform.regular_file import read_regular_file

@@ -14,9 +14,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from campaign import errors
-from campaign.environment import numerical
 from campaign.errors import CampaignError, SpecError, error_named
 from campaign.json_values import json_values
+from campaign.processes import numerical
 from clearcap.web.answers import job_limits
 from clearcap.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 from engine.platform.child import (

@@ -11,9 +11,9 @@ from time import monotonic
 from typing import Any
 
 from campaign.errors import SpecError, StoreError
+from campaign.row_build import clearcap_version
 from campaign.store import Store
 from campaign.store.layout import MANIFEST, PARTS, PLAN, STOPPED
-from campaign.version import clearcap_version
 from clearcap.web.answers.column_cache import USUAL_SIZE
 from clearcap.web.answers.fair_queue import Busy
 from clearcap.web.answers.job_pool import JobPool

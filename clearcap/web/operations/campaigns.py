@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from campaign.coordinator.requests import cancel_campaign, delete_campaign, request_rerun
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
-from campaign.run_status import FailedStatus
+from campaign.errors import FailedStatus
 from campaign.store.files.files import TEMPORARY
 from campaign.store.labels import LabelChange, change_labels, read_labels
 from campaign.store.layout import CANCEL

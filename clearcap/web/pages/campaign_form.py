@@ -13,9 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Distribution, Variable
 from campaign.plan import dump_spec
-from campaign.spec.campaign_file import Response, Stop
+from campaign.spec.campaign_file import Response, Stop, campaign_text
 from campaign.spec.named_files import GivenFiles
-from campaign.spec.write import campaign_text
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.mechanism_library import read_mechanism

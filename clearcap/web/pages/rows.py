@@ -9,8 +9,7 @@ from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
-from campaign.errors import CampaignError
-from campaign.run_status import FailedStatus
+from campaign.errors import CampaignError, FailedStatus
 from clearcap.questions.exported_rows import FORMATS
 from clearcap.questions.samples import OK, SORTS, STATUSES, ReplayedSample, sample_motion
 from clearcap.web.access import Principal

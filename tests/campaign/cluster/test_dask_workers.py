@@ -9,10 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from campaign.cluster import dask_workers
+from campaign.cluster import workers as of_dask
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.dask_workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers, _call
-from campaign.cluster.workers import SchedulerLost
+from campaign.cluster.workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers, SchedulerLost, _call
 from campaign.coordinator.submit import plan_campaign
 from campaign.errors import SpecError, StoreError, UnreachableError
 from campaign.store.files.retry_policy import PATIENT, Outage
@@ -127,8 +126,8 @@ def clock(monkeypatch):
             return self.now
 
     clock = Clock()
-    monkeypatch.setattr("campaign.cluster.dask_workers.time", clock)
-    monkeypatch.setattr("campaign.cluster.dask_workers.SimpleQueue", lambda: Queue(clock))
+    monkeypatch.setattr("campaign.cluster.workers.time", clock)
+    monkeypatch.setattr("campaign.cluster.workers.SimpleQueue", lambda: Queue(clock))
     return clock
 
 
@@ -174,7 +173,7 @@ def test_the_first_refused_write_of_a_worker_is_told(client, workers, monkeypatc
 
     for address, fails in ((addresses[0], False), (addresses[1], True)):
         said = SimpleNamespace(address=address, log_event=lambda topic, told: client.told((0.0, told)))
-        monkeypatch.setattr(dask_workers, "get_worker", lambda said=said: said)
+        monkeypatch.setattr(of_dask, "get_worker", lambda said=said: said)
         with pytest.raises(StoreError) if fails else nullcontext():
             _call(refused, fails)
         assert workers.waits() == []
@@ -262,7 +261,7 @@ def events(monkeypatch):
         finally:
             events.append(f"end {number}")
 
-    monkeypatch.setattr(dask_workers, "connect_workers", connect_workers)
+    monkeypatch.setattr(of_dask, "connect_workers", connect_workers)
     return events
 
 
@@ -316,7 +315,7 @@ def test_whoever_connects_hears_why_they_did_not_start(monkeypatch):
         raise UnreachableError("2 workers cannot be started on this machine")
         yield
 
-    monkeypatch.setattr(dask_workers, "connect_workers", connect_workers)
+    monkeypatch.setattr(of_dask, "connect_workers", connect_workers)
     with PrestartedWorkers(Cluster()) as early:
         early.begin()
         with pytest.raises(UnreachableError, match="2 workers"), early.connect(Cluster()):

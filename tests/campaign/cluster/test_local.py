@@ -14,8 +14,7 @@ import pytest
 from distributed.comm.core import connect as open_comm
 
 from campaign.cluster import local
-from campaign.cluster.local import interrupts_held, local_client
-from campaign.cluster.scratch import PREFIX
+from campaign.cluster.local import PREFIX, interrupts_held, local_client
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
 

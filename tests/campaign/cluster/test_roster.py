@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from campaign.cluster import roster as module
-from campaign.cluster.roster import REMEMBERED, Roster
+from campaign.cluster import workers as module
+from campaign.cluster.workers import REMEMBERED, Roster
 
 
 @pytest.fixture

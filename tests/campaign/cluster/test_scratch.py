@@ -9,7 +9,7 @@ import tempfile
 
 import pytest
 
-from campaign.cluster.scratch import PREFIX, scratch_folder
+from campaign.cluster.local import PREFIX, scratch_folder
 from campaign.errors import UnreachableError
 
 
@@ -38,7 +38,7 @@ def test_private_and_gone_at_the_end(temporary):
 
 KILLED = """
 import os, signal
-from campaign.cluster.scratch import scratch_folder
+from campaign.cluster.local import scratch_folder
 with scratch_folder() as folder:
     (folder / "left").write_text("x")
     print(folder, flush=True)

@@ -10,8 +10,7 @@ from concurrent.futures import Future
 import pytest
 
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.workers import ATTEMPTS, NoWorkerLeft, WorkerDied, compile_first
+from campaign.cluster.workers import ATTEMPTS, NoWorkerLeft, WorkerDied, compile_first, connect_workers
 from campaign.errors import UnreachableError
 from tests.campaign.process_workers import process_workers
 from tests.until import until
@@ -99,7 +98,7 @@ def test_calls_that_are_taken_back_are_not_returned(workers, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_refused_workers_get_no_calls(kind, monkeypatch):
     """A worker of another build names itself; without the refused ones, the other computes, and none is left then."""
-    monkeypatch.setattr("campaign.cluster.dask_workers.RETURNS_WITHIN", 0.5)
+    monkeypatch.setattr("campaign.cluster.workers.RETURNS_WITHIN", 0.5)
     with KINDS[kind]() as workers:
         for _ in range(2):
             call = workers.submit("build", is_of_another_build)
@@ -124,7 +123,7 @@ def computed(workers):
 @pytest.mark.slow
 def test_a_worker_of_dask_that_hangs_is_replaced(monkeypatch):
     """Its call says so, and another worker takes its place."""
-    monkeypatch.setattr("campaign.cluster.dask_workers.SILENT_AFTER", 4.0)
+    monkeypatch.setattr("campaign.cluster.workers.SILENT_AFTER", 4.0)
     with connect_workers(Cluster(workers=1)) as workers:
         hung = workers.submit("stops", stops)
         assert workers.next_finished() is hung

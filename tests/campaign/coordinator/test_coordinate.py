@@ -7,11 +7,10 @@ from functools import partial
 
 import pytest
 
-from campaign.cluster import dask_workers
+from campaign.cluster import workers as of_dask
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import coordinate as coordinating
-from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.failed_runs import TooManyFailed
+from campaign.coordinator.coordinate import TooManyFailed, coordinate
 from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
@@ -256,7 +255,7 @@ def test_store_that_fails_is_tried_again_then_reported(tmp_path, campaign):
 
 def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
     """No worker has the build the campaign is planned for: a message says so and nothing is computed."""
-    monkeypatch.setattr(dask_workers, "RETURNS_WITHIN", 1.0)
+    monkeypatch.setattr(of_dask, "RETURNS_WITHIN", 1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     other = replace(plan, row_build="engine 0123456789abcdef")

@@ -15,8 +15,7 @@ from campaign.errors import StoreError
 from campaign.store import Survey, open_store
 from campaign.store.layout import HEARTBEAT, LEASE, PLAN, STATE
 from campaign.worker.batch import run_batch
-from campaign.worker.messages import BatchRequest, CampaignAddress
-from campaign.worker.moments import moments
+from campaign.worker.messages import BatchRequest, CampaignAddress, moments
 from reporting import capability
 from tests.campaign import fake_engine
 

@@ -5,8 +5,7 @@ from functools import partial
 
 import pytest
 
-from campaign.coordinator.run_time import ENOUGH, RUNS, known_seconds_per_run, seconds_per_run
-from campaign.coordinator.submit import submit
+from campaign.coordinator.submit import ENOUGH, RUNS, known_seconds_per_run, seconds_per_run, submit
 from campaign.plan import UNTRIED_BATCH, batch_size_is_fixed, make_plan
 from campaign.store import open_store, part_name
 from campaign.worker.row import rows_in_process
@@ -38,7 +37,7 @@ def child(clock, starts, takes, monkeypatch):
             runs.append(row["sample"])
             yield row | {"wall_s": takes}
 
-    monkeypatch.setattr("campaign.coordinator.run_time.rows_in_subprocess", rows)
+    monkeypatch.setattr("campaign.coordinator.submit.rows_in_subprocess", rows)
     return runs
 
 

@@ -10,9 +10,8 @@ import pytest
 from pyarrow import parquet
 
 from campaign.errors import SpecError
-from campaign.spec import data_files, parquet_columns
-from campaign.spec.data_files import ParquetReader, read_columns, read_data_files
-from campaign.spec.named_files import FolderFiles
+from campaign.spec import named_files, parquet_columns
+from campaign.spec.named_files import FolderFiles, ParquetReader, read_columns, read_data_files
 from engine.platform import child
 from tests.each import each
 
@@ -74,7 +73,7 @@ def test_footer_that_says_fewer_rows(tmp_path):
 def test_page_that_is_larger_than_its_footer_says(tmp_path, monkeypatch):
     """The memory that decoding may take is limited, whatever the footer says."""
     path, rows = tmp_path / "x.parquet", 20_000_000
-    monkeypatch.setattr(data_files, "LARGEST_DECODED", 150_000_000)
+    monkeypatch.setattr(named_files, "LARGEST_DECODED", 150_000_000)
     write_parquet(path, {"x": [1.0, 2.0]})
     assert read_columns(FolderFiles(tmp_path), path.name, ["x"]) == {"x": [1.0, 2.0]}
     whole = {"use_dictionary": False, "compression": "zstd", "data_page_size": 1 << 30, "row_group_size": rows}
@@ -151,7 +150,7 @@ def test_only_regular_files_are_read(tmp_path, name):
 
 def test_large_file_is_not_read(tmp_path, monkeypatch):
     """The size is known before."""
-    monkeypatch.setattr(data_files, "LARGEST_FILE", 1000)
+    monkeypatch.setattr(named_files, "LARGEST_FILE", 1000)
     (tmp_path / "x.csv").write_text("x\n" + "1\n" * 1000)
     assert "2002 bytes; allowed: up to 1000" in refusal(tmp_path / "x.csv")
 

@@ -272,5 +272,5 @@ def test_too_much_is_refused(monkeypatch):
         GivenFiles({"a.csv": b"123456", "b.csv": b"123456"})
     monkeypatch.undo()
     assert LARGEST_TOTAL == 200_000_000
-    monkeypatch.setattr("campaign.spec.data_files.LARGEST_FILE", 5)
+    monkeypatch.setattr("campaign.spec.named_files.LARGEST_FILE", 5)
     assert f"has {len(MEASURED)} bytes; allowed: up to 5" in refusal(MINE, FILES)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from campaign.plan import dump_spec
+from campaign.spec.campaign_file import campaign_text
 from campaign.spec.load import load_campaign, load_campaign_text
 from campaign.spec.named_files import campaign_names
-from campaign.spec.write import campaign_text
 from tests.counts import many
 from tests.house import ROOT
 

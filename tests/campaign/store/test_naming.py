@@ -6,15 +6,15 @@ import shlex
 
 import pytest
 
-from campaign.environment import STORE
 from campaign.errors import SpecError
 from campaign.plan import make_plan
+from campaign.processes import STORE
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.layout import DECISION
 from tests.house import modules, syntax_tree
 
-# Verbs on a store, in a text that is no part of a command which `command_line` made.
+# Verbs on a store, in a text that is no part of a command which `Files.command` made.
 PRINTED = re.compile(
     r"clearcap (?:resume|rerun|replay|report|watch|cancel|status|coordinate|compact|delete|list|whatif|advise|design)\b"
 )
@@ -26,7 +26,7 @@ PROSE = {
     # What a sampler is for: it names the verb.
     "campaign.inputs.sampling.importance",
     # A row is the same in every store, so it names none.
-    "campaign.worker.subprocess_runs",
+    "campaign.worker.batch",
     # Sentences of a report, which knows no store; they name a verb and are no command.
     "reporting.sensitivity.total_order",
     "reporting.trust.evidence",
@@ -103,7 +103,7 @@ def texts(tree):
 
 
 def test_no_command_is_written_by_hand():
-    """Each command on a store comes from `command_line`."""
+    """Each command on a store comes from `Files.command`."""
     found = {name for name in modules() if any(PRINTED.search(text) for text in texts(syntax_tree(name)))}
     assert found - PROSE == set()
 

@@ -10,7 +10,7 @@ from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
 from campaign.plan_header import repeated_samples
 from campaign.spec.load import load_campaign
-from campaign.store.repeat_sets import add_share, read_repeats, repeat_plans, repeated_shares, survey_repeats
+from campaign.store.store import add_share, read_repeats, repeat_plans, repeated_shares, survey_repeats
 from campaign.worker.messages import CampaignAddress
 from campaign.worker.row import HalvedStep, halved_settings
 from engine.mechanism import load_mechanism, set_values

@@ -8,7 +8,7 @@ from campaign.plan_header import repeated_samples
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
 from campaign.store.parts import load_manifest
-from campaign.store.repeat_sets import read_repeats, repeat_plans, survey_repeats
+from campaign.store.store import read_repeats, repeat_plans, survey_repeats
 
 VARIES = ["wall_s", "attempts"]
 OF_DASK = "scheduler", "worker"  # their statuses and words are dask's

@@ -36,7 +36,7 @@ def victims(supervisor, kind, chance):
     if kind == "all":
         return [process.pid for process in processes(supervisor.mark)]
     if kind == "child":
-        children = [p.pid for p in processes(supervisor.mark) if "campaign.worker.subprocess_runs:compute" in words(p)]
+        children = [p.pid for p in processes(supervisor.mark) if "campaign.worker.batch:compute" in words(p)]
         return chance.sample(children, min(1, len(children)))
     if kind in ("worker", "nanny"):
         nanny = supervisor.pid(f"worker-{chance.randrange(2)}")

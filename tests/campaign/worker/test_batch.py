@@ -8,10 +8,9 @@ from importlib.metadata import version
 import pytest
 
 from campaign.inputs.sampling import draw
-from campaign.worker import subprocess_runs
-from campaign.worker.batch import run_batch
+from campaign.worker import batch as computing
+from campaign.worker.batch import rows_in_subprocess, run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress, WrongBuild
-from campaign.worker.subprocess_runs import rows_in_subprocess
 from tests.campaign import fake_engine
 
 
@@ -65,7 +64,7 @@ def test_error_of_the_machine_is_no_row(store, plan, tmp_path, error):
 @pytest.mark.processes
 def test_error_of_the_machine_that_stays_is_a_row(store, plan, monkeypatch):
     """If process after process meets it, it is the run's."""
-    monkeypatch.setattr(subprocess_runs, "TRIES", 2)
+    monkeypatch.setattr(computing, "TRIES", 2)
     address = CampaignAddress.of(store, plan, partial(fake_engine.raises, OSError(5, "Input/output error")))
     (row,) = rows_in_subprocess(address, [3], 1)
     assert (row["status"], row["message"], row["attempts"]) == ("crashed", "OSError: [Errno 5] Input/output error", 2)

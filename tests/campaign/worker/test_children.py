@@ -13,10 +13,10 @@ import psutil
 import pytest
 
 from campaign.errors import SpecError
-from campaign.worker import subprocess_runs
+from campaign.worker import batch as computing
+from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress, ChildFailed
 from campaign.worker.row import rows_in_process
-from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import Fault
 from engine.platform import child
 from engine.platform.child import Child, ChildEnded, ChildRaised, Limits, head_of
@@ -49,9 +49,9 @@ def silence_while(status):
 def _soon(monkeypatch):
     """Have no patience with a child that is stopped, and fail the test if one has to be killed from here."""
     monkeypatch.setattr(child, "silence", silence_while(psutil.STATUS_STOPPED))
-    monkeypatch.setattr(subprocess_runs, "longest_sample", lambda _: 0.0)
-    monkeypatch.setattr(subprocess_runs, "BUSY", 0.0)
-    monkeypatch.setattr(subprocess_runs, "PAUSES", (0.01, 0.1))
+    monkeypatch.setattr(computing, "longest_sample", lambda _: 0.0)
+    monkeypatch.setattr(computing, "BUSY", 0.0)
+    monkeypatch.setattr(computing, "PAUSES", (0.01, 0.1))
     over, rescued = threading.Event(), []
 
     def rescue():
@@ -86,7 +86,7 @@ def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
 @pytest.mark.usefixtures("_soon")
 def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
     """Time after time, alone in a process of its own: the others go on."""
-    monkeypatch.setattr(subprocess_runs, "TRIES", 2)
+    monkeypatch.setattr(computing, "TRIES", 2)
     stopped = partial(fake_engine.stops_at_first, 2, str(tmp_path / "stops"))
     first, second = rows_in_subprocess(CampaignAddress.of(store, plan, stopped), range(2), 1)
     assert (first["status"], second["status"]) == ("crashed", "ok")
@@ -99,8 +99,8 @@ def test_stopped_while_it_starts(store, plan, monkeypatch):
     """It is no fault of a run, and does not last for ever."""
     code = "import os, signal; os.kill(os.getpid(), signal.SIGSTOP)"
     monkeypatch.setattr(child, "command", lambda _: [sys.executable, "-c", code])
-    monkeypatch.setattr(subprocess_runs, "READY_WITHIN", -CampaignAddress.of(store, plan).retry_policy.seconds)
-    monkeypatch.setattr(subprocess_runs, "STARTS", 2)
+    monkeypatch.setattr(computing, "READY_WITHIN", -CampaignAddress.of(store, plan).retry_policy.seconds)
+    monkeypatch.setattr(computing, "STARTS", 2)
     with pytest.raises(ChildFailed, match="SIGKILL"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
 

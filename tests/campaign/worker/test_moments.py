@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from campaign.worker.moments import Moments, add_moments, moments
+from campaign.worker.messages import Moments, add_moments, moments
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=0, max_size=30)
 

@@ -8,7 +8,7 @@ import pytest
 
 import engine
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.dask_workers import connect_workers
+from campaign.cluster.workers import connect_workers
 from campaign.worker import preload
 
 ARRAYS_WITHOUT_PANDAS = """

@@ -15,11 +15,10 @@ import pytest
 from campaign.errors import StoreError
 from campaign.store.files.retry_policy import HASTY
 from campaign.store.layout import CANCEL
-from campaign.worker import subprocess_runs
-from campaign.worker.limits import time_limit
+from campaign.worker import batch as computing
+from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress, Cancelled, ChildFailed, WrongBuild
-from campaign.worker.row import rows_in_process
-from campaign.worker.subprocess_runs import rows_in_subprocess
+from campaign.worker.row import rows_in_process, time_limit
 from engine import simulate
 from engine.platform import child
 from engine.platform.child import Limits, limited
@@ -32,7 +31,7 @@ pytestmark = pytest.mark.processes
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch):
     """Do not wait long between two processes."""
-    monkeypatch.setattr(subprocess_runs, "PAUSES", (0.01, 0.1))
+    monkeypatch.setattr(computing, "PAUSES", (0.01, 0.1))
 
 
 @pytest.mark.bits
@@ -81,7 +80,7 @@ def test_a_store_that_fails_the_child_is_no_fault_of_a_run(store, plan):
 def test_another_build_is_no_fault_of_a_run(store, plan, monkeypatch):
     """The child says which build it runs."""
     address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), row_build="engine another")
-    monkeypatch.setattr(subprocess_runs, "read_campaign", lambda _: (store, plan))
+    monkeypatch.setattr(computing, "read_campaign", lambda _: (store, plan))
     with pytest.raises(WrongBuild, match="planned for another build"):
         list(rows_in_subprocess(address, range(3), 1))
 
@@ -92,7 +91,7 @@ def test_a_child_that_cannot_import_is_no_fault_of_a_run(store, plan, monkeypatc
     nowhere = ModuleType("nowhere")
     nowhere.simulate = FunctionType(fake_engine.simulate.__code__, {"__name__": "nowhere"}, "simulate")
     monkeypatch.setitem(sys.modules, "nowhere", nowhere)
-    monkeypatch.setattr(subprocess_runs, "STARTS", 2)
+    monkeypatch.setattr(computing, "STARTS", 2)
     with pytest.raises(ChildFailed, match=r"ModuleNotFoundError: .*nowhere"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, nowhere.simulate), range(3), 1))
     assert "starting another" in caplog.text
@@ -102,7 +101,7 @@ def test_a_child_that_cannot_import_is_no_fault_of_a_run(store, plan, monkeypatc
 def test_a_child_that_does_not_start_is_no_fault_of_a_run(store, plan, monkeypatch, command):
     """A program that is gone, a process that is killed as it starts: no row."""
     monkeypatch.setattr(child, "command", lambda _: command)
-    monkeypatch.setattr(subprocess_runs, "STARTS", 2)
+    monkeypatch.setattr(computing, "STARTS", 2)
     with pytest.raises(ChildFailed, match=r"FileNotFoundError|SIGKILL"):
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
 
@@ -133,7 +132,7 @@ def test_what_an_earlier_run_left_behind_blames_nobody(store, plan):
 @pytest.mark.slow
 def test_a_run_that_spoils_the_answers_is_a_row(store, plan, monkeypatch):
     """What it wrote into the pipe is no message, time after time."""
-    monkeypatch.setattr(subprocess_runs, "TRIES", 2)
+    monkeypatch.setattr(computing, "TRIES", 2)
     (row,) = rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.writes_everywhere), [4], 1)
     assert (row["sample"], row["status"]) == (4, "crashed")
 
@@ -152,7 +151,7 @@ def test_a_run_that_kills_is_a_row(store, plan, monkeypatch):
     """It is tried again, as others send that signal too; the runs before and after it are untouched."""
     here = list(rows_in_process(CampaignAddress.of(store, plan, fake_engine.simulate), range(6)))
     deadly = sorted(row["J1"] for row in here)[4]
-    monkeypatch.setattr(subprocess_runs, "TRIES", 2)
+    monkeypatch.setattr(computing, "TRIES", 2)
     address = CampaignAddress.of(store, plan, partial(fake_engine.kills_above, deadly))
     rows = list(rows_in_subprocess(address, range(6), 2))
     for row, before in zip(rows, here, strict=True):
@@ -170,7 +169,7 @@ def test_child_ends_with_its_parent(store, plan, tmp_path):
     """Kill -9 of the process that started it: the child does not stay."""
     code = (
         "import sys\nfrom functools import partial\nfrom campaign.worker.messages import CampaignAddress\n"
-        "from campaign.worker.subprocess_runs import rows_in_subprocess\nfrom tests.campaign import fake_engine\n"
+        "from campaign.worker.batch import rows_in_subprocess\nfrom tests.campaign import fake_engine\n"
         f"slow = partial(fake_engine.lasts, 0, {str(tmp_path / 'begun')!r})\n"
         f"address = CampaignAddress({store.url!r}, {plan.campaign_id!r}, {plan.row_build!r}, slow)\n"
         "next(rows_in_subprocess(address, range(3), 1))\n"
@@ -196,7 +195,7 @@ def test_cancelled_in_the_middle(store, plan, tmp_path):
 
 def test_time_limit_ends_the_process():
     """By the kernel's clock, with nothing the process could do about it."""
-    code = "from campaign.worker.limits import time_limit\nwith time_limit(0.2):\n    while True: pass\n"
+    code = "from campaign.worker.row import time_limit\nwith time_limit(0.2):\n    while True: pass\n"
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == -signal.SIGALRM
     with time_limit(3600.0):

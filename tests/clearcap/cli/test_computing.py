@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from campaign.plan_header import repeated_samples
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.store.repeat_sets import read_repeats
+from campaign.store.store import read_repeats
 from clearcap.cli import app
 from engine import simulate
 from tests.campaign.driving import computed

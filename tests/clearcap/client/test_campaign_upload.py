@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from campaign.spec.open_campaign_questions import campaign_questions
+from campaign.spec.campaign_cautions import campaign_questions
 from clearcap.client.campaign_upload import campaign_upload
 from engine import load_mechanism, load_mechanism_text
 from tests.engine.mechanism.geometry.latch_file import LATCH

@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.sampling import sampler_named
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import uniforms
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from clearcap.questions.aimed_campaign import aimed_campaign

@@ -11,7 +11,7 @@ from scipy.stats import truncnorm
 from campaign.coordinator.requests import SignedCampaign
 from campaign.errors import CampaignError
 from campaign.spec.load import load_campaign
-from campaign.store.repeat_sets import repeated_shares
+from campaign.store.store import repeated_shares
 from campaign.worker import messages
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress

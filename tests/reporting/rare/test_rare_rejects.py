@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import chi2, norm
 
-from campaign.inputs.sampling.proposal import Proposal, aimed, drawn_from, log_weights, moved
+from campaign.inputs.sampling.importance import Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design, ReportSpec, ResponseSpec
 from reporting.capability.verdict import IndexEstimate
 from reporting.rare.rare_rejects import decisive, rare_rejects

@@ -12,7 +12,7 @@ from scipy import integrate, stats
 
 from campaign.inputs.distributions import DISTRIBUTIONS, Variable
 from campaign.inputs.distributions.skewed import Weibull
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import uniforms
 from tests.campaign.statistics import check_sample
 from tests.each import each
 

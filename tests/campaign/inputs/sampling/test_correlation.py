@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from campaign.inputs.sampling import draw
-from campaign.inputs.sampling.correlation import correlated
+from campaign.inputs.sampling.inverse_transform import correlated
 from tests.campaign.inputs.sampling.campaigns import DRAWING, UNIT, J, seven, spec
 from tests.campaign.statistics import check_rank_correlation
 

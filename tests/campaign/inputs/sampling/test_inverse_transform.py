@@ -6,7 +6,7 @@ from scipy.stats import norm, spearmanr
 
 from campaign.inputs.distributions import Continuous, ProductionBatch
 from campaign.inputs.sampling import draw, production_batch
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import uniforms
 from tests.campaign.inputs.sampling.campaigns import BOLT, UNIT, J, seven, spec
 from tests.campaign.statistics import SURE, check_moments, check_sample, strata
 

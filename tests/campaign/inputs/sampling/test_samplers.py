@@ -10,8 +10,7 @@ from pydantic import ValidationError
 
 from campaign.errors import SpecError, StoreError
 from campaign.inputs.sampling import SAMPLERS, check_sampling, draw, sampler_named
-from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import InverseTransformSampler, uniforms
 from campaign.plan import Plan
 from campaign.plan_header import seal_plan
 from campaign.spec.campaign_file import CampaignSpec, campaign_schema

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from scipy.stats import chi2, qmc
 
 from campaign.inputs.sampling import draw, sampler_named
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import uniforms
 from tests.campaign.inputs.sampling.campaigns import CORRELATED, DRAWING, EVEN, MIXED, UNIT, J, spec
 from tests.campaign.statistics import check_sample, strata
 from tests.each import each

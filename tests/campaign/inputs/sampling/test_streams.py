@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from campaign.inputs.sampling.streams import uniforms
+from campaign.inputs.sampling.inverse_transform import uniforms
 
 pytestmark = pytest.mark.bits
 

@@ -18,7 +18,7 @@ from campaign.coordinator.heartbeat import Progress
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import write_state
 from campaign.store.layout import HEARTBEAT
-from campaign.store.repeat_sets import repeated_shares
+from campaign.store.store import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine import simulate
