@@ -57,8 +57,9 @@ def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
 # -- signed campaigns --------------------------------------------------------------------------------------------------
 #
 # A marker protects what is signed. Who signs writes it first, with the token of the lease that he holds meanwhile; so
-# it means nothing once he has crashed. What changes plan, rows or report asks for it under the lease, and gets that
-# from no signer; a coordinator has it anyway while there is something to compute, and then nothing can be signed.
+# it means nothing once he has crashed, unless it names an earlier sign-off too. What changes plan, rows or report asks
+# for it under the lease, and gets that from no signer; a coordinator has it anyway while there is something to compute,
+# and then nothing can be signed.
 
 
 class SignedCampaign(CampaignError):
@@ -73,7 +74,9 @@ def being_signed(store: Store, campaign_id: str) -> Iterator[Callable[[str, str]
     """
     with hold_lease(store, campaign_id) as token:
         earlier = store.read_json(campaign_id, SIGNED)
-        store.write_json(campaign_id, SIGNED, {"token": token})
+        if earlier is not None and "document" not in earlier:  # left by a signer who crashed
+            earlier = None
+        store.write_json(campaign_id, SIGNED, {**(earlier or {}), "token": token})
 
         def last(document: str, signer: str) -> None:
             nonlocal earlier
@@ -94,13 +97,18 @@ def end_protection(store: Store, campaign_id: str) -> None:
     store.remove(campaign_id, SIGNED)
 
 
+def is_protected(store: Store, campaign_id: str) -> bool:
+    """Return whether a campaign is marked as signed, which it stays if the server crashes."""
+    return "document" in (store.read_json(campaign_id, SIGNED) or {})
+
+
 def refuse_signed(store: Store, campaign_id: str) -> None:
     """Raise SignedCampaign if a campaign is signed, or being signed."""
-    marker = store.read_json(campaign_id, SIGNED)
-    if marker is None or ("token" in marker and marker["token"] != lease_holder(store, campaign_id)):
+    marker = store.read_json(campaign_id, SIGNED) or {}
+    if "document" not in marker:
+        if "token" in marker and marker["token"] == lease_holder(store, campaign_id):
+            raise SignedCampaign(f"{campaign_id} is being signed; try again in a minute")
         return
-    if "token" in marker:
-        raise SignedCampaign(f"{campaign_id} is being signed; try again in a minute")
     raise SignedCampaign(
         f"{campaign_id} is signed by {str(marker.get('signer'))[:200]}: its plan, rows and report stay as they are; an"
         " approver can withdraw the sign-off, or archive the campaign"

@@ -19,11 +19,11 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from campaign.coordinator.lease import LeaseHeld, hold_lease
-from campaign.coordinator.requests import being_signed, end_protection, rerun_request
+from campaign.coordinator.requests import being_signed, end_protection, is_protected, rerun_request
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
-from campaign.store.layout import REPORT, SIGNED, SUBMISSION
+from campaign.store.layout import REPORT, SUBMISSION
 from clearcap.questions.report_source import deciding_campaigns, report_source, sha256, stored_at
 from clearcap.questions.signing import (
     Head,
@@ -180,8 +180,9 @@ class SigningService:
         return withdrawal
 
     def protect_signed(self) -> None:
-        """Mark what is signed and has no marker in the store: version 0.1 wrote none, and a backup may be older.
+        """Mark what is signed and not marked in the store: version 0.1 wrote no marker, and a backup may be older.
 
+        A server that is killed while it signs may have the document, and leave the marker of a signer who crashed.
         A campaign that is being computed or changed is left for the next start. Raises what the store raises.
         """
         stored = set(self._store.campaigns())
@@ -190,7 +191,7 @@ class SigningService:
             if not isinstance(signoff, Signoff) or signoff.campaign not in stored:
                 continue
             for each in (signoff.campaign, *deciding_campaigns(self._store, signoff.campaign)):
-                if self._store.read_json(each, SIGNED) is None:
+                if not is_protected(self._store, each):
                     with suppress(LeaseHeld), being_signed(self._store, each) as protect:
                         protect(sha256(row["document"].encode()), signoff.signer)
 

@@ -134,6 +134,8 @@ def _rerun(service: Service, campaign: str, who: Principal, wanted: FailedRows) 
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
         raise Refusal(409, f"campaign {campaign} is {before}; wait for its end, or cancel it first")
+    if service.is_signed(campaign):
+        raise Refusal(409, f"campaign {campaign} is signed; its rows stay as they are")
     header = store.plan_header(campaign)
     stored = store.survey(header).statuses
     count = sum(stored.get(status, 0) for status in wanted.statuses) if wanted.statuses else header.failed(stored)

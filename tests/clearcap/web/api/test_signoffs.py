@@ -223,8 +223,20 @@ def test_nothing_changes_what_is_signed(client, service, campaign, as_user, url,
 
 
 def test_what_has_lost_its_marker_is_protected_again(client, service, campaign, as_user, url, sign):
-    """As of a store that was restored from an earlier backup, or of version 0.1, which wrote none."""
+    """As of a store restored from an earlier backup, of version 0.1, or of a server that was killed as it signed."""
     sign("as drawn")
+    service.store.remove(campaign, SIGNED)
+    left = {"token": "of a signer who was killed"}
+    service.store.write_json(campaign, SIGNED, left)
+    rerun = client.post(f"/api/v1/campaigns/{campaign}/rerun", json={}, headers=as_user("admin"))
+    assert rerun.status_code == 409
+    service.signing_service.protect_signed()
+    marker = service.store.read_json(campaign, SIGNED)
+    with pytest.raises(SignedCampaign):
+        delete_campaign(service.store, campaign)
+    service.store.write_json(campaign, SIGNED, {**marker, **left})  # killed as he signed once more
+    with pytest.raises(SignedCampaign):
+        delete_campaign(service.store, campaign)
     service.store.remove(campaign, SIGNED)
     with being_signed(service.store, campaign):  # somebody has the lease: the next start does it
         service.signing_service.protect_signed()
