@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine.mechanism import Mechanism, load_mechanism, set_values
 from engine.run import Run
-from engine.trajectory.read import Recording
+from engine.trajectory import Recording
 
 if TYPE_CHECKING:
     from engine.loop import Cancel

@@ -268,11 +268,17 @@ def bring_to_revision(
     """
     from clearcap.cli.output_files import check_output, replacing
     from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts, revised_groups
     from engine.cad_import.proposed_groups import groups_of_bodies, listed_groups
     from engine.cad_import.proposed_mechanism import proposed_mechanism
     from engine.cad_import.proposed_text import open_questions
-    from engine.cad_import.updated_proposal import earlier_revision, updated_proposal
+    from engine.cad_import.updated_proposal import (
+        earlier_revision,
+        named_as_before,
+        named_as_written,
+        renamed_parts,
+        revised_groups,
+        updated_proposal,
+    )
 
     check_output("--update", path, (".toml",))
     earlier = earlier_revision(path)

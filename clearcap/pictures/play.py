@@ -78,7 +78,7 @@ class JournalPositions:
 
 def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
     """Return the positions of the journals at the end of one run, the trajectory's last row; one entry per ring."""
-    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do not need
+    from engine.trajectory import contact_forces  # compiled code, which other pictures do not need
 
     mechanism, last_row = trajectory.mechanism(), np.array([len(trajectory.time) - 1])
     _, forces = contact_forces(trajectory, last_row.tolist())

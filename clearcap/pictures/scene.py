@@ -64,7 +64,7 @@ class Scene:
 
 def scene_of(trajectory: Trajectory, frames: int) -> Scene:
     """Return the scene of a trajectory in at most ``frames`` frames."""
-    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do not need
+    from engine.trajectory import contact_forces  # compiled code, which other pictures do not need
 
     mechanism = trajectory.mechanism()
     view, usable = choose_view(mechanism), finite_rows(trajectory)

@@ -9,9 +9,17 @@ import numpy as np
 from engine.arrays import Array, Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
-from engine.assembly.couplings import coupling_pairs, joint_couplings, term_arrays
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
-from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
+from engine.assembly.joints import (
+    add_play,
+    coupling_pairs,
+    faces_with_play,
+    joint_couplings,
+    joint_pairs,
+    joint_rows,
+    term_arrays,
+    without_play,
+)
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.responses import coordinate_arrays, reads_motions, response_arrays
 from engine.assembly.start import free_start, refuse_long_step

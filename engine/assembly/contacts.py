@@ -237,7 +237,7 @@ def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Arra
         pin = b.primitive
         n = frame_b.direction(pin.axis)
         radius = frame_b.scale * pin.radius
-        return row, _row(frame_b.point(pin.point), n, tangent(n), radius), skin - radius - offset
+        return row, geometry_row(frame_b.point(pin.point), n, tangent(n), radius), skin - radius - offset
     return row, row_b(b, frame_b), -skin - offset
 
 
@@ -245,16 +245,16 @@ def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
     """Return the row of side a, and its skin."""
     shape, scale = side.primitive, frame.scale
     if side.kind == "point":
-        return _row(frame.point(shape)), 0.0
+        return geometry_row(frame.point(shape)), 0.0
     if side.kind in ("sphere", "ring"):
-        return _row(frame.point(shape.centre)), scale * shape.radius
+        return geometry_row(frame.point(shape.centre)), scale * shape.radius
     if side.kind == "arc":
         n = frame.direction(shape.normal)
         e = tangent(n) if shape.middle is None else _across(n, frame.direction(shape.middle))
-        row = _row(frame.point(shape.centre), n, e, scale * shape.radius, shape.half_angle)
+        row = geometry_row(frame.point(shape.centre), n, e, scale * shape.radius, shape.half_angle)
         return row, scale * shape.edge_radius
     n = frame.direction(shape.axis)  # a cylinder, represented by its circle at mid-height
-    return _row(frame.point(shape.point), n, tangent(n), scale * shape.radius, math.pi), 0.0
+    return geometry_row(frame.point(shape.point), n, tangent(n), scale * shape.radius, math.pi), 0.0
 
 
 def row_b(side: Side, frame: BodyFrame) -> Array:
@@ -262,34 +262,32 @@ def row_b(side: Side, frame: BodyFrame) -> Array:
     shape, scale = side.primitive, frame.scale
     if side.kind == "surface":
         middle, pole = mean_direction(shape.top)
-        n = frame.direction(pole)
-        return _row(frame.point(middle), n, tangent(n))
+        return plane_row(frame.point(middle), frame.direction(pole))
     if side.kind in ("sphere", "socket"):
         pole = np.array([0.0, 0.0, 1.0])
         bounds = _walls(scale * shape.radius, side.kind == "socket")
-        return _row(frame.point(shape.centre), pole, tangent(pole), *bounds, -ENDLESS, ENDLESS)
+        return geometry_row(frame.point(shape.centre), pole, tangent(pole), *bounds, -ENDLESS, ENDLESS)
     if side.kind in ("cylinder", "bore"):
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
         walls = _walls(scale * shape.radius, side.kind == "bore")
-        return _row(frame.point(shape.point), n, tangent(n), *walls, -half, half)
+        return geometry_row(frame.point(shape.point), n, tangent(n), *walls, -half, half)
     if side.kind == "turned":
-        n = frame.direction(shape.axis)
-        return _row(frame.point(shape.point), n, tangent(n))
+        return plane_row(frame.point(shape.point), frame.direction(shape.axis))
     if side.kind == "extruded":
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
-        return _row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
+        return geometry_row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
     n = frame.direction(shape.normal)
     if side.kind == "plane":
-        return _row(frame.point(shape.point), n, tangent(n))
+        return plane_row(frame.point(shape.point), n)
     if side.kind == "disc":
         depth = scale * (shape.radius if shape.depth is None else shape.depth)
-        return _row(frame.point(shape.centre), n, tangent(n), -ENDLESS, scale * shape.radius, -depth, 0.0)
+        return geometry_row(frame.point(shape.centre), n, tangent(n), -ENDLESS, scale * shape.radius, -depth, 0.0)
     depth = scale * (min(shape.half_lengths) if shape.depth is None else shape.depth)
     e = _across(n, frame.direction(shape.along))
-    return _row(frame.point(shape.centre), n, e, *(scale * half for half in shape.half_lengths), -depth, 0.0)
+    return geometry_row(frame.point(shape.centre), n, e, *(scale * half for half in shape.half_lengths), -depth, 0.0)
 
 
-def _row(*numbers: Any) -> Array:
+def geometry_row(*numbers: Any) -> Array:
     """Return numbers and vectors as a row, padded with zeros."""
     row, at = np.zeros(GEOMETRY), 0
     for part in numbers:
@@ -297,6 +295,11 @@ def _row(*numbers: Any) -> Array:
         row[at : at + size] = part
         at += size
     return row
+
+
+def plane_row(point: Array, normal: Array) -> Array:
+    """Return the row of a plane, or of what has an axis and no bounds."""
+    return geometry_row(point, normal, tangent(normal))
 
 
 def _walls(radius: float, hollow: bool) -> tuple[float, float]:

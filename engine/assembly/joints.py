@@ -1,20 +1,24 @@
-"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1); ideal ones as rows, stops and friction."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1); ideal ones as rows, stops and friction.
 
-from collections.abc import Iterable, Iterator
+A coupling of joint coordinates is two contacts, NAME.forward and NAME.backward, and its terms.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 from engine.assembly.bilateral import BilateralRow, turning_arm
-from engine.assembly.contacts import KINDS, Pair, row_b
+from engine.assembly.contacts import KINDS, NO_TERMS, Pair, geometry_row, plane_row, row_b
 from engine.assembly.frames import BodyFrame, tangent
-from engine.kernels.model import GEOMETRY, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN
+from engine.kernels.model import COUPLED, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN, State, Terms
 from engine.mechanism.base import TableModel
 from engine.mechanism.contacts import Side
-from engine.mechanism.joints import Joint, Prismatic, Revolute, Spherical, ring_of
+from engine.mechanism.couplings import Coupling
+from engine.mechanism.joints import Cylindrical, Joint, Prismatic, Revolute, Spherical, ring_of
 from engine.mechanism.models import Mechanism
 from engine.mechanism.primitives import Socket
 
@@ -115,14 +119,14 @@ def _stops(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
     for face, side, limit in (("lower", 1.0, limits.lower), ("upper", -1.0, limits.upper)):
         if limit is None:
             continue
-        point, plane = place.point_b, _plane(place.point_a + place.a.scale * limit * way["n"], side * way["n"])
+        point, plane = place.point_b, plane_row(place.point_a + place.a.scale * limit * way["n"], side * way["n"])
         if isinstance(joint, Revolute):
             point = point + other["e"]
-            plane = _plane(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
+            plane = plane_row(place.point_a, side * (np.cos(limit) * way["f"] - np.sin(limit) * way["e"]))
         law = 0.0, limits.restitution
         spring = limits.stiffness or 0.0, limits.damping or 0.0
         bodies = place.b.index, place.a.index
-        yield Pair(f"{name}.{face}", POINT_PLANE, *bodies, _point(point), plane, 0.0, law, spring=spring)
+        yield Pair(f"{name}.{face}", POINT_PLANE, *bodies, geometry_row(point), plane, 0.0, law, spring=spring)
 
 
 def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
@@ -137,14 +141,14 @@ def _directed(name: str, joint: Any, place: Mate) -> Iterator[Pair]:
             continue
         turns = face == "friction_torque" or (face == "one_way" and isinstance(joint, Revolute))
         way, other = directions(joint, place)
-        point, axis = place.point_b + (other["e"] if turns else 0.0), np.zeros(GEOMETRY)
-        axis[:3], axis[3:6], axis[9] = place.point_a, way["n"], float(turns)
-        axis[10] = -1.0 if value == "backward" else 1.0
+        point = place.point_b + (other["e"] if turns else 0.0)
+        sign = -1.0 if value == "backward" else 1.0
+        axis = geometry_row(place.point_a, way["n"], np.zeros(3), float(turns), sign)
         kind, law = (ONE_WAY, (0.0, 0.0)) if face == "one_way" else (JOINT_FRICTION, (1.0, 0.0))
         bound = 0.0 if face == "one_way" else value
         breakaway = getattr(joint, face.replace("friction", "breakaway"), None) or bound
         bodies = place.b.index, place.a.index
-        at, row = f"{name}.{face}", _point(point)
+        at, row = f"{name}.{face}", geometry_row(point)
         yield Pair(at, kind, *bodies, row, axis, 0.0, law, bound=bound, breakaway=breakaway if bound else 0.0)
 
 
@@ -180,17 +184,17 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
     many, small = len(bore) * len(pin) > 1, _lobes(joint)[1]
     for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
         for n, (of_bore, of_pin) in enumerate(product(bore, pin)):
-            a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
-            a[:3] = place.point_a + place.a.scale * station * along
+            a, b = place.point_a + place.a.scale * station * along, place.point_b
             if of_bore is not None:
-                a[:3] -= of_bore
+                a = a - of_bore
             if off is not None:
-                a[:3] += place.a.scale * place.a.rotation @ np.array(off[i])
-            b[:3], b[3:6], b[6:9] = place.point_b, axis, tangent(axis)
-            b[9] = place.b.scale * (radius - small.offset if small is not None else radius)
+                a = a + place.a.scale * place.a.rotation @ np.array(off[i])
             if of_pin is not None:
-                b[:3] += of_pin
-            yield f"ring{i + 1}_{n + 1}" if many else f"ring{i + 1}", RING_BORE, (place.a, place.b), a, b
+                b = b + of_pin
+            name = f"ring{i + 1}_{n + 1}" if many else f"ring{i + 1}"
+            pin_radius = place.b.scale * (radius - small.offset if small is not None else radius)
+            row_of_pin = geometry_row(b, axis, tangent(axis), float(pin_radius))
+            yield name, RING_BORE, (place.a, place.b), geometry_row(a), row_of_pin
 
 
 def _centres(joint: Any, side: int, frame: BodyFrame) -> list[Array | None]:
@@ -218,8 +222,8 @@ def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
             angle = joint.flanges.phase + i * 2 * np.pi / 3
             way = np.cos(angle) * zero + np.sin(angle) * np.cross(along, zero)
             point = place.point_a + size * station * along + size * joint.flanges.radius * way
-            plane = _plane(place.point_b + place.b.scale * station * axis, toward)
-            yield f"flange_{side}{i + 1}", POINT_PLANE, (place.a, place.b), _point(point), plane
+            plane = plane_row(place.point_b + place.b.scale * station * axis, toward)
+            yield f"flange_{side}{i + 1}", POINT_PLANE, (place.a, place.b), geometry_row(point), plane
 
 
 def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
@@ -233,11 +237,11 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
     for k, clearance, faces in ((1, joint.clearance, ("bottom", "top")), (2, joint.width_clearance, ("left", "right"))):
         m = 3 - k
         for face, side in zip(faces, (-1, 1), strict=True) if clearance is not None else ():
-            plane = _plane(place.point_a + place.a.scale * side * half[k] * guide[k], -side * guide[k])
+            plane = plane_row(place.point_a + place.a.scale * side * half[k] * guide[k], -side * guide[k])
             for i, (p, q) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
                 corner = side * half[k] * slider[k] + p * half[0] * slider[0] + q * half[m] * slider[m]
                 at = place.point_b + place.b.scale * corner
-                yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(at), plane
+                yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), geometry_row(at), plane
 
 
 def _edges(frame: BodyFrame, side: Any) -> list[Array]:
@@ -251,7 +255,7 @@ def _edges(frame: BodyFrame, side: Any) -> list[Array]:
 def _ball_in_socket(joint: Spherical, place: Mate) -> FaceRow:
     """Return the only face: the ball's centre in a socket with the ball's radius, which acts as a skin."""
     socket = Side(body=joint.socket.body, socket=Socket(centre=joint.socket.point, radius=joint.ball.radius or 0.0))
-    return "ball", KINDS["point-socket"], (place.b, place.a), _point(place.point_b), row_b(socket, place.a)
+    return "ball", KINDS["point-socket"], (place.b, place.a), geometry_row(place.point_b), row_b(socket, place.a)
 
 
 def _across(axis: Any) -> Array:
@@ -259,20 +263,6 @@ def _across(axis: Any) -> Array:
     n = np.asarray(axis, float)
     e = np.eye(3)[np.argmin(np.abs(n))]
     return np.asarray(e - (e @ n) * n)
-
-
-def _point(p: Array) -> Array:
-    """Return the geometry row of a point."""
-    row = np.zeros(GEOMETRY)
-    row[:3] = p
-    return row
-
-
-def _plane(p: Array, normal: Array) -> Array:
-    """Return the geometry row of a plane."""
-    row = np.zeros(GEOMETRY)
-    row[:3], row[3:6], row[6:9] = p, normal, tangent(normal)
-    return row
 
 
 # Ideal joints as bilateral rows, named JOINT.slide1, ..., JOINT.turn1, ... (paper, eqs. 14-16).
@@ -367,3 +357,101 @@ def _exact(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_exact, value))
     return value.hex() if isinstance(value, float) else value
+
+
+# Couplings of joint coordinates as arrays.
+
+
+@dataclass(frozen=True)
+class CouplingTerm:
+    """One coordinate of a coupling."""
+
+    kind: int  # SLIDE or TURN
+    body: tuple[int, int]  # of the first and the second side
+    geometry: Array  # (9,) row of `kernels.bilateral`
+    factor: float  # that of the first term is 1
+    start: float  # displacement at the start
+
+
+@dataclass(frozen=True)
+class JointCoupling:
+    """A coupling: its terms, and the moving bodies that it acts on."""
+
+    name: str
+    terms: tuple[CouplingTerm, ...]
+    members: tuple[int, ...]
+    backlash: float
+    restitution: float
+
+
+def joint_couplings(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State) -> list[JointCoupling]:
+    """Return the couplings at the start pose."""
+    ground = len(state.x) - 1
+    found = []
+    for name, coupling in mechanism.couplings.items():
+        terms = tuple(_terms(mechanism, coupling, frames, state))
+        members = dict.fromkeys(body for term in terms for body in term.body if body != ground)
+        found.append(JointCoupling(name, terms, tuple(members), coupling.backlash, coupling.restitution))
+    return found
+
+
+def _terms(
+    mechanism: Mechanism, coupling: Coupling, frames: dict[str, BodyFrame], state: State
+) -> Iterator[CouplingTerm]:
+    """Yield the terms of a coupling."""
+    for term in coupling.terms:
+        joint: Any = mechanism.joints[term.joint]
+        place = mate(joint, frames, state.R)
+        way, other = directions(joint, place)
+        a, b, factor = place.a.index, place.b.index, term.factor / coupling.terms[0].factor
+        if isinstance(joint, Revolute) or (isinstance(joint, Cylindrical) and term.of == "angle"):
+            yield CouplingTerm(TURN, (a, b), np.concatenate([way["e"], way["n"], other["e"]]), factor, 0.0)
+            continue
+        p, q = state.x[a] + state.R[a] @ place.point_a, state.x[b] + state.R[b] @ place.point_b
+        start = float((state.R[a] @ way["n"]) @ (q - p))
+        yield CouplingTerm(SLIDE, (a, b), np.concatenate([place.point_a, way["n"], place.point_b]), factor, start)
+
+
+def coupling_pairs(couplings: Sequence[JointCoupling]) -> Iterator[Pair]:
+    """Yield the two flanks of each coupling."""
+    for number, coupling in enumerate(couplings):
+        first, second = coupling.members[0], coupling.members[-1]
+        for face, flank in (("forward", 1.0), ("backward", -1.0)):
+            yield Pair(
+                name=f"{coupling.name}.{face}",
+                kind=COUPLED,
+                a=first,
+                b=second,
+                geometry_a=geometry_row(),
+                geometry_b=geometry_row(),
+                clearance=0.5 * coupling.backlash,
+                law=(0.0, coupling.restitution),
+                coupling=number,
+                flank=flank,
+            )
+
+
+def term_arrays(couplings: Sequence[JointCoupling], blocks: Integers, runs: int) -> Terms:
+    """Return the terms as arrays; ``blocks``, (couplings, n, n), are the first pieces of each two members."""
+    if not couplings:
+        return NO_TERMS
+    terms = [(coupling, term) for coupling in couplings for term in coupling.terms]
+    member = np.full((len(couplings), runs), -1, np.int64)
+    pair = np.zeros((len(couplings), runs, runs), np.int64)
+    for c, coupling in enumerate(couplings):
+        n = len(coupling.members)
+        member[c, :n] = coupling.members
+        pair[c, :n, :n] = blocks[c, :n, :n]
+    places = [[c.members.index(body) if body in c.members else -1 for body in term.body] for c, term in terms]
+    return Terms(
+        first=np.cumsum([0, *(len(coupling.terms) for coupling in couplings)], dtype=np.int64),
+        kind=np.array([term.kind for _, term in terms], np.int64),
+        body=np.array([term.body for _, term in terms], np.int64),
+        geometry=np.array([term.geometry for _, term in terms]),
+        factor=np.array([term.factor for _, term in terms]),
+        start=np.array([term.start for _, term in terms]),
+        angle=np.zeros(len(terms)),
+        place=np.array(places, np.int64),
+        member=member,
+        pair=pair,
+    )

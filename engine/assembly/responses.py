@@ -81,12 +81,7 @@ def response_arrays(
 
 
 def _measured(
-    mechanism: Mechanism,
-    response: Any,
-    frames: dict[str, BodyFrame],
-    state: State,
-    pairs: list[Pair],
-    rows: list[str],
+    mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], state: State, pairs: list[Pair], rows: list[str]
 ) -> tuple[int, tuple[int, int, int], Array]:
     """Return the kind, the bodies (or contacts, spring, or row) and the geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)

@@ -6,6 +6,7 @@ others are the same, immutable objects. Dependencies are not listed anywhere: th
 
 from collections.abc import Callable, Mapping
 from functools import wraps
+from operator import is_
 from types import MethodType
 from typing import Any, TypeVar, cast
 
@@ -43,7 +44,7 @@ def cached(build: Callable[..., Result]) -> Callable[..., Result]:
     def function(mechanism: Mechanism, *others: Any) -> Result:
         nonlocal kept
         for tables, given, result in kept:
-            if all(map(_same, others, given)) and all(
+            if all(map(is_, others, given)) and all(
                 _identity(getattr(mechanism, name)) == identity for name, _, identity in tables
             ):
                 return result
@@ -55,10 +56,6 @@ def cached(build: Callable[..., Result]) -> Callable[..., Result]:
         return result
 
     return function
-
-
-def _same(one: Any, other: Any) -> bool:
-    return one is other
 
 
 def _content(table: Any) -> Any:

@@ -4,7 +4,7 @@ Many CAD systems cut a bore and the circle at its end into halves, or a plane wh
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import pi, tau
 from typing import get_args
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.arrays import Array, Integers
-from engine.cad.cad_model import CadEdge, CadFace, FaceKind, SplineSurface
+from engine.cad.cad_model import CadEdge, CadFace, FaceKind
 from engine.cad.geometry import covered, perpendicular
 
 _CORNER = 1e-5  # mm between two corners that coincide
@@ -20,78 +20,61 @@ _NEAR = 1e-2  # mm between the features of two pieces or arcs that may be merged
 _SAME = 1e-6  # mm between two surfaces or circles that are one, besides their recognition gaps
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class FacePiece:
-    """A face as given in the file, in the frame of its product; lengths in mm."""
+    """A face as given in the file, in the frame of its product, and its triangles; lengths in mm."""
 
-    solid: int
-    kind: FaceKind
-    point: Array
-    """Any point of the axis (cylinder, cone), the centre (sphere, torus), otherwise a point of the face, shape (3,)."""
-    axis: Array
-    radius: float = 0.0
-    minor_radius: float = 0.0
-    half_angle: float = 0.0
-    area: float
-    on: Array
-    normal: Array
-    """Outward normal at `on`."""
-    recognition_gap: float = 0.0
-    splines: tuple[SplineSurface, ...] = ()
-    vertices: Array = field(repr=False)
-    """Vertices of its triangles, shape (n, 3)."""
-    triangles: Integers = field(repr=False)
-    """Row indices into `vertices`, shape (m, 3)."""
+    face: CadFace  # its point is any point of an axis; hollow, span and extent are not known yet
+    vertices: Array  # shape (n, 3)
+    triangles: Integers  # row indices into `vertices`, shape (m, 3)
 
 
-def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Integers]:
-    """Return the faces of a part, and for each piece the number of its face."""
-    near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
-    features = np.array([_features(piece) for piece in pieces]).reshape(-1, 6)
+def merge_pieces(pieces: list[FacePiece]) -> tuple[list[CadFace], Integers]:
+    """Return the faces of a product, and for each piece the number of its face."""
+    near = _NEAR + 2 * max((piece.face.recognition_gap for piece in pieces), default=0.0)
+    features = np.array([_features(piece.face) for piece in pieces]).reshape(-1, 6)
     groups = groups_of_one(features, near, lambda a, b: _is_one_surface(pieces[a], pieces[b]))
     numbers = np.zeros(len(pieces), np.int64)
     for number, group in enumerate(groups):
         numbers[group] = number
-    return [_face([pieces[i] for i in group], part, number) for number, group in enumerate(groups)], numbers
+    return [_face([pieces[i] for i in group], number) for number, group in enumerate(groups)], numbers
 
 
-def _features(piece: FacePiece) -> Array:
+def _features(face: CadFace) -> Array:
     """Return numbers that are equal for two pieces of one surface: its kind, size and position [mm]."""
-    foot = piece.point - (piece.point @ piece.axis) * piece.axis  # the point of the axis nearest to the origin
+    foot = face.point - (face.point @ face.axis) * face.axis  # the point of the axis nearest to the origin
     where = {
-        "plane": (*piece.axis, piece.point @ piece.axis),
-        "cylinder": (*foot, piece.radius),
-        "cone": (*foot, piece.half_angle),
+        "plane": (*face.axis, face.point @ face.axis),
+        "cylinder": (*foot, face.radius),
+        "cone": (*foot, face.half_angle),
     }
-    kind = get_args(FaceKind).index(piece.kind)
-    return np.array([piece.solid, kind, *where.get(piece.kind, (*piece.point, piece.radius))])
+    kind = get_args(FaceKind).index(face.kind)
+    return np.array([face.solid, kind, *where.get(face.kind, (*face.point, face.radius))])
 
 
-def _is_one_surface(a: FacePiece, b: FacePiece) -> bool:
+def _is_one_surface(one: FacePiece, other: FacePiece) -> bool:
     """Return whether two pieces lie on the same side of the same surface, and meet along its axis."""
+    a, b = one.face, other.face
     if (a.solid, a.kind) != (b.solid, b.kind) or a.kind == "surface":
         return False
     allowed = _SAME + a.recognition_gap + b.recognition_gap
-    size = max(np.ptp(a.vertices, axis=0).max(), np.ptp(b.vertices, axis=0).max())
+    size = max(np.ptp(one.vertices, axis=0).max(), np.ptp(other.vertices, axis=0).max())
     # as a distance, like the other differences: by how much the axes part over the length of the pieces
     tilt = float(np.linalg.norm(np.cross(a.axis, b.axis))) * size
-    if a.kind == "plane":
-        level = tilt <= allowed and a.axis @ b.axis > 0 and abs((b.point - a.point) @ a.axis) <= allowed
-        return bool(level) and _share_corners(a, b)
-    apart = [abs(a.radius - _radius_at(b, a.point)), abs(a.minor_radius - b.minor_radius)]
-    apart.append(abs(a.half_angle - b.half_angle) * size)
-    apart.append(tilt)
     between = b.point - a.point
+    if a.kind == "plane":
+        level = tilt <= allowed and a.axis @ b.axis > 0 and abs(between @ a.axis) <= allowed
+        return bool(level) and _share_corners(one, other)
     along = between @ a.axis if a.kind in ("cylinder", "cone") else 0.0
-    apart.append(float(np.linalg.norm(between - along * a.axis)))
-    if max(apart) > allowed or _hollow(a) != _hollow(b) or (a.kind == "cone" and a.axis @ b.axis < 0):
+    # the radius at the same height, which varies only on a cone
+    radius = b.radius + float((a.point - b.point) @ b.axis) * float(np.tan(b.half_angle))
+    sizes = abs(a.radius - radius), abs(a.minor_radius - b.minor_radius), abs(a.half_angle - b.half_angle) * size
+    apart = max(*sizes, tilt, float(np.linalg.norm(between - along * a.axis)))
+    if apart > allowed or _hollow(a) != _hollow(b) or (a.kind == "cone" and a.axis @ b.axis < 0):
         return False
-    return a.kind in ("sphere", "torus") or _meet(a, b, allowed)
-
-
-def _meet(a: FacePiece, b: FacePiece, allowed: float) -> bool:
-    """Return whether two pieces with a common axis overlap or touch along it."""
-    first, second = (a.vertices - a.point) @ a.axis, (b.vertices - a.point) @ a.axis
+    if a.kind in ("sphere", "torus"):
+        return True
+    first, second = (one.vertices - a.point) @ a.axis, (other.vertices - a.point) @ a.axis
     return bool(first.min() <= second.max() + allowed and second.min() <= first.max() + allowed)
 
 
@@ -101,51 +84,29 @@ def _share_corners(a: FacePiece, b: FacePiece) -> bool:
     return len(first & second) > 1
 
 
-def _radius_at(piece: FacePiece, point: Array) -> float:
-    """Return the radius of a piece at the height of a point; it varies only on a cone."""
-    return piece.radius + float((point - piece.point) @ piece.axis) * float(np.tan(piece.half_angle))
-
-
-def _hollow(piece: FacePiece) -> bool:
+def _hollow(face: CadFace) -> bool:
     """Return whether the outward normal points to the axis, the centre or the middle of the tube."""
-    away = piece.on - piece.point
-    if piece.kind != "sphere":
-        away = away - (away @ piece.axis) * piece.axis
-    if piece.kind == "torus":
-        away = piece.on - piece.point - piece.radius * away / np.linalg.norm(away)
-    return piece.kind not in ("plane", "surface") and bool(away @ piece.normal < 0)
+    away = face.on - face.point
+    if face.kind != "sphere":
+        away = away - (away @ face.axis) * face.axis
+    if face.kind == "torus":
+        away = face.on - face.point - face.radius * away / np.linalg.norm(away)
+    return face.kind not in ("plane", "surface") and bool(away @ face.normal < 0)
 
 
-def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
-    """Return the face made up of pieces."""
-    first = max(pieces, key=lambda piece: piece.area)
-    face = CadFace(
+def _face(pieces: list[FacePiece], number: int) -> CadFace:
+    """Return the face made up of pieces; it has no splines if one of them has none."""
+    faces = [piece.face for piece in pieces]
+    first = max(faces, key=lambda face: face.area)
+    face = replace(
+        first,
         number=number,
-        part=part,
-        solid=first.solid,
-        kind=first.kind,
-        point=first.point,
-        axis=first.axis,
-        radius=first.radius,
-        minor_radius=first.minor_radius,
-        half_angle=first.half_angle,
         hollow=_hollow(first),
-        area=sum(piece.area for piece in pieces),
-        on=first.on,
-        normal=first.normal,
-        recognition_gap=max(piece.recognition_gap for piece in pieces),
-        splines=_splines(pieces),
+        area=sum(each.area for each in faces),
+        recognition_gap=max(each.recognition_gap for each in faces),
+        splines=sum((each.splines for each in faces), ()) if all(each.splines for each in faces) else (),
     )
-    if first.kind in ("plane", "surface"):
-        return face
-    return _with_extent(face, pieces)
-
-
-def _splines(pieces: list[FacePiece]) -> tuple[SplineSurface, ...]:
-    """Return the B-splines of all pieces; none if one of the pieces has none."""
-    if not all(piece.splines for piece in pieces):
-        return ()
-    return tuple(spline for piece in pieces for spline in piece.splines)
+    return face if first.kind in ("plane", "surface") else _with_extent(face, pieces)
 
 
 def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:
@@ -153,27 +114,26 @@ def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:
     axis = face.axis if face.kind != "sphere" else np.array([0.0, 0.0, 1.0])
     frame = perpendicular(axis)
     local = [piece.vertices - face.point for piece in pieces]
-    angles = [np.arctan2(each @ frame[1], each @ frame[0]) for each in local]
-    corners = np.concatenate([angle[piece.triangles] for angle, piece in zip(angles, pieces, strict=True)])
-    away = [np.hypot(each @ frame[1], each @ frame[0]) for each in local]
-    on_axis = np.concatenate([far[piece.triangles] for far, piece in zip(away, pieces, strict=True)]) < 1e-9 * (
-        1.0 + face.radius
+    corners = np.concatenate(
+        [np.arctan2(each @ frame[1], each @ frame[0])[p.triangles] for each, p in zip(local, pieces, strict=True)]
     )
-    span, middle = covered(*_intervals(corners, on_axis))
+    away = np.concatenate(
+        [np.hypot(each @ frame[1], each @ frame[0])[p.triangles] for each, p in zip(local, pieces, strict=True)]
+    )
+    span, middle = covered(*_intervals(corners, away < 1e-9 * (1.0 + face.radius)))
     heights = np.concatenate([each @ axis for each in local])
     low, high = float(heights.min()), float(heights.max())
-    towards = np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
+    face = replace(face, span=span, middle=_towards(frame, span, middle), extent=np.array([low, high]))
     if face.kind not in ("cylinder", "cone"):
-        return replace(face, span=span, middle=towards, extent=np.array([low, high]))
+        return face
     half, centre = (high - low) / 2, (high + low) / 2
-    return replace(
-        face,
-        point=face.point + centre * axis,
-        radius=face.radius + centre * float(np.tan(face.half_angle)),
-        span=span,
-        middle=towards,
-        extent=np.array([-half, half]),
-    )
+    point, radius = face.point + centre * axis, face.radius + centre * float(np.tan(face.half_angle))
+    return replace(face, point=point, radius=radius, extent=np.array([-half, half]))
+
+
+def _towards(frame: Array, span: float, middle: float) -> Array:
+    """Return the unit vector at an angle in a frame; zeros for a full turn."""
+    return np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
 
 
 def _intervals(corners: Array, on_axis: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -205,30 +165,24 @@ def groups_of_one(features: Array, near: float, are_one: Callable[[int, int], bo
 # -- arcs -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class ArcPiece:
-    """An edge as given in the file, in the frame of its product; lengths in mm, angles in rad."""
+    """An edge as given in the file, in the frame of its product; lengths in mm."""
 
-    place: int
-    """Index among all edges of the product."""
-    faces: tuple[int, ...]
-    centre: Array
-    axis: Array
-    radius: float
-    recognition_gap: float
-    points: Array
-    """Points from one end to the other, shape (n, 3), each less than half a turn from the next."""
+    edge: CadEdge  # its span is not known yet
+    points: Array  # from one end to the other, shape (n, 3), each less than half a turn from the next
 
 
-def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:
-    """Return the circles and arcs of a part."""
-    near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
-    features = np.array([(*piece.centre, piece.radius) for piece in pieces]).reshape(-1, 4)
-    groups = groups_of_one(features, near, lambda a, b: _is_one_circle(pieces[a], pieces[b]))
-    return [_edge([pieces[place] for place in group], part) for group in groups]
+def merge_arcs(pieces: list[ArcPiece]) -> list[CadEdge]:
+    """Return the circles and arcs of a product."""
+    edges = [piece.edge for piece in pieces]
+    near = _NEAR + 2 * max((edge.recognition_gap for edge in edges), default=0.0)
+    features = np.array([(*edge.centre, edge.radius) for edge in edges]).reshape(-1, 4)
+    groups = groups_of_one(features, near, lambda a, b: _is_one_circle(edges[a], edges[b]))
+    return [_edge([pieces[place] for place in group]) for group in groups]
 
 
-def _is_one_circle(a: ArcPiece, b: ArcPiece) -> bool:
+def _is_one_circle(a: CadEdge, b: CadEdge) -> bool:
     """Return whether two arcs lie on one circle."""
     allowed = _SAME + a.recognition_gap + b.recognition_gap
     tilt = float(np.linalg.norm(np.cross(a.axis, b.axis)))
@@ -236,25 +190,18 @@ def _is_one_circle(a: ArcPiece, b: ArcPiece) -> bool:
     return max(apart) <= allowed
 
 
-def _edge(pieces: list[ArcPiece], part: str) -> CadEdge:
-    first = pieces[0]
-    frame = perpendicular(first.axis)
-    starts, ends = [], []
-    for piece in pieces:
-        away = piece.points - first.centre
-        angles = np.unwrap(np.arctan2(away @ frame[1], away @ frame[0]))
-        starts.append(angles.min())
-        ends.append(angles.max())
-    span, middle = covered(np.array(starts), np.array(ends))
-    towards = np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
-    return CadEdge(
-        part=part,
-        faces=tuple(sorted({number for piece in pieces for number in piece.faces})),
-        centre=first.centre,
-        axis=first.axis,
-        radius=first.radius,
+def _edge(pieces: list[ArcPiece]) -> CadEdge:
+    """Return the circle or arc made up of pieces."""
+    edges = [piece.edge for piece in pieces]
+    frame = perpendicular(edges[0].axis)
+    away = [piece.points - edges[0].centre for piece in pieces]
+    angles = [np.unwrap(np.arctan2(each @ frame[1], each @ frame[0])) for each in away]
+    span, middle = covered(np.array([each.min() for each in angles]), np.array([each.max() for each in angles]))
+    return replace(
+        edges[0],
+        faces=tuple(sorted({number for edge in edges for number in edge.faces})),
         span=span,
-        middle=towards,
-        recognition_gap=max(piece.recognition_gap for piece in pieces),
-        places=tuple(piece.place for piece in pieces),
+        middle=_towards(frame, span, middle),
+        recognition_gap=max(edge.recognition_gap for edge in edges),
+        places=tuple(place for edge in edges for place in edge.places),
     )

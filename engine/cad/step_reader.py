@@ -5,6 +5,7 @@ Each question is asked once; afterwards its answer comes from the user's cache.
 
 import hashlib
 import json
+import re
 import signal
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -14,10 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from engine.cad.archive import unpacked
-from engine.cad.assembly_cache import cached, cached_answer, keep, keep_answer
+from engine.cad.archive import cached, cached_answer, keep_answer, unpacked
 from engine.cad.cad_model import CadAssembly
-from engine.cad.code_pages import as_utf8
 from engine.errors import CadError
 from engine.faults.file_kinds import content_kind
 from engine.platform.child import Child, ChildEnded, ChildRaised, Limits
@@ -35,8 +34,7 @@ _STAGES = {
 }
 """What the modules of `engine.cad.occt` read, and the remedy if they fail."""
 
-RECOGNITION = 1e-4
-"""Default of the largest recognition gap [mm]."""
+RECOGNITION = 1e-4  # default of the largest recognition gap [mm]
 
 _BEGINNING, _END = b"ISO-10303-21;", b"END-ISO-10303-21;"
 
@@ -99,9 +97,8 @@ def read_step(path: str | Path, recognition: float = RECOGNITION, limits: Readin
     sha256 = hashlib.sha256(content).hexdigest()
     if (known := cached(sha256, recognition)) is not None:
         return known
-    question = {"assembly": {"sha256": sha256, "recognition": recognition}}
-    answer = ask_occt(path, content, question, limits)
-    keep(sha256, recognition, answer)
+    answer = ask_occt(path, content, {"assembly": {"sha256": sha256, "recognition": recognition}}, limits)
+    keep_answer(sha256, repr(recognition), answer)
     return unpacked(CadAssembly, answer)
 
 
@@ -111,7 +108,8 @@ def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
         content = read_regular_file(path, limits.file_bytes)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise CadError(f"{path}: cannot be read ({reason.lower()}); give a STEP file{_smaller(reason)}") from None
+        smaller = " with only the parts of the mechanism" if "bytes" in reason else ""
+        raise CadError(f"{path}: cannot be read ({reason.lower()}); give a STEP file{smaller}") from None
     if _BEGINNING not in content[:1000]:
         kind = content_kind(content, "STEP") if content else "is empty; give a STEP file"
         raise CadError(
@@ -120,11 +118,6 @@ def step_content(path: str | Path, limits: ReadingLimits) -> bytes:
     if _END not in content[-1000:]:
         raise CadError(f"{path}: was cut off: it does not end with {_END.decode()} Export or copy it again")
     return content
-
-
-def _smaller(reason: str) -> str:
-    """Return advice about a file that is too large."""
-    return " with only the parts of the mechanism" if "bytes" in reason else ""
 
 
 @dataclass(frozen=True)
@@ -151,12 +144,56 @@ def drawn_distances(
     text = json.dumps(question)
     with suppress(ValueError):  # the cached answer is damaged
         if (known := cached_answer(sha256, text)) is not None:
-            return _distances(known)
+            return list(map(float, json.loads(known)))
     answer = ask_occt(path, step_content(path, limits), {"distances": question}, limits)
     keep_answer(sha256, text, answer)
-    return _distances(answer)
+    return list(map(float, json.loads(answer)))
 
 
-def _distances(answer: bytes) -> list[float]:
-    """Return the numbers of an answer; raise ValueError if it contains none."""
-    return [float(distance) for distance in json.loads(answer)]
+# -- the text as UTF-8: some programs write names in the code page of their computer, and do not say so ----------------
+
+
+_WITH_HIGH = re.compile(rb"[ -~\x80-\xff]*[\x80-\xff][ -~\x80-\xff]*")
+_DOS_LETTERS = frozenset(range(0x80, 0xA6)) - {0x91, 0x92, 0x93, 0x96, 0x97}  # without the quotes and dashes of Windows
+_LATIN_LETTERS = frozenset(range(0xC0, 0x100))
+_MOSTLY = 0.75  # share of Japanese letters that are next to another one
+_PRIVATE = range(0xE000, 0xF900)
+
+
+def as_utf8(content: bytes) -> bytes:
+    """Return a file in UTF-8; one that is neither is taken for Shift-JIS, DOS or Latin-1, by what is usual in names."""
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        texts = _WITH_HIGH.findall(content)
+        return content.decode("cp932" if _is_japanese(texts) else _western(texts), "replace").encode()
+    return content
+
+
+def _is_japanese(texts: list[bytes]) -> bool:
+    """Return whether texts are Shift-JIS: as such, letters beyond ASCII come in words, not alone between others."""
+    beyond, together = 0, 0
+    for text in texts:
+        try:
+            letters = text.decode("cp932")
+        except UnicodeDecodeError:
+            return False
+        if any(ord(letter) in _PRIVATE for letter in letters):
+            return False
+        words = re.findall(r"[^\x00-\x7f]+", letters)
+        beyond += sum(map(len, words))
+        together += sum(len(word) for word in words if len(word) > 1)
+    return together >= _MOSTLY * beyond
+
+
+def _western(texts: list[bytes]) -> str:
+    """Return the code page of texts of Western Europe, from where their letters with accents are in it."""
+    values = b"".join(texts)
+    dos, latin = (sum(value in letters for value in values) for letters in (_DOS_LETTERS, _LATIN_LETTERS))
+    if dos > latin:
+        return "cp850"
+    try:
+        values.decode("cp1252")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "cp1252"

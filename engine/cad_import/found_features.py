@@ -10,14 +10,14 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
-from engine.cad.findings import FacingPlanes, NearMiss, UndrawnPin
+from engine.cad.findings.facing_planes import FacingPlanes
+from engine.cad.findings.joints import NearMiss, UndrawnPin
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundPivot, FoundSpring, FoundStop
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import least_clearance, side
 from engine.cad_import.proposed_text import value
 
-MOST_LISTED = 10
-"""Pairs that are no joints, and candidates for stops, that are described one by one."""
+MOST_LISTED = 10  # pairs that are no joints, and candidates for stops, that are described one by one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

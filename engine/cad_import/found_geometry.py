@@ -9,29 +9,22 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadFace
-from engine.cad.findings import (
+from engine.cad.cad_model import with_joined_parts
+from engine.cad.findings.facing_planes import FacingPlanes, ThrustFaces, facing_planes, thrust_faces, triangles_by_face
+from engine.cad.findings.facing_rounds import FacingRound, facing_rounds
+from engine.cad.findings.joints import (
+    MOST_EXCESS,
     BallInSocket,
-    Coil,
-    FacingPlanes,
-    FacingRound,
     NearMiss,
     PinInHole,
-    StandardPart,
-    ThrustFaces,
     UndrawnPin,
     balls_in_sockets,
-    facing_planes,
-    facing_rounds,
     pins_in_holes,
     pins_in_slots,
-    standard_parts,
-    thrust_faces,
     undrawn_pins,
 )
-from engine.cad.findings.facing_planes import triangles_by_face
-from engine.cad.findings.pins_in_holes import MOST_EXCESS
+from engine.cad.findings.standard_parts import Coil, StandardPart, standard_parts
 from engine.cad.geometry import distance_to_triangles, perpendicular
-from engine.cad.joined_parts import with_joined_parts
 from engine.cad_import.proposed_groups import PartGroup, proposed_groups, usable
 
 _NOTHING = 1e-9  # mm, of rounding
@@ -201,10 +194,8 @@ def _pivots(
     """Return the joints that may be there, one for each two parts and axis."""
     part = {face.number: face for face in assembly.faces}
     snaps: list[NearMiss] = []
-    for miss in refused:
-        here = part[miss.hole], part[miss.pin]
-        alike = [(part[other.hole], part[other.pin]) for other in snaps]
-        if miss.snaps and not any(_is_same_pair(here, each) for each in alike):
+    for miss in filter(lambda miss: miss.snaps, refused):
+        if not any(_is_same_pair(part, miss, other) for other in snaps):
             snaps.append(miss)
     pins: list[UndrawnPin | NearMiss] = [*undrawn_pins(assembly), *snaps]
     pairs = [pin.parts if isinstance(pin, UndrawnPin) else (part[pin.pin].part, part[pin.hole].part) for pin in pins]
@@ -212,10 +203,11 @@ def _pivots(
     return tuple(FoundPivot(*each) for each in zip(names[len(taken) :], pins, strict=True))
 
 
-def _is_same_pair(one: tuple[CadFace, CadFace], other: tuple[CadFace, CadFace]) -> bool:
+def _is_same_pair(faces: dict[int, CadFace], one: NearMiss, other: NearMiss) -> bool:
     """Return whether two holes with their pins are of the same parts and about the same axis."""
-    apart = float(np.linalg.norm(np.cross(one[0].point - other[0].point, one[0].axis)))
-    return [face.part for face in one] == [face.part for face in other] and apart <= MOST_EXCESS
+    hole, known = faces[one.hole], faces[other.hole]
+    alike = (hole.part, faces[one.pin].part) == (known.part, faces[other.pin].part)
+    return alike and bool(np.linalg.norm(np.cross(hole.point - known.point, hole.axis)) <= MOST_EXCESS)
 
 
 def _springs(
@@ -281,10 +273,6 @@ def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list
         plain = "".join(c for c in plain if not unicodedata.combining(c))
         stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
-        number = next(n for n in range(1, len(texts) + 1) if _numbered(stem, n) not in names)
-        names.append(_numbered(stem, number))
+        numbered = (stem, *(f"{stem}-{number}" for number in range(2, len(texts) + 1)))
+        names.append(next(name for name in numbered if name not in names))
     return names
-
-
-def _numbered(stem: str, number: int) -> str:
-    return stem if number == 1 else f"{stem}-{number}"

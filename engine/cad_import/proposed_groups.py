@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadFace, CadPart
-from engine.cad.findings import FacingPlanes, StandardPart, UndrawnPin, coaxial_fits
+from engine.cad.findings.facing_planes import FacingPlanes
+from engine.cad.findings.joints import UndrawnPin, coaxial_fits
+from engine.cad.findings.standard_parts import StandardPart
 from engine.mechanism.faults import as_table, named_tables, sub_table
 from engine.mechanism.geometry.part_bodies import parts_of_body
 
@@ -32,10 +34,8 @@ class PartGroup:
     """Parts that are one body."""
 
     name: str
-    parts: tuple[str, ...]
-    """The first one gives the body its frame."""
-    why: str = ""
-    """How it was found, in words; empty if a person has listed it."""
+    parts: tuple[str, ...]  # the first one gives the body its frame
+    why: str = ""  # how it was found, in words; empty if a person has listed it
 
 
 class _Groups:

@@ -1,6 +1,12 @@
-"""The tables of joints: a pin in a hole with its rings, clearance and flanges; a ball in a socket."""
+"""The tables of joints and contacts: pins in holes, with rings, clearance and flanges; balls in sockets; stops, marked.
 
+A stop or a latch may be where two faces face each other; only a person knows, so its table is marked as inactive.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from math import degrees, radians
 from typing import Any
 
@@ -8,22 +14,20 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
-from engine.cad.findings import NearMiss, PinInHole, UndrawnPin
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
-from engine.cad_import.proposed_text import key_line, question, value
+from engine.cad.findings.facing_planes import FacingPlanes
+from engine.cad.findings.facing_rounds import WHOLE, ExtrudedProfile, FacingRound
+from engine.cad.findings.joints import NearMiss, PinInHole, UndrawnPin
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+from engine.cad_import.proposed_text import key_line, marked, question, value
 from engine.faults.fault import some
-from engine.mechanism.geometry.cad_table import AS_DRAWN, RoundFace
+from engine.mechanism.geometry.cad_table import AS_DRAWN, NearPlace, RoundFace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, axis_of
 
-LAW = "contact"
-"""The material pair of all proposed joints and contacts."""
+LAW = "contact"  # the material pair of all proposed joints and contacts
 
-NEARER = None, 0.1, 0.01, 1e-3
-"""Distances of a point from its face [mm]: half a millimetre, or less if others are as near."""
+RADIAL_PLAY, AXIAL_PLAY = "radial_play", "axial_play"  # parameters for the plays of joints that are drawn without any
 
-RADIAL_PLAY, AXIAL_PLAY = "radial_play", "axial_play"
-"""Parameters for the plays of joints that are drawn without any."""
-
+_NEARER = None, 0.1, 0.01, 1e-3  # mm of a point from its face: half a millimetre, or less if others are as near
 _FEW = 2  # joints that are asked about one by one
 _PIN_PLAY = 0.02  # mm, of a pin that is not drawn
 _ALIKE = 1e-6  # mm
@@ -61,8 +65,7 @@ def shared_questions(found: FoundGeometry) -> SharedQuestions:
 
 def play_parameters(shared: SharedQuestions) -> list[str]:
     """Return the parameters for plays that are not drawn, marked, below their question."""
-    lines = []
-    texts = []
+    lines, texts = [], []
     if shared.radial:
         texts.append(f"radial clearance of {some(shared.radial)}")
         lines.append(key_line(RADIAL_PLAY, 0.02, "mm"))
@@ -72,7 +75,7 @@ def play_parameters(shared: SharedQuestions) -> list[str]:
     if not texts:
         return []
     text = f"which {' and '.join(texts)} do the tolerances leave? They are drawn without; a joint may have another one"
-    return [question("parameters", text), *(f"# {line}" for line in lines)]
+    return [question("parameters", text), *marked(lines)]
 
 
 def free_joints(shared: SharedQuestions) -> list[str]:
@@ -112,8 +115,7 @@ def pivot_tables(found: FoundGeometry) -> list[str]:
 
 
 def _marked_table(name: str, lines: list[str]) -> list[str]:
-    table = [f"[joints.{name}]", 'type = "clearance_cylindrical"', *lines, key_line("material", LAW)]
-    return [f"# {line}" for line in table]
+    return marked([f"[joints.{name}]", 'type = "clearance_cylindrical"', *lines, key_line("material", LAW)])
 
 
 def _undrawn_lines(found: FoundGeometry, pin: UndrawnPin) -> list[str]:
@@ -277,16 +279,20 @@ def _selector(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
     """Return what selects a hole or a pin; in a body of several parts, such that no other face fits."""
     near = np.round(found.to_body(face.part, face.point), 6)
     wanted: dict[str, Any] = {"radius": round(face.radius, 9), "near": near}
-    if any(group.name == face.part for group in found.groups):
-        search = PartSearch(found.assembly, face.part, 1.0)
-        for within in NEARER:
-            closer = wanted if within is None else {**wanted, "within": within}
-            try:
-                search.round_face(RoundFace.model_validate({**closer, "near": near.tolist()}), hollow=face.hollow)
-            except NotOneFace:
-                continue
+    if all(group.name != face.part for group in found.groups):
+        return wanted
+    search = partial(PartSearch(found.assembly, face.part, 1.0).round_face, hollow=face.hollow)
+    return _selects_one(wanted, lambda table: search(RoundFace.model_validate(table))) or wanted
+
+
+def _selects_one(wanted: dict[str, Any], search: Callable[[dict[str, Any]], object]) -> dict[str, Any] | None:
+    """Return what selects a single face near a point, as close to it as needed; None if others are always as near."""
+    for within in _NEARER:
+        closer = wanted if within is None else {**wanted, "within": within}
+        with suppress(NotOneFace):
+            search({**closer, "near": wanted["near"].tolist()})
             return closer
-    return wanted
+    return None
 
 
 def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) -> list[str]:
@@ -334,3 +340,135 @@ def _flange_lines(joint: FoundJoint, stations: _Stations, shared: SharedQuestion
         return [*lines, key_line("axial_clearance", AXIAL_PLAY, "drawn without")]
     text = "drawn without axial play; which play do the tolerances leave at each end?"
     return [*lines, question(f"joints.{joint.name}.axial_clearance", text), "# axial_clearance = 0.05"]
+
+
+# -- stops ------------------------------------------------------------------------------------------------------------
+
+_DIGITS = 9
+_CENTRED = 1e-6  # mm
+Side = dict[str, Any]
+
+
+def stop_tables(found: FoundGeometry) -> list[str]:
+    """Return the candidates for stops and latches, marked, below a question; empty if there are none."""
+    if not found.stops:
+        return []
+    text = (
+        "which of these faces are stops, or hold a latch? Remove the marks of those; give more points where a whole"
+        " face rests on one"
+    )
+    lines = [question("contacts", text)]
+    for stop in found.stops:
+        a, b = stop_sides(found, stop)
+        table = [f"[contacts.{stop.name}]".ljust(36) + f" # {stop.sizes}", key_line("a", a), key_line("b", b)]
+        lines += [*marked([*table, key_line("material", LAW)]), ""]
+    return lines
+
+
+def stop_sides(found: FoundGeometry, stop: FoundStop) -> tuple[Side, Side]:
+    """Return the sides a and b of the contact for a candidate; b is on the first of its faces."""
+    pair = stop.pair
+    first, second = (found.face(number) for number in pair.faces)
+    if isinstance(pair, FacingPlanes):
+        point = np.round(found.to_body(second.part, pair.middle + pair.gap * pair.normal), _DIGITS)
+        return _side(found, second, "point", point), _near_side(found, first, pair.middle)
+    return _round_side(found, pair, first, second), _touched_side(found, pair, first)
+
+
+def _side(found: FoundGeometry, face: CadFace, kind: str, primitive: Any) -> Side:
+    return {"body": found.bodies[face.part], kind: primitive}
+
+
+def _rounded(point: Array) -> Array:
+    return np.round(point, _DIGITS) + 0.0  # + 0.0 turns -0.0 into 0.0
+
+
+def _point(found: FoundGeometry, face: CadFace, point: Array) -> Array:
+    """Return a point in the frame of a face's body, given in the assembly's frame."""
+    return _rounded(found.to_body(face.part, point))
+
+
+def _ball(found: FoundGeometry, face: CadFace) -> Side:
+    return {"centre": _point(found, face, face.point), "radius": round(face.radius, _DIGITS)}
+
+
+def _direction(found: FoundGeometry, face: CadFace, vector: Array) -> Array:
+    """Return a direction in the frame of a face's body, given in the assembly's frame."""
+    return np.round(found.assembly.part(face.part).placement.rotation.T @ vector, 12) + 0.0
+
+
+def _near_side(found: FoundGeometry, face: CadFace, at: Array) -> Side:
+    """Return the side that selects a face by a point on it, such that no other face fits."""
+    part, near = PartSearch(found.assembly, face.part, 1.0), np.round(found.to_body(face.part, at), 6) + 0.0
+    search = part.plane if face.kind == "plane" else part.face
+    wanted = _selects_one({"near": near}, lambda table: search(NearPlace.model_validate(table)))
+    wanted = wanted or {"near": near, "within": _NEARER[-1]}
+    if face.kind == "plane":
+        return _side(found, face, "plane", wanted)
+    return _side(found, face, "surface", {"faces": [wanted]})
+
+
+def _round_side(found: FoundGeometry, pair: FacingRound, touched: CadFace, face: CadFace) -> Side:
+    """Return the side of the round face: a ball; the pin itself against a plane; otherwise the arc of a cylinder."""
+    if face.kind == "sphere":
+        return _side(found, face, "sphere", _ball(found, face))
+    station = float(pair.stretch.mean())
+    if touched.kind == "plane" and pair.profile is None and face.span >= WHOLE and abs(station) < _CENTRED:
+        return side(found, face)
+    arc = {
+        "centre": _point(found, face, face.point + station * face.axis),
+        "normal": _direction(found, face, face.axis),
+        "radius": round(face.radius, _DIGITS),
+    }
+    if face.span < WHOLE:
+        arc |= {"middle": _direction(found, face, face.middle), "half_angle": round(face.span / 2, _DIGITS)}
+    return _side(found, face, "arc", arc)
+
+
+def _touched_side(found: FoundGeometry, pair: FacingRound, face: CadFace) -> Side:
+    """Return the side of the touched face: by reference to the CAD file, or as its profile in numbers."""
+    if pair.profile is not None:
+        return _side(found, face, "extruded", _extruded(found, face, pair.profile))
+    # a ball can leave a hollow sphere of which no more than half is there, 2 pi r2
+    is_open = face.hollow and face.area < 2.1 * np.pi * face.radius**2
+    if face.kind == "sphere" and not (face.splines and is_open):
+        return _side(found, face, "socket" if face.hollow else "sphere", _ball(found, face))
+    if face.kind == "cone" and face.span >= WHOLE:
+        return _side(found, face, "turned", _frustum(found, face))
+    if face.kind == "cylinder" and (face.span >= WHOLE or not face.splines):
+        return side(found, face)
+    return _near_side(found, face, pair.middle)
+
+
+def _extruded(found: FoundGeometry, face: CadFace, profile: ExtrudedProfile) -> Side:
+    """Return a profile in the form of a mechanism file."""
+    segments = []
+    for piece in profile.pieces:
+        segment: Side = {"to": _rounded(piece.end)}
+        if piece.centre is not None:
+            segment |= {"centre": _rounded(piece.centre), "turn": "left" if piece.left else "right"}
+        segments.append(segment)
+    return {
+        "point": _point(found, face, profile.point),
+        "axis": _direction(found, face, profile.axis),
+        "along": _direction(found, face, profile.along),
+        "half_length": round(profile.half_length, _DIGITS),
+        "start": _rounded(profile.pieces[0].start),
+        "profile": segments,
+    }
+
+
+def _frustum(found: FoundGeometry, cone: CadFace) -> Side:
+    """Return a cone as a turned solid: what it encloses, or a ring around it as thick as it widens."""
+    low, high = cone.extent
+    slope = np.tan(cone.half_angle)
+    inner, outer = cone.radius + low * slope, cone.radius + high * slope
+    wall = 2 * outer if cone.hollow else 0.0
+    corners = [(inner, low), (outer, high), (wall, high), (wall, low)]
+    start, *others = (_rounded(np.array(corner)) for corner in corners)
+    return {
+        "point": _point(found, cone, cone.point),
+        "axis": _direction(found, cone, cone.axis),
+        "start": start,
+        "profile": [{"to": to} for to in others],
+    }

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.cad.cad_model import CadAssembly, CadPart, Solid
+from engine.cad.cad_model import CadAssembly, CadPart
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import (
@@ -27,8 +27,8 @@ from engine.cad_import.proposed_joints import (
     pivot_tables,
     play_parameters,
     shared_questions,
+    stop_tables,
 )
-from engine.cad_import.proposed_stops import stop_tables
 from engine.cad_import.proposed_text import key_line, marked, question, value
 from engine.errors import EngineError
 from engine.faults.fault import some
@@ -42,6 +42,15 @@ _HEAD = """\
 # that are still open. Points of a body are in the frame of its part.
 """
 
+_SIMULATION = """\
+[simulation]
+step = 5e-3                          # ms
+horizon = 500.0                      # ms
+penetration = 1e-7                   # mm
+adaptive = { longest = 0.2, travel = 5e-3 }
+rest = { window = 10.0, drift = 1e-5 }
+"""
+
 _SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: the free motions depend on neither
 _SHEAR_MODULUS = 81_500.0  # N/mm2, of spring wire, EN 13906-1
 _UNLOADED_SECONDS = 10.0  # of the processor
@@ -53,8 +62,7 @@ class UnloadedMotions:
     """Motions that no load acts on, each with the body that has most of it: ``"crank along z, the axis of J"``."""
 
     motions: tuple[str, ...] = ()
-    unseen: str = ""
-    """Why there may be more; empty if all are known."""
+    unseen: str = ""  # why there may be more; empty if all are known
 
 
 NOT_SOUGHT = UnloadedMotions()
@@ -89,7 +97,7 @@ def proposed_mechanism(
         *([key_line("accept_damage", True)] if assembly.damage else []),
         *_default_density(found.drawn),
         "",
-        *_simulation(),
+        _SIMULATION,
         f"[materials.{LAW}]",
         question(f"materials.{LAW}.friction", "which coefficient of friction do the parts have?"),
         "friction = 0.0",
@@ -150,7 +158,8 @@ def _parameters(found: FoundGeometry, shared: SharedQuestions) -> list[str]:
 
 def _default_density(assembly: CadAssembly) -> list[str]:
     """Return the question about the density of all parts of which the CAD file has none."""
-    without = [part.name for part in assembly.parts if any(not _density(part, solid) for solid in part.solids)]
+    materials = {part.name: [solid.material or part.material for solid in part.solids] for part in assembly.parts}
+    without = [name for name, each in materials.items() if not all(material and material.density for material in each)]
     if not without:
         return []
     text = (
@@ -158,18 +167,6 @@ def _default_density(assembly: CadAssembly) -> list[str]:
         " that has another density gets it in the table of its body"
     )
     return [question("cad.density", text), '# density = "steel"']
-
-
-def _simulation() -> list[str]:
-    return [
-        "[simulation]",
-        "step = 5e-3                          # ms",
-        "horizon = 500.0                      # ms",
-        "penetration = 1e-7                   # mm",
-        "adaptive = { longest = 0.2, travel = 5e-3 }",
-        "rest = { window = 10.0, drift = 1e-5 }",
-        "",
-    ]
 
 
 def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]:
@@ -188,12 +185,6 @@ def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]
         text = "it has surfaces only, no solid: what are its mass, center_of_mass and inertia?"
         lines.append(question(f"bodies.{name}.mass", text))
     return [*lines, ""]
-
-
-def _density(part: CadPart, solid: Solid) -> float | None:
-    """Return the density of a solid according to the CAD file."""
-    material = solid.material or part.material
-    return material.density if material else None
 
 
 def _springs(found: FoundGeometry) -> list[str]:
@@ -232,11 +223,7 @@ def _loads(unloaded: UnloadedMotions) -> list[str]:
         text += f" never rests{f' ({unloaded.unseen})' if unloaded.unseen else ''}"
     elif unloaded.unseen:
         text += f". What nothing acts on is {unloaded.unseen}"
-    example = [
-        "[torques.drive]",
-        'body = "NAME"',
-        "torque = [0.0, 0.0, 10.0]            # N mm",
-    ]
+    example = ["[torques.drive]", 'body = "NAME"', "torque = [0.0, 0.0, 10.0]            # N mm"]
     return [question("loads", text), *marked(example), ""]
 
 
@@ -293,7 +280,6 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
         if "flanges" in table and table.get("axial_clearance", AXIAL_PLAY) == AXIAL_PLAY:
             table["axial_clearance"] = _SOME_PLAY
     for each in found.balls:
-        tables["joints"][each.name]["radial_clearance"] = (
-            float(np.linalg.norm(each.ball.ball_centre - each.ball.centre)) + _SOME_PLAY
-        )
+        offset = float(np.linalg.norm(each.ball.ball_centre - each.ball.centre))
+        tables["joints"][each.name]["radial_clearance"] = offset + _SOME_PLAY
     return tables

@@ -11,11 +11,9 @@ from engine.mechanism import library_names
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST
 
-QUESTION = "#?"
-"""The start of a line that asks the owner of the file a question."""
+QUESTION = "#?"  # the start of a line that asks the owner of the file a question
 
-MARK = "# "
-"""The start of a line that has no effect until this mark is removed."""
+MARK = "# "  # the start of a line that has no effect until this mark is removed
 
 Key = tuple[str, str]
 """The header of a table (empty at the top of the file) and a key in it; the key is empty for the header itself."""

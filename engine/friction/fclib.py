@@ -23,12 +23,9 @@ def read_fclib(path: str | Path) -> FrictionProblem:
     """Read a local or global problem and eliminate its equality constraints.
 
     The free motion M^-1 f of a global problem becomes part of q; a local problem becomes W = H H' with M the identity.
-
-    Raises
-    ------
-    FrictionError
-        Naming file and dataset: not HDF5, a dataset missing or of the wrong size, two-dimensional contacts, matrices
-        that are not symmetric positive (semi)definite, or constraints that do not determine their multipliers.
+    Raises FrictionError, which names file and dataset: not HDF5, a dataset missing or of the wrong size,
+    two-dimensional contacts, matrices that are not symmetric positive (semi)definite, or constraints that do not
+    determine their multipliers.
     """
     with _open(path) as file:
         for name, read in (("fclib_global", _read_global), ("fclib_local", _read_local)):
@@ -41,13 +38,7 @@ def read_fclib(path: str | Path) -> FrictionProblem:
 
 
 def read_fclib_impulses(path: str | Path) -> Array | None:
-    """Return the impulses r of the file's ``solution``, shape (3 nc,); None if it has none.
-
-    Raises
-    ------
-    FrictionError
-        If the file is not HDF5 or r is not a vector of numbers.
-    """
+    """Return the impulses r of the file's ``solution``, shape (3 nc,); None if it has none."""
     with _open(path) as file:
         return _Group(file["solution"], f"{path}: solution").vector("r") if "solution/r" in file else None
 
@@ -59,13 +50,7 @@ def write_fclib(
     form: Literal["global", "local"] = "global",
     title: str = "",
 ) -> None:
-    """Write a problem and, if given, its solution to a new file; form "local" stores W = H M^-1 H' for M and H.
-
-    Raises
-    ------
-    FileExistsError
-        If ``path`` exists.
-    """
+    """Write a problem and, if given, its solution to a new file; form "local" stores W = H M^-1 H' for M and H."""
     import h5py
 
     n = problem.M.shape[0]

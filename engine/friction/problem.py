@@ -27,28 +27,14 @@ class FrictionError(EngineError):
 class FrictionProblem:
     """Find impulses r in Coulomb's cones with M v = H' r, u = H v + q and u + mu |u_T| N in the dual cones (eq. 5).
 
-    Attributes
-    ----------
-    M : (n, n) array
-        Mass matrix, symmetric positive definite.
-    H : (3 nc, n) array
-        Local frames; rows (N, T1, T2) per contact.
-    q : (3 nc,) array
-        Relative velocities without impulses.
-    mu : (nc,) array
-        Coefficients of friction, >= 0.
-
-    Raises
-    ------
-    FrictionError
-        If an array does not consist of real numbers, the shapes do not match, a number is not finite, a coefficient is
-        negative, or M is not symmetric.
+    Raises FrictionError if an array does not consist of real numbers, the shapes do not match, a number is not finite,
+    a coefficient is negative, or M is not symmetric.
     """
 
-    M: Array
-    H: Array
-    q: Array
-    mu: Array
+    M: Array  # (n, n) mass matrix, symmetric positive definite
+    H: Array  # (3 nc, n) local frames; rows (N, T1, T2) per contact
+    q: Array  # (3 nc,) relative velocities without impulses
+    mu: Array  # (nc,) coefficients of friction, >= 0
 
     def __init__(self, M: ArrayLike, H: ArrayLike, q: ArrayLike, mu: ArrayLike) -> None:
         for name, value in {"M": M, "H": H, "q": q, "mu": mu}.items():
@@ -64,33 +50,19 @@ class FrictionProblem:
 
 @dataclass(frozen=True)
 class FrictionSolution:
-    """Solution of a friction problem.
+    """Solution of a friction problem: "infeasible" if the certificate proves that there is none.
 
-    Attributes
-    ----------
-    r, u : (3 nc,) arrays
-        Impulses and relative velocities, (N, T1, T2) per contact.
-    v : (n,) array
-        Velocities.
-    residual : float
-        Relative natural-map residual, see `engine.friction.complementarity.residual`.
-    iterations : int
-        Number of solver steps.
-    status : str
-        "infeasible" if the certificate proves that there is no solution; otherwise "converged" if
-        ``residual <= tolerance``, or "not_converged".
-    certificate : (nc,) array or None
-        For an infeasible problem: normal impulses p >= 0 with sum 1 that balance each other, H_N' p = 0, while
-        p . q_N < 0. Whatever the bodies do, they approach at the contacts with p > 0 at -p . q_N on average, although
-        the law allows no approach. See `engine.friction.infeasibility`.
+    The certificate, (nc,), holds normal impulses p >= 0 with sum 1 that balance each other, H_N' p = 0, while
+    p . q_N < 0. Whatever the bodies do, they approach at the contacts with p > 0 at -p . q_N on average, although the
+    law allows no approach. See `engine.friction.infeasibility`.
     """
 
-    r: Array
-    u: Array
-    v: Array
-    residual: float
-    iterations: int
-    status: Literal["converged", "not_converged", "infeasible"]
+    r: Array  # (3 nc,) impulses, (N, T1, T2) per contact
+    u: Array  # (3 nc,) relative velocities, alike
+    v: Array  # (n,) velocities
+    residual: float  # relative natural-map residual, see `engine.friction.complementarity.residual`
+    iterations: int  # number of solver steps
+    status: Literal["converged", "not_converged", "infeasible"]  # converged: residual <= tolerance
     certificate: Array | None = None
 
     @property
@@ -100,25 +72,10 @@ class FrictionSolution:
 
 
 def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | None = None) -> FrictionSolution:
-    """Solve a friction problem.
+    """Solve a friction problem to a relative residual, from impulses ``start``, (3 nc,); zero by default.
 
-    Parameters
-    ----------
-    problem : FrictionProblem
-    tolerance : float
-        Relative residual to reach; independent of units.
-    start : (3 nc,) array, optional
-        Impulses to start from; zero by default.
-
-    Returns
-    -------
-    FrictionSolution
-
-    Raises
-    ------
-    FrictionError
-        If the mass matrix is not positive definite, ``start`` has the wrong size, or the tolerance is not between 0 and
-        1.
+    Raises FrictionError if the mass matrix is not positive definite, ``start`` has the wrong size, or the tolerance is
+    not between 0 and 1.
     """
     nc, n = problem.mu.size, problem.M.shape[0]
     if not isinstance(tolerance, Real) or not 0 < tolerance < 1:

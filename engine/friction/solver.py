@@ -28,16 +28,7 @@ import math
 
 import numpy as np
 
-from engine.friction.arrays import (
-    CONVERGED,
-    NOT_CONVERGED,
-    Effort,
-    Goal,
-    copy,
-    finish,
-    give_contacts,
-    take_contacts,
-)
+from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, copy, finish, give_contacts, take_contacts
 from engine.friction.blocks import BODY, ROW
 from engine.friction.complementarity import residual
 from engine.friction.gauss_seidel import gauss_seidel

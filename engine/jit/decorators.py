@@ -26,7 +26,7 @@ from llvmlite import binding
 from engine.errors import FolderError
 from engine.jit.numba_internals import INNER_OPTIONS, KEEPS_CODE, KERNEL_OPTIONS, NOT_INLINED_OPTIONS
 from engine.platform.build import build_id
-from engine.platform.private_folder import private_folder
+from engine.platform.private_folder import private_folder, user_cache
 
 import numba  # isort: skip  # after `numba_internals`, which imports it in the required way
 from numba.extending import typeof_impl  # isort: skip
@@ -49,8 +49,7 @@ def _cache_folder() -> Path:
     try:
         if named:
             return _writable(private_folder(Path(named), _folder_name()))
-        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-        return _writable(private_folder(cache, "clearcap", "numba", _folder_name()))
+        return _writable(user_cache("numba", _folder_name()))
     except (FolderError, OSError, RuntimeError) as error:  # RuntimeError: this user has no home folder
         if named:
             raise FolderError(

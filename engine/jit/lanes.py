@@ -7,7 +7,9 @@ Every operation rounds as for single numbers, so results do not depend on the wi
 Without compilation (NUMBA_DISABLE_JIT) the eight numbers are a NumPy array with the same operators.
 """
 
+import inspect
 import operator
+from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -125,73 +127,6 @@ def _is_row(kind: Any) -> bool:
     return isinstance(kind, types.Array) and kind.ndim == 1 and kind.layout == "C" and kind.dtype == types.float64
 
 
-@type_callable(read)
-def _type_read(context: Any) -> Any:
-    return lambda a, at: lanes if _is_row(a) else None
-
-
-@lower_builtin(read, types.Array, types.Integer)
-def _lower_read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    at = converted(context, builder, arguments[1], signature.args[1], types.intp)
-    numbers = builder.load(_address(context, builder, signature.args[0], arguments[0], at))
-    numbers.align = 8
-    return numbers
-
-
-@type_callable(write)
-def _type_write(context: Any) -> Any:
-    return lambda numbers, a, at: types.none if numbers == lanes and _is_row(a) else None
-
-
-@lower_builtin(write, LanesType, types.Array, types.Integer)
-def _lower_write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    at = converted(context, builder, arguments[2], signature.args[2], types.intp)
-    builder.store(arguments[0], _address(context, builder, signature.args[1], arguments[1], at), align=8)
-    return nothing(context)
-
-
-@type_callable(spread)
-def _type_spread(context: Any) -> Any:
-    return lambda x: lanes if isinstance(x, (types.Float, types.Integer)) else None
-
-
-@lower_builtin(spread, types.Float)
-@lower_builtin(spread, types.Integer)
-def _lower_spread(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return _spread(builder, converted(context, builder, arguments[0], signature.args[0], types.float64))
-
-
-def _declare_fold(function: Any, build: Any) -> None:
-    """Let kernels reduce eight numbers: the two halves with each other, then the halves of the result, and so on."""
-
-    @type_callable(function)
-    def _type(context: Any) -> Any:
-        return lambda numbers: types.float64 if numbers == lanes else None
-
-    @lower_builtin(function, LanesType)
-    def _lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        numbers, left = arguments[0], LANES
-        while left > 1:
-            left //= 2
-            places = [ir.Constant(ir.VectorType(INDEX, left), list(range(at, at + left))) for at in (0, left)]
-            numbers = build(builder, *(builder.shuffle_vector(numbers, numbers, place) for place in places))
-        return builder.extract_element(numbers, INDEX(0))
-
-
-_declare_fold(total, lambda builder, a, b: builder.fadd(a, b))
-_declare_fold(least, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
-
-
-@type_callable(root)
-def _type_root(context: Any) -> Any:
-    return lambda numbers: lanes if numbers == lanes else None
-
-
-@lower_builtin(root, LanesType)
-def _lower_root(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return _call(builder, "llvm.sqrt.v8f64", arguments)
-
-
 def _call(builder: Any, name: str, operands: Any) -> Any:
     """Call an LLVM intrinsic whose operands and result are vectors."""
     kind = ir.FunctionType(operands[0].type, [x.type for x in operands])
@@ -211,76 +146,110 @@ def _are_numbers(*kinds: Any) -> bool:
     return lanes in kinds and all(kind == lanes or isinstance(kind, types.Number) for kind in kinds)
 
 
-@type_callable(fused)
-def _type_fused(context: Any) -> Any:
-    return lambda a, b, c: lanes if _are_numbers(a, b, c) else None
+def _declare(function: Any, result: Any, accepts: Callable[..., bool], kinds: Any, build: Any) -> None:
+    """Let kernels call a function with arguments of these kinds, if it accepts them; `build` generates its code."""
+
+    def result_of(*arguments: Any) -> Any:
+        return result if accepts(*arguments) else None
+
+    result_of.__signature__ = inspect.signature(function)  # type: ignore[attr-defined]  # by which Numba binds arguments
+
+    @type_callable(function)
+    def _type(context: Any) -> Any:
+        return result_of
+
+    for each in kinds:
+        lower_builtin(function, *each)(build)
 
 
-def _lower_fused(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return _call(builder, "llvm.fma.v8f64", _operands(context, builder, signature, arguments))
+def _declare_operation(function: Any, result: Any, build: Any, count: int = 2) -> None:
+    """Let kernels apply a function to operands of which each is eight numbers, or a single one, but not all single."""
+
+    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return build(builder, *_operands(context, builder, signature, arguments))
+
+    kinds = [each for each in product((LanesType, types.Number), repeat=count) if LanesType in each]
+    _declare(function, result, _are_numbers, kinds, lower)
 
 
-for _kinds in product((LanesType, types.Number), repeat=3):
-    if LanesType in _kinds:
-        lower_builtin(fused, *_kinds)(_lower_fused)
+def _declare_fold(function: Any, build: Any) -> None:
+    """Let kernels reduce eight numbers: the two halves with each other, then the halves of the result, and so on."""
+
+    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        numbers, left = arguments[0], LANES
+        while left > 1:
+            left //= 2
+            places = [ir.Constant(ir.VectorType(INDEX, left), list(range(at, at + left))) for at in (0, left)]
+            numbers = build(builder, *(builder.shuffle_vector(numbers, numbers, place) for place in places))
+        return builder.extract_element(numbers, INDEX(0))
+
+    _declare(function, types.float64, lambda numbers: numbers == lanes, [(LanesType,)], lower)
 
 
-@type_callable(choose)
-def _type_choose(context: Any) -> Any:
-    return lambda condition, a, b: lanes if condition == choice and _are_numbers(lanes, a, b) else None
+def _lower_read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    at = converted(context, builder, arguments[1], signature.args[1], types.intp)
+    numbers = builder.load(_address(context, builder, signature.args[0], arguments[0], at))
+    numbers.align = 8
+    return numbers
+
+
+def _lower_write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    at = converted(context, builder, arguments[2], signature.args[2], types.intp)
+    builder.store(arguments[0], _address(context, builder, signature.args[1], arguments[1], at), align=8)
+    return nothing(context)
+
+
+def _lower_spread(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return _operands(context, builder, signature, arguments)[0]
 
 
 def _lower_choose(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return builder.select(*_operands(context, builder, signature, arguments))
 
 
-for _pair in product((LanesType, types.Number), repeat=2):
-    lower_builtin(choose, ChoiceType, *_pair)(_lower_choose)
-
-
-def _declare(function: Any, result: Any, build: Any) -> None:
-    """Let kernels apply a function to eight numbers and eight others, or to eight numbers and a single one."""
-
-    @type_callable(function)
-    def _type(context: Any) -> Any:
-        return lambda a, b: result if _are_numbers(a, b) else None
-
-    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return build(builder, *_operands(context, builder, signature, arguments))
-
-    for kinds in ((LanesType, LanesType), (LanesType, types.Number), (types.Number, LanesType)):
-        lower_builtin(function, *kinds)(lower)
-
-
-_declare(operator.add, lanes, lambda builder, a, b: builder.fadd(a, b))
-_declare(operator.iadd, lanes, lambda builder, a, b: builder.fadd(a, b))
-_declare(operator.sub, lanes, lambda builder, a, b: builder.fsub(a, b))
-_declare(operator.isub, lanes, lambda builder, a, b: builder.fsub(a, b))
-_declare(operator.mul, lanes, lambda builder, a, b: builder.fmul(a, b))
-_declare(operator.imul, lanes, lambda builder, a, b: builder.fmul(a, b))
-_declare(operator.truediv, lanes, lambda builder, a, b: builder.fdiv(a, b))
-_declare(operator.lt, choice, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
-_declare(operator.le, choice, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
-_declare(operator.gt, choice, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
-_declare(operator.ge, choice, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
-_declare(larger, lanes, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
-
-
-@type_callable(operator.neg)
-def _type_neg(context: Any) -> Any:
-    return lambda numbers: lanes if numbers == lanes else None
-
-
-@lower_builtin(operator.neg, LanesType)
-def _lower_neg(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.fneg(arguments[0])
-
-
-@type_callable(operator.and_)
-def _type_and(context: Any) -> Any:
-    return lambda a, b: choice if a == choice and b == choice else None
-
-
-@lower_builtin(operator.and_, ChoiceType, ChoiceType)
-def _lower_and(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.and_(*arguments)
+_declare(read, lanes, lambda a, at: _is_row(a), [(types.Array, types.Integer)], _lower_read)
+_declare(
+    write,
+    types.none,
+    lambda numbers, a, at: numbers == lanes and _is_row(a),
+    [(LanesType, types.Array, types.Integer)],
+    _lower_write,
+)
+_declare(
+    spread,
+    lanes,
+    lambda x: isinstance(x, (types.Float, types.Integer)),
+    [(types.Float,), (types.Integer,)],
+    _lower_spread,
+)
+_declare(
+    choose,
+    lanes,
+    lambda condition, a, b: condition == choice and _are_numbers(lanes, a, b),
+    [(ChoiceType, *each) for each in product((LanesType, types.Number), repeat=2)],
+    _lower_choose,
+)
+_declare(
+    operator.and_,
+    choice,
+    lambda a, b: a == choice and b == choice,
+    [(ChoiceType, ChoiceType)],
+    lambda context, builder, signature, arguments: builder.and_(*arguments),
+)
+_declare_fold(total, lambda builder, a, b: builder.fadd(a, b))
+_declare_fold(least, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", a, b), a, b))
+_declare_operation(root, lanes, lambda builder, a: _call(builder, "llvm.sqrt.v8f64", [a]), 1)
+_declare_operation(operator.neg, lanes, lambda builder, a: builder.fneg(a), 1)
+_declare_operation(fused, lanes, lambda builder, a, b, c: _call(builder, "llvm.fma.v8f64", [a, b, c]), 3)
+_declare_operation(operator.add, lanes, lambda builder, a, b: builder.fadd(a, b))
+_declare_operation(operator.iadd, lanes, lambda builder, a, b: builder.fadd(a, b))
+_declare_operation(operator.sub, lanes, lambda builder, a, b: builder.fsub(a, b))
+_declare_operation(operator.isub, lanes, lambda builder, a, b: builder.fsub(a, b))
+_declare_operation(operator.mul, lanes, lambda builder, a, b: builder.fmul(a, b))
+_declare_operation(operator.imul, lanes, lambda builder, a, b: builder.fmul(a, b))
+_declare_operation(operator.truediv, lanes, lambda builder, a, b: builder.fdiv(a, b))
+_declare_operation(operator.lt, choice, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_declare_operation(operator.le, choice, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
+_declare_operation(operator.gt, choice, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_declare_operation(operator.ge, choice, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+_declare_operation(larger, lanes, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))

@@ -47,6 +47,12 @@ def private_folder(base: Path, *names: str) -> Path:
     return folder
 
 
+def user_cache(*names: str) -> Path:
+    """Return such a folder in the user's cache folder; raise RuntimeError, too, if this user has no home folder."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    return private_folder(base, "clearcap", *names)
+
+
 def _trusted_folder(path: Path, mend: bool = False) -> Path:
     """Return a folder with all links on its path resolved, after checking each step; create missing folders.
 

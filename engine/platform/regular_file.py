@@ -21,11 +21,8 @@ class UnfitFile(OSError):
 
 def read_beginning(path: str | Path, count: int) -> bytes:
     """Return at most ``count`` bytes from the beginning of a regular file; raises the errors of `read_regular_file`."""
-    descriptor = _open_regular(path, follow_link=True)
-    try:
-        return os.read(descriptor, count)
-    finally:
-        os.close(descriptor)
+    with os.fdopen(_open_regular(path, follow_link=True), "rb", buffering=0) as file:
+        return file.read(count)
 
 
 def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = True) -> bytes:
@@ -35,19 +32,16 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
     UnfitFile for a folder, a pipe, a socket, a device, a link unless ``follow_link``, or a file that is too large, and
     OSError if it does not exist or cannot be read.
     """
-    descriptor = _open_regular(path, follow_link=follow_link)
-    try:
-        size = os.fstat(descriptor).st_size
+    with os.fdopen(_open_regular(path, follow_link=follow_link), "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
         if size > at_most:
             raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", str(path))
         content = bytearray()
-        while chunk := os.read(descriptor, _CHUNK):
+        while chunk := file.read(_CHUNK):
             content += chunk
             if len(content) > at_most:
                 raise UnfitFile(errno.EFBIG, f"has more than {at_most} bytes; allowed: up to {at_most}", str(path))
         return bytes(content)
-    finally:
-        os.close(descriptor)
 
 
 def _open_regular(path: str | Path, *, follow_link: bool) -> int:

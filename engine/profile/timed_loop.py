@@ -24,41 +24,16 @@ from engine.kernels import step, time_loop
 STAGES = ("solver", "contacts", "loads", "joints", "projection", "rest")
 SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
 STAGES_OF_STEP = {
-    "save_start": LOADS,
-    "move": LOADS,
-    "apply_loads": LOADS,
-    "free_twist": LOADS,
-    "damp": LOADS,
-    "impulse_time": LOADS,
-    "row_targets": JOINTS,
-    "find_redundant_rows": JOINTS,
-    "hold_joints": JOINTS,
-    "add_contact_part": JOINTS,
-    "consume_budget": CONTACTS,
-    "body_speeds": CONTACTS,
-    "find_near_contacts": CONTACTS,
-    "free_relative_velocities": CONTACTS,
-    "first_active_set": CONTACTS,
-    "look_at_active_contacts": CONTACTS,
-    "gather_problem": CONTACTS,
-    "soften": CONTACTS,
-    "compress": CONTACTS,
-    "apply_impulses": CONTACTS,
-    "grow_active_set": CONTACTS,
-    "fastest_body": CONTACTS,
-    "fastest_spin": CONTACTS,
-    "worst_contact": CONTACTS,
-    "work_of_contacts": CONTACTS,
-    "solve_friction": SOLVER,
-    "project_positions": PROJECTION,
+    **dict.fromkeys(("save_start", "move", "apply_loads", "free_twist", "damp", "impulse_time"), LOADS),
+    **dict.fromkeys(("row_targets", "find_redundant_rows", "hold_joints", "add_contact_part"), JOINTS),
+    **dict.fromkeys(("consume_budget", "body_speeds", "find_near_contacts", "free_relative_velocities"), CONTACTS),
+    **dict.fromkeys(("first_active_set", "look_at_active_contacts", "gather_problem", "soften"), CONTACTS),
+    **dict.fromkeys(("compress", "apply_impulses", "grow_active_set", "fastest_body", "fastest_spin"), CONTACTS),
+    **dict.fromkeys(("worst_contact", "work_of_contacts"), CONTACTS),
+    **dict.fromkeys(("solve_friction",), SOLVER),
+    **dict.fromkeys(("project_positions",), PROJECTION),
 }
-STAGES_OF_LOOP = {
-    "read_motions": REST,
-    "_measure": REST,
-    "accumulate": REST,
-    "update_reported": REST,
-    "_track_rest": REST,
-}
+STAGES_OF_LOOP = dict.fromkeys(("read_motions", "_measure", "accumulate", "update_reported", "_track_rest"), REST)
 
 _clock = ctypes.CDLL(None).clock_gettime
 _clock.argtypes, _clock.restype = (ctypes.c_int, ctypes.c_size_t), ctypes.c_int

@@ -24,7 +24,7 @@ from engine.kernels.record import BODY, CONTACT, HEAD
 from engine.mechanism import Mechanism
 from engine.platform.build import build_id
 from engine.run import Run
-from engine.trajectory.read import FORMAT, VERSION, Recording
+from engine.trajectory import FORMAT, VERSION, Recording
 
 CHUNK = 1024  # rows compressed together
 

@@ -9,7 +9,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly import assemble
 from engine.cad import CadAssembly
-from engine.cad.findings import PinInHole, pins_in_holes
+from engine.cad.findings.joints import PinInHole, pins_in_holes
 from engine.mechanism import Mechanism, mechanism_from
 from engine.mechanism.geometry.cad_table import NearEdge, NearPlace, RoundFace
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, contact_side, feature_of

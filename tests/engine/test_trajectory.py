@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import engine.loop
 from engine import Recording, TrajectoryError, load_mechanism, read_trajectory, simulate
 from engine.loop import Cancel
-from engine.trajectory.forces import contact_forces
+from engine.trajectory import contact_forces
 from engine.trajectory.write import TrajectoryWriter
 from tests.each import each
 from tests.until import until

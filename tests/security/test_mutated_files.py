@@ -37,7 +37,7 @@ from clearcap.questions.tolerances import read_costs
 from clearcap.questions.whatif import changed_variables
 from engine import EngineError, load_mechanism, simulate, warm_up
 from engine.cad.archive import packed
-from engine.cad.occt.shape_distances import measure_distances
+from engine.cad.occt.answers import measure_distances
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from
 from engine.preflight.start_gaps import start_gap_cautions, with_start_gaps

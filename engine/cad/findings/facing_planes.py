@@ -1,21 +1,23 @@
-"""Plane faces of two parts that face each other across a small gap: candidates for stops.
+"""Plane faces of two parts that face each other: candidates for stops, and ends and flanges of a joint.
 
-What two plane faces share, as seen along the normal, is the area that their triangles share.
+What two plane faces share, as seen along the normal, is the area that their triangles share. Faces across a joint's
+axis limit the sliding of its pin: ends of the bearing, flanges of the journal.
 """
 
 from dataclasses import dataclass
+from itertools import product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.arrays import Array, Integers
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres, SquareMillimetres
+from engine.cad.findings.joints import MOST_EXCESS, PinInHole
 from engine.cad.geometry import perpendicular
 
-REACH = 1.0
-"""Largest gap between faces that could form a stop [mm]."""
-DEEPEST_OVERLAP = 0.1
-"""Largest overlap of such faces as posed [mm]."""
+REACH = 1.0  # largest gap between faces that could form a stop [mm]
+DEEPEST_OVERLAP = 0.1  # largest overlap of such faces as posed [mm]
 LEAST_AREA = 0.25
 """Smallest area shared by two plane faces [mm2]: anything less is a sliver, where one edge lies over another."""
 _PARALLEL = 1e-3  # rad
@@ -28,14 +30,10 @@ class FacingPlanes:
 
     faces: tuple[int, int]
     parts: tuple[str, str]
-    gap: Millimetres
-    """Distance as posed [mm]; negative where the parts overlap."""
-    area: SquareMillimetres
-    """Shared area [mm2], with round edges replaced by chords."""
-    middle: Coordinates
-    """Middle of the shared area, on the first face, shape (3,) [mm]."""
-    normal: Array
-    """Normal of the first face, towards the second, shape (3,)."""
+    gap: Millimetres  # distance as posed [mm]; negative where the parts overlap
+    area: SquareMillimetres  # shared area [mm2], with round edges replaced by chords
+    middle: Coordinates  # middle of the shared area, on the first face, shape (3,) [mm]
+    normal: Array  # normal of the first face, towards the second, shape (3,)
 
 
 def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:
@@ -49,16 +47,9 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[Fa
         first, second = planes[i], planes[j]
         area, middle = common_area(triangles[first.number], triangles[second.number], first.axis)
         if area > max(LEAST_AREA, _LEAST_SHARE * min(first.area, second.area)):
-            found.append(
-                FacingPlanes(
-                    faces=(first.number, second.number),
-                    parts=(first.part, second.part),
-                    gap=float((second.point - first.point) @ first.axis),
-                    area=area,
-                    middle=middle,
-                    normal=first.axis,
-                )
-            )
+            faces, parts = (first.number, second.number), (first.part, second.part)
+            gap = float((second.point - first.point) @ first.axis)
+            found.append(FacingPlanes(faces=faces, parts=parts, gap=gap, area=area, middle=middle, normal=first.axis))
     return sorted(found, key=lambda pair: pair.gap)
 
 
@@ -159,3 +150,82 @@ def _area(polygon: Array) -> tuple[float, Array]:
     if area <= 0:
         return 0.0, np.zeros(2)
     return area, polygon[0] + doubled @ (away[:-1] + away[1:]) / (6 * area)
+
+
+# -- ends and flanges of a joint --------------------------------------------------------------------------------------
+
+_MOST_PLAY = 1.0  # largest axial play at one end [mm] at which a face counts as a flange
+_DEEPEST_OVERLAP = 0.02  # mm
+_ACROSS = 1e-4  # rad between a plane's normal and the axis
+_WIDEST = 3.0  # multiple of the hole's radius
+_SHRUNK = 0.985  # factor, so that the chords of a mesh do not cut off a circle
+_ANGLES, _RADII = 24, 41
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ThrustFaces:
+    """An end face of a bearing and the flange of its journal that can touch it."""
+
+    side: Literal["start", "end"]  # the end of the bearing along the joint's axis
+    bearing_face: int
+    journal_face: int
+    station: Millimetres  # position of the bearing's end face along the joint's axis, measured from its point [mm]
+    play: Millimetres  # distance between the two faces as posed [mm]; negative where they overlap
+    radius: Millimetres  # radius of the largest circle about the axis that lies in both faces [mm]
+
+
+def thrust_faces(assembly: CadAssembly, joint: PinInHole, triangles: dict[int, Array]) -> list[ThrustFaces]:
+    """Return the nearest end face and flange at each end of a joint; none where the pin is free to slide."""
+    found = []
+    for way in (-1.0, 1.0):
+        outward = way * joint.axis
+        ends, flanges = (
+            [f for f in assembly.faces_of(part) if f.kind == "plane" and f.axis @ normal > np.cos(_ACROSS)]
+            for part, normal in ((joint.bearing, outward), (joint.journal, -outward))
+        )
+        tried = [_thrust(assembly, joint, both, way, triangles) for both in product(ends, flanges)]
+        found += sorted(filter(None, tried), key=lambda pair: pair.play)[:1]
+    return found
+
+
+def _thrust(
+    assembly: CadAssembly, joint: PinInHole, faces: tuple[CadFace, CadFace], way: float, triangles: dict[int, Array]
+) -> ThrustFaces | None:
+    """Return an end face and a flange that can touch; None if they cannot."""
+    end, flange = faces
+    station = float((end.point - joint.point) @ joint.axis)
+    play = float((flange.point - end.point) @ joint.axis) * way
+    middle = (joint.seats[0].start + joint.seats[-1].end) / 2
+    if (station - middle) * way <= 0 or not -_DEEPEST_OVERLAP <= play <= _MOST_PLAY:
+        return None
+    hole = max(seat.hole_radius for seat in joint.seats)
+    angles = np.linspace(0.0, 2 * np.pi, _ANGLES, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)]) @ perpendicular(joint.axis)
+    for radius, tested in _radii(assembly, joint, faces, hole):
+        circle = joint.point + station * joint.axis + tested * around
+        if all(contains(triangles[face.number], circle, joint.axis).all() for face in faces):
+            return ThrustFaces(
+                side="end" if way > 0 else "start",
+                bearing_face=end.number,
+                journal_face=flange.number,
+                station=station,
+                play=play,
+                radius=radius,
+            )
+    return None
+
+
+def _radii(
+    assembly: CadAssembly, joint: PinInHole, faces: tuple[CadFace, CadFace], hole: float
+) -> list[tuple[float, float]]:
+    """Return radii to be tried, the largest first, each with the radius of the points that must lie in both faces."""
+    numbers = {face.number for face in faces}
+    edges = [e for e in assembly.edges if numbers & set(e.faces) and e.radius > hole]
+    away = [edge.centre - joint.point for edge in edges]
+    about = [
+        edge.radius
+        for edge, each in zip(edges, away, strict=True)
+        if np.linalg.norm(each - (each @ joint.axis) * joint.axis) <= joint.radial_clearance + MOST_EXCESS
+    ]
+    between = np.linspace(hole, _WIDEST * hole, _RADII)[1:].tolist()
+    return sorted([*((r, _SHRUNK * r) for r in about), *((r, r) for r in between)], reverse=True)

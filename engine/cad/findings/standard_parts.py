@@ -23,60 +23,28 @@ _SIZE = 0.02  # relative difference of a standard size, as parts are drawn witho
 _PARALLEL = radians(1.0)
 _ON_AXIS = 0.05  # mm
 _ROUGHLY = 0.1  # of its size, by which the points of a coil are not equally far from its axis
-_ROUND = 0.15
-"""Relative difference of the thickness of a coil from that of a round wire with its surface and volume."""
+_ROUND = 0.15  # relative difference of the thickness of a coil from that of a round wire with its surface and volume
 _FEWEST_TURNS = 1.5
 _SAMPLE = 1000  # points of a mesh from which the axis of a coil is fitted
 
 _HEXAGONS = {3.2: 1.6, 4.0: 2.0, 5.0: 2.5, 5.5: 3.0, 7.0: 4.0, 8.0: 5.0, 10.0: 6.0, 13.0: 8.0, 16.0: 10.0, 17.0: 10.0}
-_HEXAGONS |= {18.0: 12.0, 19.0: 12.0, 21.0: 14.0, 24.0: 16.0, 30.0: 20.0}
-"""Thread by the width across flats."""
+_HEXAGONS |= {18.0: 12.0, 19.0: 12.0, 21.0: 14.0, 24.0: 16.0, 30.0: 20.0}  # thread by the width across flats
 _SOCKET_HEADS = {3.0: 1.6, 3.8: 2.0, 4.5: 2.5, 5.5: 3.0, 7.0: 4.0, 8.5: 5.0, 10.0: 6.0, 13.0: 8.0, 16.0: 10.0}
-_SOCKET_HEADS |= {18.0: 12.0, 24.0: 16.0, 30.0: 20.0}
-"""Thread by the diameter of the head."""
+_SOCKET_HEADS |= {18.0: 12.0, 24.0: 16.0, 30.0: 20.0}  # thread by the diameter of the head
 _KEYS = {1.6: 1.5, 2.0: 1.5, 2.5: 2.0, 3.0: 2.5, 4.0: 3.0, 5.0: 4.0, 6.0: 5.0, 8.0: 6.0, 10.0: 8.0, 12.0: 10.0}
-_KEYS |= {16.0: 14.0, 20.0: 17.0}
-"""Width across flats of the socket, by the thread."""
+_KEYS |= {16.0: 14.0, 20.0: 17.0}  # width across flats of the socket, by the thread
 _WASHERS = {
-    (1.7, 4.0, 0.3),
-    (2.2, 5.0, 0.3),
-    (2.7, 6.0, 0.5),
-    (3.2, 7.0, 0.5),
-    (4.3, 9.0, 0.8),
-    (5.3, 10.0, 1.0),
-    (6.4, 12.0, 1.6),
-    (8.4, 16.0, 1.6),
-    (10.5, 20.0, 2.0),
-    (13.0, 24.0, 2.5),
-    (17.0, 30.0, 3.0),
+    *((1.7, 4.0, 0.3), (2.2, 5.0, 0.3), (2.7, 6.0, 0.5), (3.2, 7.0, 0.5), (4.3, 9.0, 0.8), (5.3, 10.0, 1.0)),
+    *((6.4, 12.0, 1.6), (8.4, 16.0, 1.6), (10.5, 20.0, 2.0), (13.0, 24.0, 2.5), (17.0, 30.0, 3.0)),
     (21.0, 37.0, 3.0),
 }
 _BEARINGS = {
-    "681": (1, 3, 1),
-    "682": (2, 5, 1.5),
-    "683": (3, 7, 2),
-    "693": (3, 8, 3),
-    "623": (3, 10, 4),
-    "684": (4, 9, 2.5),
-    "624": (4, 13, 5),
-    "MR105": (5, 10, 4),
-    "685": (5, 11, 3),
-    "625": (5, 16, 5),
-    "MR106": (6, 10, 3),
-    "686": (6, 13, 5),
-    "626": (6, 19, 6),
-    "688": (8, 16, 5),
-    "608": (8, 22, 7),
-    "6800": (10, 19, 5),
-    "6000": (10, 26, 8),
-    "6200": (10, 30, 9),
-    "6001": (12, 28, 8),
-    "6002": (15, 32, 9),
-    "6003": (17, 35, 10),
-    "6004": (20, 42, 12),
-    "6005": (25, 47, 12),
-    "6204": (20, 47, 14),
-    "6205": (25, 52, 15),
+    **{"681": (1, 3, 1), "682": (2, 5, 1.5), "683": (3, 7, 2), "693": (3, 8, 3), "623": (3, 10, 4)},
+    **{"684": (4, 9, 2.5), "624": (4, 13, 5), "MR105": (5, 10, 4), "685": (5, 11, 3), "625": (5, 16, 5)},
+    **{"MR106": (6, 10, 3), "686": (6, 13, 5), "626": (6, 19, 6), "688": (8, 16, 5), "608": (8, 22, 7)},
+    **{"6800": (10, 19, 5), "6000": (10, 26, 8), "6200": (10, 30, 9), "6001": (12, 28, 8)},
+    **{"6002": (15, 32, 9), "6003": (17, 35, 10), "6004": (20, 42, 12), "6005": (25, 47, 12)},
+    **{"6204": (20, 47, 14), "6205": (25, 52, 15)},
 }
 
 _HOLDERS = (
@@ -109,12 +77,9 @@ _NO_FASTENER = re.compile(r"\b(?:lead|ball|feed|drive|power|worm|spindle|trapez\
 class Coil:
     """A coil spring, by its drawn shape."""
 
-    ends: Coordinates
-    """Shape (2, 3), on its axis [mm]."""
-    wire: Millimetres
-    """Thickness of the wire."""
-    diameter: Millimetres
-    """Mean diameter of the turns."""
+    ends: Coordinates  # shape (2, 3), on its axis [mm]
+    wire: Millimetres  # thickness of the wire
+    diameter: Millimetres  # mean diameter of the turns
     turns: float
 
     @property
@@ -129,8 +94,7 @@ class StandardPart:
 
     part: str
     kind: StandardKind
-    said: str
-    """By what it was recognised: ``by its name``, ``M6 by its hexagon``."""
+    said: str  # by what it was recognised: ``by its name``, ``M6 by its hexagon``
     coil: Coil | None = None
 
 

@@ -39,12 +39,10 @@ _TO_PRODUCT = re.compile(
 class Damage:
     """The entities of a file that OCCT could not read."""
 
-    entities: int = 0
-    """Number of those that faces, places or limits are made from."""
+    entities: int = 0  # number of those that faces, places or limits are made from
     products: frozenset[str] | None = frozenset()
     """Names of the products that these belong to; None if it is not known of each."""
-    odd: int = 0
-    """Number of all others."""
+    odd: int = 0  # number of all others
 
 
 def damage_of(model: Any, path: Path) -> Damage:

@@ -1,22 +1,84 @@
-"""The faces of a shape: the surface of each, with splines replaced by simple surfaces where possible."""
+"""The faces of a shape: the surface of each, with splines replaced by simple surfaces where possible, and triangles."""
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.GeomAbs import GeomAbs_SurfaceType as Type
 from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Pnt, gp_Sphere, gp_Vec
-from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
+from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition as Recognition
 from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
-from engine.arrays import Array
-from engine.cad.cad_model import SplineSurface
+from engine.arrays import Array, Integers
+from engine.cad.cad_model import CadFace, SplineSurface
 from engine.cad.merged_pieces import FacePiece
-from engine.cad.occt.face_meshes import COARSEST, FaceMesh, mesh_face
 from engine.cad.occt.mass_properties import area
 from engine.cad.occt.occt_values import OCCT_ERRORS, array3, one_way
 from engine.cad.occt.spline_surfaces import splines_of
+
+_SAG = 2e-3  # distance between a triangle and its face, as a share of the size of the shape
+_SAG_LIMITS = 1e-3, 0.05  # mm
+_TURN = 0.3  # rad between neighbouring triangles
+_LEVELS = ((1.0, _TURN), (8.0, 2 * _TURN), (40.0, 4 * _TURN))  # sag, as a multiple of the finest, and turn
+COARSEST = len(_LEVELS) - 1
+
+
+class FaceMesh(NamedTuple):
+    """The triangles of a face, counter-clockwise as seen from outside."""
+
+    vertices: Array  # shape (n, 3)
+    triangles: Integers  # row indices into the vertices, shape (m, 3)
+    parameters: Array  # of the vertices on the face's surface, shape (n, 2)
+
+    @property
+    def areas(self) -> Array:
+        """The area of each triangle, shape (m,)."""
+        corners = self.vertices[self.triangles]
+        doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return np.asarray(np.linalg.norm(doubled, axis=1) / 2)
+
+
+def usual_sag(shape: Any) -> float:
+    """Return the distance of triangles from their faces that suits the size of a shape [mm]."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    size = 1.0 if box.IsVoid() else float(box.CornerMin().Distance(box.CornerMax()))
+    return float(np.clip(_SAG * size, *_SAG_LIMITS))
+
+
+def mesh_face(face: Any, sag: float, level: int) -> FaceMesh | None:
+    """Return the triangles of a face; None if it has no area. Level 0 is the finest, `COARSEST` the last."""
+    times, turn = _LEVELS[level]
+    mesher = BRepMesh_IncrementalMesh()
+    mesher.SetShape(face)
+    parameters = mesher.ChangeParameters()
+    parameters.Deflection, parameters.Angle = times * sag, turn
+    # the last try keeps only to the edges
+    parameters.ControlSurfaceDeflection = level < COARSEST
+    mesher.Perform()
+    face, where = TopoDS.Face(face), TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, where)
+    if mesh is None or not mesh.NbTriangles():
+        return None
+    count = range(1, mesh.NbNodes() + 1)
+    nodes: Iterable[Any] = map(mesh.Node, count)
+    if not where.IsIdentity():
+        move = where.Transformation()
+        nodes = (node.Transformed(move) for node in nodes)
+    vertices = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
+    parameters = np.array([(uv.X(), uv.Y()) for uv in map(mesh.UVNode, count)])
+    rows = map(mesh.Triangle, range(1, mesh.NbTriangles() + 1))
+    triangles = np.array([(row.Value(1), row.Value(2), row.Value(3)) for row in rows], np.int64) - 1
+    turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    return FaceMesh(vertices, triangles[:, ::-1] if turned else triangles, parameters)
+
 
 _PRECISION = 1e-7  # mm that OCCT neglects
 
@@ -42,22 +104,13 @@ def face_piece(face: Any, solid: int, recognition: float, sag: float, level: int
         lies_on |= {"point": on, "axis": lies_on["axis"] * np.sign(lies_on["axis"] @ normal)}
     splines: tuple[SplineSurface, ...] = ()
     failed = is_hasty
-    if not is_hasty:
-        try:
-            splines = splines_of(face, surface, max(recognition, _PRECISION))
-        except OCCT_ERRORS:
-            failed = True
-    piece = FacePiece(
-        solid=solid,
-        area=float(mesh.areas.sum()) if is_hasty else area(face),
-        on=on,
-        normal=normal,
-        splines=splines,
-        vertices=mesh.vertices,
-        triangles=mesh.triangles,
-        **lies_on,
-    )
-    return piece, failed
+    try:
+        splines = () if is_hasty else splines_of(face, surface, max(recognition, _PRECISION))
+    except OCCT_ERRORS:
+        failed = True
+    size = float(mesh.areas.sum()) if is_hasty else area(face)
+    piece = CadFace(number=-1, part="", solid=solid, area=size, on=on, normal=normal, splines=splines, **lies_on)
+    return FacePiece(piece, mesh.vertices, mesh.triangles), failed
 
 
 def _inside(face: Any, surface: Any, mesh: FaceMesh) -> tuple[Array, Array]:
@@ -72,25 +125,14 @@ def _inside(face: Any, surface: Any, mesh: FaceMesh) -> tuple[Array, Array]:
 
 def _analytic(surface: Any) -> dict[str, Any] | None:
     """Return the surface of a face as given in the file; None for a spline, an extrusion or a revolution."""
-    kind = surface.GetType()
-    if kind == Type.GeomAbs_Plane:
-        return _plane(surface.Plane())
-    if kind == Type.GeomAbs_Cylinder:
-        return _cylinder(surface.Cylinder())
-    if kind == Type.GeomAbs_Cone:
-        return _cone(surface.Cone())
-    if kind == Type.GeomAbs_Sphere:
-        return _sphere(surface.Sphere())
-    if kind == Type.GeomAbs_Torus:
-        torus = surface.Torus()
-        return {
-            "kind": "torus",
-            "point": array3(torus.Location()),
-            "axis": one_way(array3(torus.Axis().Direction())),
-            "radius": torus.MajorRadius(),
-            "minor_radius": torus.MinorRadius(),
-        }
-    return None
+    given = {
+        Type.GeomAbs_Plane: (surface.Plane, _plane),
+        Type.GeomAbs_Cylinder: (surface.Cylinder, _cylinder),
+        Type.GeomAbs_Cone: (surface.Cone, _cone),
+        Type.GeomAbs_Sphere: (surface.Sphere, _sphere),
+        Type.GeomAbs_Torus: (surface.Torus, _torus),
+    }.get(surface.GetType())
+    return given[1](given[0]()) if given else None
 
 
 def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
@@ -98,12 +140,12 @@ def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
     if recognition <= 0:
         return None
     for taken_for, test, become in (
-        (gp_Pln(), ShapeAnalysis_CanonicalRecognition.IsPlane, _plane),
-        (gp_Cylinder(), ShapeAnalysis_CanonicalRecognition.IsCylinder, _cylinder),
-        (gp_Cone(), ShapeAnalysis_CanonicalRecognition.IsCone, _cone),
-        (gp_Sphere(), ShapeAnalysis_CanonicalRecognition.IsSphere, _sphere),
+        (gp_Pln(), Recognition.IsPlane, _plane),
+        (gp_Cylinder(), Recognition.IsCylinder, _cylinder),
+        (gp_Cone(), Recognition.IsCone, _cone),
+        (gp_Sphere(), Recognition.IsSphere, _sphere),
     ):
-        tried = ShapeAnalysis_CanonicalRecognition(face)
+        tried = Recognition(face)
         if test(tried, recognition, taken_for) and tried.GetGap() <= recognition:
             return {**become(taken_for), "recognition_gap": tried.GetGap()}
     return None
@@ -120,16 +162,16 @@ def _cylinder(found: Any) -> dict[str, Any]:
 
 def _cone(found: Any) -> dict[str, Any]:
     """Return a cone with its axis in the direction in which it widens."""
-    angle = found.SemiAngle()
+    angle, point = found.SemiAngle(), array3(found.Location())
     axis = array3(found.Axis().Direction()) * np.copysign(1.0, angle)
-    return {
-        "kind": "cone",
-        "point": array3(found.Location()),
-        "axis": axis,
-        "radius": found.RefRadius(),
-        "half_angle": abs(angle),
-    }
+    return {"kind": "cone", "point": point, "axis": axis, "radius": found.RefRadius(), "half_angle": abs(angle)}
 
 
 def _sphere(found: Any) -> dict[str, Any]:
     return {"kind": "sphere", "point": array3(found.Location()), "axis": np.zeros(3), "radius": found.Radius()}
+
+
+def _torus(found: Any) -> dict[str, Any]:
+    axis, radii = one_way(array3(found.Axis().Direction())), (found.MajorRadius(), found.MinorRadius())
+    point = array3(found.Location())
+    return {"kind": "torus", "point": point, "axis": axis, "radius": radii[0], "minor_radius": radii[1]}

@@ -17,11 +17,10 @@ from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
 from OCP.TopoDS import TopoDS
 
 from engine.arrays import Array, Integers
-from engine.cad.cad_model import CadMaterial, ProductGeometry, TriangleMesh
+from engine.cad.cad_model import CadEdge, CadMaterial, ProductGeometry, TriangleMesh
 from engine.cad.merged_pieces import ArcPiece, FacePiece, merge_arcs, merge_pieces
 from engine.cad.occt.bounded_work import Budget, Work, done_in_time
-from engine.cad.occt.face_meshes import COARSEST, usual_sag
-from engine.cad.occt.face_pieces import face_piece
+from engine.cad.occt.face_pieces import COARSEST, face_piece, usual_sag
 from engine.cad.occt.mass_properties import solid_of_triangles, solid_properties
 from engine.cad.occt.occt_values import EDGE, FACE, SOLID, ShapeMap, array3, one_way
 
@@ -62,7 +61,7 @@ def product_geometry(
     done = done_in_time(work, budget)
     tried = [None if each is None else each[1][0] for each in done[: len(shapes)]]
     pieces = [piece for piece in tried if piece is not None]
-    merged, number_of_piece = merge_pieces(pieces, "")
+    merged, number_of_piece = merge_pieces(pieces)
     numbers = np.full(len(tried), -1)
     numbers[[piece is not None for piece in tried]] = number_of_piece
     places: dict[int, list[int]] = defaultdict(list)
@@ -70,7 +69,7 @@ def product_geometry(
         places[number].append(place)
     integrated = done[len(shapes) :]
     found_solids = tuple(
-        solid_of_triangles([piece for piece in pieces if piece.solid == place], *solids[place])
+        solid_of_triangles([piece for piece in pieces if piece.face.solid == place], *solids[place])
         if each is None
         else each[1]
         for place, each in enumerate(integrated)
@@ -78,7 +77,7 @@ def product_geometry(
     geometry = ProductGeometry(
         solids=found_solids,
         faces=tuple(replace(face, places=tuple(places[face.number])) for face in merged),
-        edges=tuple(merge_arcs(arc_pieces(shape, shapes, numbers.tolist(), recognition), "")),
+        edges=tuple(merge_arcs(_arc_pieces(shape, shapes, numbers.tolist(), recognition))),
         mesh=_mesh(pieces, number_of_piece, sag),
     )
     ends = list(zip(shapes, done, strict=False))
@@ -124,7 +123,7 @@ def _mesh(pieces: list[FacePiece], numbers: Integers, deflection: float) -> Tria
     )
 
 
-def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recognition: float) -> list[ArcPiece]:
+def _arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recognition: float) -> list[ArcPiece]:
     """Return the circular edges of a product's shape; `numbers` has -1 for each of its faces that was left out.
 
     A spline counts as a circle if it is no more than `recognition` [mm] away from one.
@@ -137,11 +136,12 @@ def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recogni
     found = []
     for place, edge in enumerate(map(TopoDS.Edge, edges.shapes())):
         if not BRep_Tool.Degenerated_s(edge) and (arc := _arc(edge, recognition)):
-            found.append(ArcPiece(place=place, faces=tuple(sorted(bounded[place])), **arc))
+            faces = tuple(sorted(bounded[place]))
+            found.append(replace(arc, edge=replace(arc.edge, faces=faces, places=(place,))))
     return found
 
 
-def _arc(edge: Any, recognition: float) -> dict[str, Any] | None:
+def _arc(edge: Any, recognition: float) -> ArcPiece | None:
     """Return the circle of an edge and points along the edge; None for any other curve."""
     curve, gap = BRepAdaptor_Curve(edge), 0.0
     if curve.GetType() == GeomAbs_CurveType.GeomAbs_Circle:
@@ -154,10 +154,7 @@ def _arc(edge: Any, recognition: float) -> dict[str, Any] | None:
     else:
         return None
     parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), _POINTS)
-    return {
-        "centre": array3(circle.Location()),
-        "axis": one_way(array3(circle.Axis().Direction())),
-        "radius": circle.Radius(),
-        "recognition_gap": gap,
-        "points": np.array([array3(curve.Value(float(parameter))) for parameter in parameters]),
-    }
+    points = np.array([array3(curve.Value(float(parameter))) for parameter in parameters])
+    centre, axis = array3(circle.Location()), one_way(array3(circle.Axis().Direction()))
+    arc = CadEdge(part="", faces=(), centre=centre, axis=axis, radius=circle.Radius(), recognition_gap=gap)
+    return ArcPiece(arc, points)

@@ -24,16 +24,12 @@ _DEEPEST = 100  # nested assemblies
 class Instance:
     """One occurrence of a product in the assembly."""
 
-    label: Any
-    """The label of the product in the document."""
-    name: str
-    """Of the product; empty if it has none."""
+    label: Any  # the label of the product in the document
+    name: str  # of the product; empty if it has none
     path: tuple[str, ...]
     placement: Placement
-    branch: tuple[int, ...] = ()
-    """Index in each assembly around it, from the root."""
-    solid: int = -1
-    """Index of the solid of the product that it is; -1 if it is all of the product."""
+    branch: tuple[int, ...] = ()  # index in each assembly around it, from the root
+    solid: int = -1  # index of the solid of the product that it is; -1 if it is all of the product
 
     @property
     def entry(self) -> tuple[str, int]:
@@ -71,14 +67,19 @@ def instances(shapes: Any) -> list[Instance]:
 
 def _solids_of(instance: Instance) -> list[Instance]:
     """Return each solid of an instance as one of its own; the instance itself if it has no more than one."""
-    solids = ShapeMap(instance.shape, SOLID)
-    names = [instance.name] * len(solids)
-    for label in listed(ShapeTool.GetSubShapes_s, instance.label):
-        place = solids.place(ShapeTool.GetShape_s(label))
-        if place >= 0:
-            names[place] = given_name(label) or instance.name
-    each = [replace(instance, name=name, solid=place) for place, name in enumerate(names)]
+    names = [given_name(label) if label is not None else "" for label in labels_of_solids(instance)]
+    each = [replace(instance, name=name or instance.name, solid=place) for place, name in enumerate(names)]
     return each if len(each) > 1 else [instance]
+
+
+def labels_of_solids(instance: Instance) -> list[Any]:
+    """Return the label of each solid of an instance; None where it has none of its own."""
+    solids = ShapeMap(instance.shape, SOLID)
+    found: list[Any] = [None] * len(solids)
+    for label in listed(ShapeTool.GetSubShapes_s, instance.label):
+        if (place := solids.place(ShapeTool.GetShape_s(label))) >= 0:
+            found[place] = label
+    return found
 
 
 def _below(label: Any, name: str, path: tuple[str, ...], branch: tuple[int, ...], move: gp_Trsf) -> Iterator[Instance]:

@@ -1,6 +1,9 @@
-"""The surface of a face as B-splines that cover exactly the face: one for each rectangle of its parameters."""
+"""The surface of a face as B-splines that cover exactly the face, if all its edges run along parameter lines.
 
-from dataclasses import dataclass
+The lines on which edges lie divide the parameter plane into cells. No edge passes through a cell, so each cell is
+either part of the face or outside it; one spline covers each cell of the face.
+"""
+
 from itertools import pairwise
 from math import atan2
 from typing import Any
@@ -22,8 +25,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import SplineSurface
 from engine.cad.occt.occt_values import array3
 
-Cell = tuple[tuple[float, float], tuple[float, float]]
-"""The range of a rectangle along u, and along v."""
+Cell = tuple[tuple[float, float], tuple[float, float]]  # the range of a rectangle along u, and along v
 
 _SAMPLES = 33  # of an edge that is not a straight line in the parameter plane
 _GRID = 5  # positions along u and along v where derivatives are evaluated
@@ -32,24 +34,8 @@ _ROUNDING = 1e-9  # of a period
 
 _SWEPT = (GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion, GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution)
 _INEXACT = (GeomAbs_SurfaceType.GeomAbs_OffsetSurface, GeomAbs_SurfaceType.GeomAbs_OtherSurface)
+# curves that are not B-splines, not even rational ones: OCCT would approximate them, which takes minutes for wavy ones
 _INEXACT_CURVES = (GeomAbs_CurveType.GeomAbs_OffsetCurve, GeomAbs_CurveType.GeomAbs_OtherCurve)
-"""Curves that are not B-splines, not even rational ones: OCCT would approximate them, which takes minutes for wavy
-ones.
-"""
-
-
-# Represent a face by rectangles in its surface's parameters, if all its edges run along parameter lines.
-#
-# The lines on which edges lie divide the parameter plane into cells. No edge passes through a cell, so each cell is
-# either part of the face or outside it.
-
-
-@dataclass(frozen=True, eq=False)
-class _Border:
-    """The edges of a face in the parameter plane of its surface."""
-
-    edges: list[Array]  # parameters of points along each edge, shape (n, 2)
-    speeds: Array  # largest length of the surface's derivative along u and along v, shape (2,)
 
 
 def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
@@ -58,26 +44,26 @@ def parameter_cells(face: Any, tolerance: float) -> tuple[Any, list[Cell]]:
     A plane is rotated within itself so that its parameter lines run along an edge. There are no rectangles if an edge
     is further than `tolerance` [mm] from a parameter line, or if there would be too many.
     """
-    surface, border = BRep_Tool.Surface_s(face), _border(face)
-    turn = _turn(surface, border)
+    surface, edges = BRep_Tool.Surface_s(face), _edges(face)
+    speeds = _speeds(surface, np.concatenate(edges))
+    turn = _turn(surface, edges)
     if turn:
         way = turn if surface.Position().Direct() else -turn
         surface = surface.Rotated(gp_Ax1(surface.Axis().Location(), surface.Axis().Direction()), way)
     there = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])  # to the rotated parameters
-    lines = _lines([edge @ there.T for edge in border.edges], border.speeds, tolerance)
+    lines = _lines([edge @ there.T for edge in edges], speeds, tolerance)
     if lines is None or (len(lines[0]) - 1) * (len(lines[1]) - 1) > _MOST_CELLS:
         return surface, []
-    along_u, along_v = (
-        _within(cuts, bounds, is_periodic)
-        for cuts, bounds, is_periodic in zip(lines, _bounds(surface), _periodic(surface), strict=True)
-    )
+    u0, u1, v0, v1 = surface.Bounds()
+    along_u = _within(lines[0], (u0, u1), surface.IsUPeriodic())
+    along_v = _within(lines[1], (v0, v1), surface.IsVPeriodic())
     cells = [(u, v) for u in pairwise(along_u) for v in pairwise(along_v)]
     return surface, [cell for cell in cells if _is_inside(face, np.mean(cell, axis=1) @ there)]
 
 
-def _border(face: Any) -> _Border:
-    """Return the edges of a face; if it has none, those of its parameter rectangle."""
-    surface, edges = BRep_Tool.Surface_s(face), []
+def _edges(face: Any) -> list[Array]:
+    """Return the parameters of points along each edge of a face, (n, 2); without edges, of its parameter rectangle."""
+    edges = []
     explorer = TopExp_Explorer(face, TopAbs_ShapeEnum.TopAbs_EDGE)
     while explorer.More():  # a seam is visited twice, in both of its positions
         curve = BRepAdaptor_Curve2d(TopoDS.Edge(explorer.Current()), face)
@@ -89,7 +75,7 @@ def _border(face: Any) -> _Border:
         u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
         corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1], [u0, v0]])
         edges = [corners[k : k + 2] for k in range(4)]
-    return _Border(edges, _speeds(surface, np.concatenate(edges)))
+    return edges
 
 
 def _speeds(surface: Any, places: Array) -> Array:
@@ -103,9 +89,9 @@ def _speeds(surface: Any, places: Array) -> Array:
     return np.asarray(np.max(slopes, axis=0))
 
 
-def _turn(surface: Any, border: _Border) -> float:
+def _turn(surface: Any, edges: list[Array]) -> float:
     """Return the angle that rotates a plane's axes to its longest straight edge; 0 for any other surface."""
-    straight = [edge[-1] - edge[0] for edge in border.edges if len(edge) == 2]
+    straight = [edge[-1] - edge[0] for edge in edges if len(edge) == 2]
     if not isinstance(surface, Geom_Plane) or not straight:
         return 0.0
     u, v = max(straight, key=lambda way: float(way @ way))
@@ -124,24 +110,12 @@ def _lines(edges: list[Array], speeds: Array, tolerance: float) -> list[Array] |
         found[axis].append(float(middle[axis]))
     if not all(found):
         return None
-    return [_distinct(np.sort(values), tolerance / speed) for values, speed in zip(found, speeds, strict=True)]
-
-
-def _distinct(values: Array, near: float) -> Array:
-    """Return increasing values, with close ones replaced by their mean."""
-    groups = np.split(values, np.flatnonzero(np.diff(values) > near) + 1)
-    return np.array([group.mean() for group in groups])
-
-
-def _bounds(surface: Any) -> list[tuple[float, float]]:
-    """Return the smallest and largest parameter of each direction; for a periodic one, of one period."""
-    u0, u1, v0, v1 = surface.Bounds()
-    return [(u0, u1), (v0, v1)]
-
-
-def _periodic(surface: Any) -> list[bool]:
-    """Return whether each direction is periodic."""
-    return [surface.IsUPeriodic(), surface.IsVPeriodic()]
+    distinct = []
+    for each, speed in zip(found, speeds, strict=True):  # close ones are replaced by their mean
+        values = np.sort(each)
+        groups = np.split(values, np.flatnonzero(np.diff(values) > tolerance / speed) + 1)
+        distinct.append(np.array([group.mean() for group in groups]))
+    return distinct
 
 
 def _within(cuts: Array, bounds: tuple[float, float], is_periodic: bool) -> list[float]:
@@ -150,13 +124,13 @@ def _within(cuts: Array, bounds: tuple[float, float], is_periodic: bool) -> list
     Those that differ from the bounds of a period by rounding become these: OCCT converts no turn of more than it.
     """
     low, high = bounds
-    if not is_periodic:
-        inside: list[float] = np.unique(np.clip(cuts, low, high)).tolist()
-        return inside
-    for bound in bounds:
-        cuts = np.where(np.abs(cuts - bound) < _ROUNDING * (high - low), bound, cuts)
-    one_turn: list[float] = np.unique(np.minimum(cuts, cuts.min() + high - low)).tolist()
-    return one_turn
+    if is_periodic:
+        for bound in bounds:
+            cuts = np.where(np.abs(cuts - bound) < _ROUNDING * (high - low), bound, cuts)
+        cuts = np.minimum(cuts, cuts.min() + high - low)
+    else:
+        cuts = np.clip(cuts, low, high)
+    return list(map(float, np.unique(cuts)))
 
 
 def _is_inside(face: Any, parameters: Array) -> bool:
@@ -168,24 +142,16 @@ def _is_inside(face: Any, parameters: Array) -> bool:
 def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface, ...]:
     """Return B-splines that cover a face.
 
-    There are none if its edges do not run along parameter lines of its surface, or if the surface is not a B-spline,
-    for instance an offset of one.
-
-    An edge may be up to `tolerance` [mm] away from its parameter line.
+    There are none if its edges do not run along parameter lines of its surface, up to `tolerance` [mm], or if the
+    surface cannot be written exactly as a B-spline, rational or not, for instance an offset of one.
     """
-    if not _is_a_spline(adaptor):
+    kind = adaptor.GetType()
+    if kind in _INEXACT or (kind in _SWEPT and adaptor.BasisCurve().GetType() in _INEXACT_CURVES):
         return ()
     surface, cells = parameter_cells(face, tolerance)
     turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     found = [_spline(surface, cell) for cell in cells]
     return tuple(spline.turned_over() if turned else spline for spline in found)
-
-
-def _is_a_spline(adaptor: Any) -> bool:
-    """Return whether a surface can be written exactly as a B-spline, rational or not."""
-    if adaptor.GetType() in _SWEPT:
-        return adaptor.BasisCurve().GetType() not in _INEXACT_CURVES
-    return adaptor.GetType() not in _INEXACT
 
 
 def _spline(surface: Any, cell: Cell) -> SplineSurface:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,13 @@ from typing import Any
 import numpy as np
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
-from engine.cad.cad_model import CadAssembly, CadFace, CadPart, ProductGeometry, SizeLimits, placed_product
+from engine.cad.cad_model import CadAssembly, CadFace, CadMaterial, CadPart, ProductGeometry, SizeLimits, placed_product
 from engine.cad.occt.bounded_work import Budget
 from engine.cad.occt.damage import Damage
-from engine.cad.occt.names_and_materials import listed, material_of, name_of
-from engine.cad.occt.occt_values import FACE, SOLID, ShapeMap
+from engine.cad.occt.names_and_materials import material_of, name_of
+from engine.cad.occt.occt_values import FACE, ShapeMap
 from engine.cad.occt.product_geometry import product_geometry
-from engine.cad.occt.product_tree import Instance, instances
+from engine.cad.occt.product_tree import Instance, instances, labels_of_solids
 from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
 from engine.faults.fault import some
@@ -34,21 +35,15 @@ class _Product:
     def __init__(self, instance: Instance, document: StepDocument, recognition: float, budget: Budget) -> None:
         self.name = instance.name
         self.shape = instance.shape
-        self.material = material_of(instance.label, document.grams or np.nan)
-        solids = self._solids(instance, document)
+        grams = document.grams or np.nan
+        self.material = material_of(instance.label, grams)
+        solids: list[tuple[str, CadMaterial | None]] = [
+            (name_of(label), material_of(label, grams)) if label is not None else ("", None)
+            for label in labels_of_solids(instance)
+        ]
         self.geometry, self._numbers, self.losses = product_geometry(self.shape, solids, recognition, budget)
         self.first_faces: list[int] = []  # one per instance
         self._faces = ShapeMap(self.shape, FACE)
-
-    def _solids(self, instance: Instance, document: StepDocument) -> list[Any]:
-        """Return name and material of each solid; an empty name and None where it has none of its own."""
-        solids = ShapeMap(self.shape, SOLID)
-        found: list[Any] = [("", None)] * len(solids)
-        for label in listed(ShapeTool.GetSubShapes_s, instance.label):
-            place = solids.place(ShapeTool.GetShape_s(label))
-            if place >= 0:
-                found[place] = name_of(label), material_of(label, document.grams or np.nan)
-        return found
 
     def faces_of(self, shape: Any) -> tuple[int, ...]:
         """Return the numbers within the product of the faces of a sub-shape."""
@@ -68,7 +63,7 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
     for instance in found:
         if instance.entry not in products:
             products[instance.entry] = _Product(instance, document, recognition, budget)
-    names = unique_names([products[instance.entry].name for instance in found])
+    names = _unique_names([products[instance.entry].name for instance in found])
     parts, placed = [], []
     first_face = 0
     for instance, name in zip(found, names, strict=True):
@@ -78,7 +73,7 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         first_face += len(here.faces)
         placed.append(here)
         parts.append(_part(instance, name, product, here))
-    limits, unclear = size_limits(document.dimensions, document.signs, _FacesOfLabels(products))
+    limits, unclear = size_limits(document.dimensions, document.signs, partial(_faces_on, list(products.values())))
     faces = tuple(face for here in placed for face in here.faces)
     limits = [_corrected(limit, faces, document.dimensions_too_large) for limit in limits]
     contradictions = {limit: _contradictions(limit, faces) for limit in limits}
@@ -117,18 +112,13 @@ def _part(instance: Instance, name: str, product: _Product, here: ProductGeometr
     )
 
 
-class _FacesOfLabels:
-    """Finds the faces on the label of a sub-shape, in all instances of its product."""
-
-    def __init__(self, products: dict[tuple[str, int], _Product]) -> None:
-        self._products = products
-
-    def __call__(self, label: Any) -> list[tuple[int, ...]]:
-        shape = ShapeTool.GetShape_s(label)
-        for product in self._products.values():
-            if faces := product.faces_of(shape):
-                return [tuple(number + first for number in faces) for first in product.first_faces]
-        return []
+def _faces_on(products: list[_Product], label: Any) -> list[tuple[int, ...]]:
+    """Return the numbers of the faces on the label of a sub-shape, for each instance of its product."""
+    shape = ShapeTool.GetShape_s(label)
+    for product in products:
+        if faces := product.faces_of(shape):
+            return [tuple(number + first for number in faces) for first in product.first_faces]
+    return []
 
 
 def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) -> SizeLimits:
@@ -141,16 +131,13 @@ def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) 
 
 def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
     """Return a caution about a dimension that differs from the faces it is attached to."""
-    said = []
-    for face in (faces[number] for number in limit.faces):
-        size = _RADII.get(limit.kind, 0) * face.radius
-        if size and abs(limit.nominal - size) > _FAR_OFF * size:
-            drawn = f"the face that it stands on, of {face.part}, is drawn with {size:g} mm"
-            said.append(
-                f"a {limit.kind} of {limit.nominal:g} mm: {drawn}; check the unit of the file's dimensions, and give "
-                "these limits in the campaign file"
-            )
-    return said
+    sizes = [(faces[number].part, _RADII.get(limit.kind, 0) * faces[number].radius) for number in limit.faces]
+    return [
+        f"a {limit.kind} of {limit.nominal:g} mm: the face that it stands on, of {part}, is drawn with {size:g} mm;"
+        " check the unit of the file's dimensions, and give these limits in the campaign file"
+        for part, size in sizes
+        if size and abs(limit.nominal - size) > _FAR_OFF * size
+    ]
 
 
 def _damaged(damage: Damage, parts: list[CadPart]) -> tuple[str, ...]:
@@ -181,14 +168,10 @@ def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> lis
             f"{unclear} dimensions are left out: the file has the same deviations with several signs, or does not say"
             " which instances of their parts belong together; give these limits in the campaign file"
         )
-    empty = [part.name for part in parts if not part.solids]
-    if empty:
-        said.append(f"without a solid, so without volume: {', '.join(empty)}; export these parts as solids")
-    negative = [part.name for part in parts if any(solid.volume <= 0 for solid in part.solids)]
-    if negative:
-        said.append(
-            f"with a solid whose faces point inwards: {', '.join(negative)}; repair these parts in the CAD system"
-        )
+    if empty := ", ".join(part.name for part in parts if not part.solids):
+        said.append(f"without a solid, so without volume: {empty}; export these parts as solids")
+    if negative := ", ".join(part.name for part in parts if any(solid.volume <= 0 for solid in part.solids)):
+        said.append(f"with a solid whose faces point inwards: {negative}; repair these parts in the CAD system")
     return said
 
 
@@ -211,7 +194,7 @@ def _lost(product: _Product) -> Iterator[str]:
             yield f"{what} {count} of {product.name or _UNNAMED}, around {where}: {why}"
 
 
-def unique_names(products: list[str]) -> list[str]:
+def _unique_names(products: list[str]) -> list[str]:
     """Return a unique name for each part: the name of its product, with a number if several parts share it.
 
     A part whose product has no name is called ``part``.

@@ -40,8 +40,7 @@ class StepDocument:
     dimensions: Any
     unit: str
     schema: str
-    grams: float | None
-    """The unit of mass of its densities [g]; None if there are several, or if it is unknown."""
+    grams: float | None  # the unit of mass of its densities [g]; None if there are several, or if it is unknown
     signs: DeviationSigns
     dimensions_too_large: float
     """Factor by which all its dimensions are too large. OCCT writes them in mm but declares them in the file's unit of
@@ -49,8 +48,7 @@ class StepDocument:
     """
     damage: Damage
     """What is lost because entities cannot be read, or refer to others that are missing or have the wrong type."""
-    keep: Any
-    """The document, which must live as long as the tools."""
+    keep: Any  # the document, which must live as long as the tools
 
 
 def open_step(path: Path) -> StepDocument:

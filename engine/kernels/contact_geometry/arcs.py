@@ -51,11 +51,7 @@ def nearest_on_arc(solid, r, half, across, along, axes):
         angle = angle_on_circle(dot(W, E), dot(W, F), dot(E, E), dot(F, F), dot(E, F), r)
     within = flat or abs(angle) <= half
     angle = min(max(angle, -half), half)
-    curve = (
-        (dot(W, x), dot(W, y), ew),
-        (r * dot(E, x), r * dot(E, y), r * ee),
-        (r * dot(F, x), r * dot(F, y), r * fe),
-    )
+    curve = ((dot(W, x), dot(W, y), ew), (r * dot(E, x), r * dot(E, y), r * ee), (r * dot(F, x), r * dot(F, y), r * fe))
     _, _, normal = distance_along(solid, curve, angle)
     if kind == ON_BALL or (within and normal[2] == (1.0 if flat else 0.0)):
         return angle, False, normal

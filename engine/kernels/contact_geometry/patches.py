@@ -26,11 +26,7 @@ ROUNDED = 1e-12  # share of a surface's size by which rounding may move a point 
 @inner
 def cubic(a, y):
     """Return the value of a cubic with coefficients a, and its first and second derivatives."""
-    return (
-        a[0] + y * (a[1] + y * (a[2] + y * a[3])),
-        a[1] + y * (2 * a[2] + 3 * y * a[3]),
-        2 * a[2] + 6 * y * a[3],
-    )
+    return (a[0] + y * (a[1] + y * (a[2] + y * a[3])), a[1] + y * (2 * a[2] + 3 * y * a[3]), 2 * a[2] + 6 * y * a[3])
 
 
 @inner

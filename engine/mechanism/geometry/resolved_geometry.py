@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine.cad import CadAssembly, in_unit, read_step
-from engine.cad.joined_parts import with_joined_parts
+from engine.cad.cad_model import with_joined_parts
 from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.faults import as_table, faults_of, named_tables, sub_table

@@ -220,10 +220,7 @@ def test_parts_that_are_too_long_are_proved_impossible_with_the_pair():
     data = free(block_on_floor(origin=[0, 0, 0.1]), 0.05)
     for i in (1, 3, 5, 7):
         ceiling = {"point": [0, 0, 0.19], "normal": [0, 0, -1]}
-        data["contacts"][f"top_{i}"] = {
-            **data["contacts"][f"corner_{i}"],
-            "b": {"body": "ground", "plane": ceiling},
-        }
+        data["contacts"][f"top_{i}"] = {**data["contacts"][f"corner_{i}"], "b": {"body": "ground", "plane": ceiling}}
     with pytest.raises(NotAssemblable, match="parts overlap at the start pose") as caught:
         assemble(made(data))
     reason = caught.value.reason

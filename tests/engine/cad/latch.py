@@ -37,8 +37,7 @@ def bar(length, bores):
     """Return a bar along x with round ends, its bores at the start and, where there is one, at the end."""
     ends = [(0.0, 0.0, 0.0), (length, 0.0, 0.0)]
     whole = fused(
-        box((0.0, -WIDTH / 2, 0.0), (length, WIDTH, THICKNESS)),
-        *(cylinder(end, WIDTH / 2, THICKNESS) for end in ends),
+        box((0.0, -WIDTH / 2, 0.0), (length, WIDTH, THICKNESS)), *(cylinder(end, WIDTH / 2, THICKNESS) for end in ends)
     )
     return cut(whole, *(cylinder(end, radius, THICKNESS) for end, radius in zip(ends, bores, strict=False)))
 
@@ -55,8 +54,7 @@ def parts():
     crank = fused(cut(bar(length, [bore]), countersink), pin((length, 0.0, THICKNESS), RADII["crank-coupler"][0]))
     rocker_length = hypot(ROCKER[0] - ROCKER_FOOT[0], ROCKER[1] - ROCKER_FOOT[1])
     rocker = fused(
-        bar(rocker_length, [RADII["base-rocker"][1]]),
-        pin((rocker_length, 0.0, THICKNESS), RADII["rocker-coupler"][0]),
+        bar(rocker_length, [RADII["base-rocker"][1]]), pin((rocker_length, 0.0, THICKNESS), RADII["rocker-coupler"][0])
     )
     coupler_length = hypot(ROCKER[0] - CRANK[0], ROCKER[1] - CRANK[1])
     coupler = bar(coupler_length, [RADII["crank-coupler"][1], RADII["rocker-coupler"][1]])

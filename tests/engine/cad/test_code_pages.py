@@ -3,7 +3,7 @@
 import pytest
 
 from engine.cad import read_step
-from engine.cad.code_pages import as_utf8
+from engine.cad.step_reader import as_utf8
 from tests.engine.cad.step_files import Drawing, box
 
 FILES = {

@@ -55,7 +55,8 @@ def test_mass_of_the_coupler(drawn):
     polar = sum(own) + areas @ (centres - centre) ** 2
     [solid] = drawn.part("coupler").solids
     assert solid.volume == pytest.approx(area * height, rel=1e-8)
-    local = drawn.part("coupler").placement.to_part(solid.centre)
+    placement = drawn.part("coupler").placement
+    local = (solid.centre - placement.translation) @ placement.matrix
     np.testing.assert_allclose(local, [centre, 0.0, height / 2], atol=1e-8)
     assert solid.inertia[2, 2] == pytest.approx(polar * height, rel=1e-8)
 

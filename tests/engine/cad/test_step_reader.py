@@ -13,8 +13,7 @@ import pytest
 import engine.cad.step_reader
 from engine import CadError
 from engine.cad import ReadingLimits, read_step
-from engine.cad.archive import packed
-from engine.cad.assembly_cache import cached, keep
+from engine.cad.archive import cached, keep_answer, packed
 from engine.platform.child import ChildRaised
 from tests.engine.cad.assemblies import differences, full_assembly
 from tests.until import until
@@ -61,13 +60,13 @@ def test_a_file_is_read_once(own_cache, monkeypatch):
 def test_a_full_cache(own_cache, monkeypatch):
     """What was used longest ago goes first."""
     content = packed(full_assembly(np.random.default_rng(1)))
-    monkeypatch.setattr("engine.cad.assembly_cache.MOST_BYTES", 2 * len(content))
+    monkeypatch.setattr("engine.cad.archive.MOST_BYTES", 2 * len(content))
     for age, name in enumerate("ab"):
-        keep(name * 64, 1e-4, content)
+        keep_answer(name * 64, repr(1e-4), content)
         [file] = own_cache.glob(f"{name}*")
         os.utime(file, times=(1e9 + age, 1e9 + age))
     assert cached("a" * 64, 1e-4) is not None  # so b is the one
-    keep("c" * 64, 1e-4, content)
+    keep_answer("c" * 64, repr(1e-4), content)
     assert sorted(file.name[0] for file in own_cache.iterdir()) == ["a", "c"]
 
 
@@ -167,10 +166,7 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
 @pytest.mark.parametrize(
     ("module", "said"),
     [
-        (
-            "size_limits",
-            "its dimensions is broken, and OCCT failed to read it (AttributeError); export it again",
-        ),
+        ("size_limits", "its dimensions is broken, and OCCT failed to read it (AttributeError); export it again"),
         ("names_and_materials", "export it again without materials, and give each body its density"),
         ("face_pieces", "repair the parts in the CAD system, and export them again, as AP242 or AP214"),
     ],
@@ -185,7 +181,7 @@ def test_what_nobody_foresaw_in_a_file(module, said):
 def test_without_occt(monkeypatch):
     """The message says what to install; what was read before is still known."""
     content = packed(full_assembly(np.random.default_rng(1)))
-    keep(hashlib.sha256(LATCH.read_bytes()).hexdigest(), 1e-4, content)
+    keep_answer(hashlib.sha256(LATCH.read_bytes()).hexdigest(), repr(1e-4), content)
     monkeypatch.setattr("engine.cad.step_reader.find_spec", lambda name: None)
     assert read_step(LATCH).parts
     with pytest.raises(CadError, match=r"clearcap\[cad\]"):

@@ -10,8 +10,8 @@ from engine.assembly import assemble
 from engine.cad import read_step
 from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import find_geometry
-from engine.cad_import.previous_names import named_as_before, named_as_written
 from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.updated_proposal import named_as_before, named_as_written
 from tests.engine.cad import stops
 from tests.engine.cad.step_files import box
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine.cad_import.found_geometry import FoundStop, find_geometry
-from engine.cad_import.previous_names import named_as_before, named_as_written, renamed_parts
 from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.updated_proposal import named_as_before, named_as_written, renamed_parts
 
 pytestmark = pytest.mark.processes
 

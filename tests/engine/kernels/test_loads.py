@@ -269,10 +269,7 @@ def test_torsion_spring_is_a_pure_balanced_couple_at_any_pose(seed):
 def test_torsion_spring_counts_from_the_start_angle(start, angle):
     """Winding past half a turn goes on winding: the branch is the one nearest to the start."""
     data = small(
-        bodies={
-            "a": {"fixed": True},
-            "b": {"mass": 1.0, "inertia": [1, 1, 1], "axis": AXIS.tolist(), "angle": start},
-        },
+        bodies={"a": {"fixed": True}, "b": {"mass": 1.0, "inertia": [1, 1, 1], "axis": AXIS.tolist(), "angle": start}},
         springs={"S": TORSION},
     )
     assembly = assemble(made(data))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.trajectory.forces import contact_forces
+from engine.trajectory import contact_forces
 from tests.engine.oracles.reference import order, recorded
 from tests.engine.oracles.test_clearance_pendulum import pendulum
 from tests.engine.small import shipped, small

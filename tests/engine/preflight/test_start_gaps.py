@@ -8,7 +8,7 @@ import tomli_w
 
 from engine import CadError, load_mechanism
 from engine.cad.archive import packed
-from engine.cad.occt.shape_distances import measure_distances
+from engine.cad.occt.answers import measure_distances
 from engine.cad.occt.step_assembly import read_assembly
 from engine.preflight import cautions
 from engine.preflight.start_gaps import AGREE, start_gap_cautions, with_start_gaps

@@ -61,7 +61,8 @@ def station(mechanism, joint, ring):
     axis, along = np.array(joint.bearing.axis), np.array(joint.journal.axis)
     centre = np.array(joint.bearing.point) + ring * axis
     at = np.array(joint.journal.point)
-    beside = at + (journal.to_part(bearing.to_assembly(centre)) - at) @ along * along
+    there = (bearing.to_assembly(centre) - journal.translation) @ journal.matrix
+    beside = at + (there - at) @ along * along
     return (centre, axis), (beside, along)
 
 

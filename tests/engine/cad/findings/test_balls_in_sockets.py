@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.cad.findings import balls_in_sockets, triangles_by_face
+from engine.cad.findings.facing_planes import triangles_by_face
+from engine.cad.findings.joints import balls_in_sockets
 from tests.engine.cad.ball_joints import BALL, SOCKET, ball_joint, cup, stem
 
 

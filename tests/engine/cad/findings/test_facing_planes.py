@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.cad.findings import facing_planes, pins_in_holes, thrust_faces, triangles_by_face
+from engine.cad.findings.facing_planes import facing_planes, thrust_faces, triangles_by_face
+from engine.cad.findings.joints import pins_in_holes
 from tests.engine.cad import latch
 from tests.engine.cad.step_files import Drawing, box
 

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from engine.cad.findings import pin_in_hole, pins_in_holes
+from engine.cad.findings.joints import pins_in_holes
 from tests.engine.cad import latch
 from tests.engine.cad.hinges import BORE, PIN, PLAY, THICKNESS, as_splines, cut_in_two, hinge, plate, stud
 from tests.engine.cad.step_files import Drawing, box, cone, cut, cylinder, fused, moved, place
@@ -166,10 +166,3 @@ def test_repeated_and_mirrored_instances(read):
     assert refused == []
     assert [(joint.bearing, joint.journal) for joint in joints] == [("plate-1", "part-1"), ("plate-2", "part-2")]
     np.testing.assert_allclose([joint.point[0] for joint in joints], [0.0, 100.0], atol=1e-9)
-
-
-def test_a_given_pair(read):
-    """One hole and one pin that a person names are a joint, also where they would not be found."""
-    assembly = read(hinge(plate(3.5)))
-    hole, pin = (next(f for f in assembly.faces if f.kind == "cylinder" and f.hollow is h) for h in (True, False))
-    assert pin_in_hole(hole, pin).radial_clearance == pytest.approx(0.5, abs=1e-9)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from engine.cad.findings import pins_in_holes, pins_in_slots
+from engine.cad.findings.joints import pins_in_holes, pins_in_slots
 from tests.engine.cad.hinges import BORE, PIN, THICKNESS, cut_in_two, hinge, plate, stud
 from tests.engine.cad.step_files import box, cut, cylinder
 

@@ -5,7 +5,7 @@ from math import hypot, pi
 import numpy as np
 import pytest
 
-from engine.cad.findings import standard_parts
+from engine.cad.findings.standard_parts import standard_parts
 from engine.cad_import.found_geometry import find_geometry
 from tests.engine.cad.bought import COIL, bearing, bolt, coil, gearbox, hexagon, nut
 from tests.engine.cad.step_files import Drawing, box, cut, cylinder, place
@@ -41,10 +41,7 @@ def test_by_size(read):
         ("bearing", ["10x6x2.5 Bearing", "608ZZ", "Rillenkugellager"]),
         ("spring", ["return spring", "Druckfeder"]),
         ("board", ["PCB", "R 0805 2012Metric", "SOT-23"]),
-        (
-            None,
-            ["Spring Rod", "bearing cap bottom", "lead screw", "Donut", "Riemenscheibe", "pin", "nut holder"],
-        ),
+        (None, ["Spring Rod", "bearing cap bottom", "lead screw", "Donut", "Riemenscheibe", "pin", "nut holder"]),
     ],
 )
 def test_by_name(read, kind, names):

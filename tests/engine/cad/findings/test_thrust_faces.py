@@ -2,7 +2,8 @@
 
 import pytest
 
-from engine.cad.findings import pins_in_holes, thrust_faces, triangles_by_face
+from engine.cad.findings.facing_planes import thrust_faces, triangles_by_face
+from engine.cad.findings.joints import pins_in_holes
 from tests.engine.cad import latch
 from tests.engine.cad.hinges import PLAY, THICKNESS, cut_in_two, hinge, plate, stud
 

@@ -6,7 +6,7 @@ from math import asin, degrees, pi, radians, sin
 import numpy as np
 import pytest
 
-from engine.cad.findings import pins_in_holes, undrawn_pins
+from engine.cad.findings.joints import pins_in_holes, undrawn_pins
 from engine.cad_import.found_features import folded_features, found_features, pivot_text
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_mechanism import proposed_mechanism

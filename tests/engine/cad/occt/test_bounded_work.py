@@ -6,7 +6,7 @@ import signal
 import pytest
 from OCP.Standard import Standard_OutOfRange
 
-from engine.cad.occt import face_meshes, face_pieces, mass_properties, spline_surfaces
+from engine.cad.occt import face_pieces, mass_properties, spline_surfaces
 from engine.cad.occt.bounded_work import Budget, Work, done_in_time
 from tests.engine.cad.step_files import Drawing, cylinder, place
 
@@ -72,8 +72,9 @@ def test_a_face_that_cannot_be_converted_loses_its_spline(drawing, read, monkeyp
 def test_a_face_that_is_not_meshed_in_time_is_meshed_coarser(drawing, read, monkeypatch):
     """Or not at all; both are said, and kind and size of what is there are as drawn."""
     monkeypatch.setattr("engine.cad.occt.product_geometry._FACE_SECONDS", 0.3)
+    mesh_face = face_pieces.mesh_face
     for level, faces, said in ((0, 3, "fine pictures of 3 faces of pin"), (2, 0, "all of 3 faces of pin")):
-        monkeypatch.setattr(face_pieces, "mesh_face", only_at(level, face_meshes.mesh_face, endless))
+        monkeypatch.setattr(face_pieces, "mesh_face", only_at(level, mesh_face, endless))
         assembly = read(drawing)
         assert len(assembly.faces) == faces
         assert assembly.parts[0].solids[0].volume == pytest.approx(113.09733)

@@ -19,10 +19,7 @@ ODD = {
         "ENDSEC;\nEND-ISO",
         "#9000003=POINT_STYLE('',#9000002,POSITIVE_LENGTH_MEASURE(1.),$);\nENDSEC;\nEND-ISO",
     ),
-    "a text in an unknown font": (
-        r"(= SHAPE_REPRESENTATION\('',\()(?=#)",
-        r"\g<1>#9000004,",
-    ),
+    "a text in an unknown font": (r"(= SHAPE_REPRESENTATION\('',\()(?=#)", r"\g<1>#9000004,"),
 }
 NEEDED = {
     "a face": (r"(CLOSED_SHELL\('',\()#\d+", r"\g<1>#9999999"),

@@ -20,17 +20,7 @@ from scipy.interpolate import BSpline
 from engine.cad.occt import spline_surfaces
 from engine.cad.occt.occt_values import OCCT_ERRORS
 from tests.each import each
-from tests.engine.cad.step_files import (
-    Drawing,
-    box,
-    cone,
-    cut,
-    cylinder,
-    fused,
-    mirrored,
-    one_face_a_plane,
-    place,
-)
+from tests.engine.cad.step_files import Drawing, box, cone, cut, cylinder, fused, mirrored, one_face_a_plane, place
 
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
