@@ -7,40 +7,53 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reporting.arrays import Array
-from reporting.assembly import AssemblyShare, assembled, assembly_share
-from reporting.capability.verdict import CAPABLE, IndexEstimate
+from reporting.capability.intervals import Estimate
+from reporting.capability.verdict import CAPABLE, WORST_FIRST, changed_by_failures
 from reporting.comparison import Comparison, compare
 from reporting.errors import ReportError
-from reporting.failed_samples import FailedAgainstOk, failed_against_ok
-from reporting.headline import headline
-from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
-from reporting.product_yield import ProductYield, product_yield
+from reporting.format_numbers import grouped
+from reporting.inputs import (
+    CorrelationAnalysis,
+    FailedAgainstOk,
+    VariableAnalysis,
+    analyse_correlations,
+    analyse_variable,
+    failed_against_ok,
+)
+from reporting.product_yield import (
+    AssemblyShare,
+    ProductYield,
+    ResponseCorrelation,
+    assembled,
+    assembly_share,
+    product_yield,
+    response_correlations,
+)
 from reporting.rare.rare_rejects import RareRejects, decisive, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
-from reporting.response_correlations import ResponseCorrelation, response_correlations
-from reporting.rounding import leveled_samples
-from reporting.samples import Repeats, Samples, read_samples
+from reporting.samples import OK, Repeats, Samples, leveled_samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
 from reporting.sensitivity.unexplained import Known
-from reporting.spec import Design, ReportSpec, ResponseSpec
+from reporting.spec import Design, ReportSpec
 from reporting.statuses import (
     FailedSample,
     StatusCount,
     count_statuses,
     counts_by_status,
+    failures_in_words,
     list_failures,
+    statuses_in_words,
     why_no_property,
     why_no_verdict,
 )
 from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.reweighting import Change
-from reporting.trust.card import trust_checks
+from reporting.trust.card import repeatable, trust_checks
 from reporting.trust.checks import Check
 from reporting.trust.evidence import rare_checks
-from reporting.trust.repeated_runs import repeatable
 
 if TYPE_CHECKING:
     from reporting.samples import Rows
@@ -102,11 +115,9 @@ def analyse(
 ) -> Analysis:
     """Return the analysis of a finished or running campaign; raise ReportError if rows or limits are wrong.
 
-    `rescale` (factors by variable, columns of all variables) gives the change of the density at each sample when the
-    standard deviations of some variables are multiplied by factors. Without it there is no tolerance advice. `against`
-    is another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
-    statistics of this one. `repeats` are samples that were simulated a second time with half the step. `decided` are
-    weighted runs that decide some responses; of those that name a response, the last that give an interval decide it.
+    `rescale` gives the change of the density at each sample when standard deviations are multiplied by factors, for
+    tolerance advice. `against` is another campaign; of corners only the worst case is shown. `repeats` were simulated
+    with half the step. `decided` are weighted runs; of those on one response the last that give an interval decide it.
     """
     samples, rounding = leveled_samples(samples, spec)
     every, samples = samples, assembled(samples, spec)
@@ -179,11 +190,7 @@ def analyse(
 def compare_rows(
     rows: "Rows", spec: ReportSpec, other_rows: "Rows", other_spec: ReportSpec, confidence: float = CONFIDENCE
 ) -> Comparison:
-    """Return only the comparison that `analyse` makes with another campaign.
-
-    ReportError: the rows do not fit their spec, the campaigns have no response in common, or the samples of one are
-    corners.
-    """
+    """Return only the comparison that `analyse` makes; ReportError if there is nothing to compare."""
     corners = next((each.campaign for each in (spec, other_spec) if each.corners), None)
     if corners is not None:
         raise ReportError(f"the samples of {corners} are corners, which do not represent production; compare others")
@@ -192,13 +199,13 @@ def compare_rows(
 
 def _rare(
     samples: Samples, spec: ReportSpec, decided: Sequence[Decision]
-) -> tuple[RareRejects | None, dict[str, tuple[IndexEstimate, ...]]]:
+) -> tuple[RareRejects | None, dict[str, tuple[Estimate, ...]]]:
     """Return the rare rejects of an importance campaign, or of the weighted runs that decide, and their estimates."""
     if not decided:
         own = rare_rejects(samples, spec, CONFIDENCE)
         return own, rare_estimates(own)
     found: list[RareRejects] = []
-    estimates: dict[str, tuple[IndexEstimate, ...]] = {}
+    estimates: dict[str, tuple[Estimate, ...]] = {}
     for each in decided:
         of_each = each.spec
         if found:  # later runs are for these alone
@@ -220,26 +227,25 @@ def _drawn(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
 
 def _without_boundaries(spec: ReportSpec, samples: Samples) -> ReportSpec:
     """Return the spec without the limits that no value can pass; one that a value passes stays a limit."""
-    return replace(spec, responses=tuple(_without_boundary(r, samples.values[r.name]) for r in spec.responses))
-
-
-def _without_boundary(spec: ResponseSpec, values: Array) -> ResponseSpec:
-    if spec.boundary == "lower" and spec.lsl is not None and not np.any(values < spec.lsl):
-        return replace(spec, lsl=None)
-    if spec.boundary == "upper" and spec.usl is not None and not np.any(values > spec.usl):
-        return replace(spec, usl=None)
-    return spec
+    responses = []
+    for r in spec.responses:
+        values = samples.values[r.name]
+        if r.boundary == "lower" and r.lsl is not None and not np.any(values < r.lsl):
+            r = replace(r, lsl=None)
+        elif r.boundary == "upper" and r.usl is not None and not np.any(values > r.usl):
+            r = replace(r, usl=None)
+        responses.append(r)
+    return replace(spec, responses=tuple(responses))
 
 
 def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known]) -> Sensitivity | None:
     """Return how the variables influence the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
-    limits = {r.name: (r.lsl, r.usl) for r in spec.responses}
     return sensitivity(
         {v.name: samples.values[v.name][samples.ok] for v in spec.variables},
         {r.name: samples.values[r.name][samples.ok] for r in spec.responses},
-        limits,
+        {r.name: (r.lsl, r.usl) for r in spec.responses},
         samples.sample[samples.ok],
         CONFIDENCE,
         known,
@@ -277,3 +283,60 @@ def _advice(
         return found
     note = "Cpk reaches its target, but the verdict is worse. The advice considers Cpk alone: do not use it for them."
     return replace(found, note=f"{', '.join(doubtful)}: {note}")
+
+
+def headline(
+    spec: ReportSpec,
+    counts: Mapping[str, int],
+    responses: Sequence[ResponseAnalysis],
+    fit: AssemblyShare | None = None,
+) -> str:
+    """Return the outcome in a sentence or two, from finished samples by status; failures come first."""
+    lead = f"{fit.words}. " if fit is not None and fit.verdict in ("open", "exceeded") else ""
+    return lead + _outcome(spec, counts, responses)
+
+
+def _outcome(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence[ResponseAnalysis]) -> str:
+    """Return the outcome of the samples that can be assembled."""
+    finished, ok = sum(counts.values()), counts.get(OK, 0)
+    if not finished:
+        return "No sample is computed yet, so there is nothing to judge."
+    if not ok:
+        return f"All {grouped(finished)} samples failed ({statuses_in_words(counts)}), so there is nothing to judge."
+    limited = [r for r in responses if r.spec.lsl is not None or r.spec.usl is not None]
+    withheld, failed = why_no_verdict(counts, spec.min_ok), failures_in_words(counts)
+    if not limited or not spec.design.production:
+        leads = ok < finished if spec.corners else bool(withheld)  # a corner without a value may be the worst one
+        return (f"{failed}. " if leads else "") + _without_verdict(spec, limited)
+    if withheld:
+        return f"No verdict: {withheld}"
+    changed = [r.spec.name for r in limited if changed_by_failures(r.nonconforming, r.verdict.word)]
+    missing = failed if ok < finished else "Some values are missing"
+    lead = f"{missing}; if they were rejects, the verdict on {', '.join(changed)} would be worse. " if changed else ""
+    return lead + _by_verdict(limited)
+
+
+def _without_verdict(spec: ReportSpec, limited: Sequence[ResponseAnalysis]) -> str:
+    """Return the outcome without verdicts: the worst case, if the samples are corners."""
+    if not limited:
+        return "No response has limits, so there is nothing to judge."
+    corners = [r.worst for r in limited if r.worst is not None]
+    if not spec.corners or not corners:
+        return "The samples do not represent production, so there is no verdict on capability."
+    kept = sum(bool(worst.within) for worst in corners)
+    return f"Worst case: {kept} of {len(corners)} responses with limits stay within them at every corner."
+
+
+def _by_verdict(limited: Sequence[ResponseAnalysis]) -> str:
+    """Return the responses by verdict, the worst first; those with an uncertain verdict form a group of their own."""
+    groups: dict[str, list[str]] = {}
+    for r in limited:
+        word, certain = r.verdict.word, r.verdict.certain
+        groups.setdefault(word if certain is not False else f"{word}, not certain", []).append(r.spec.name)
+    if list(groups) == ["capable"]:
+        return f"Every response with limits is capable ({len(limited)} of {len(limited)})."
+    words = [f"{word.capitalize()}: {', '.join(groups[word])}." for word in WORST_FIRST if word in groups]
+    if "constant" in groups:
+        words.append(f"Constant, within the limits: {', '.join(groups['constant'])}.")
+    capable = len(groups.get("capable", ()))
+    return " ".join([*words, f"Certainly capable: {capable or 'none'} of {len(limited)} responses with limits."])

@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc, fdtrc, stdtr, stdtrit
 
 from reporting.arrays import Array
-from reporting.capability.arguments import check_limits, production_batches, real_number
+from reporting.capability.indices import distance_to_limit
 from reporting.capability.intervals import Interval
-from reporting.capability.moments import series
-from reporting.errors import ReportError
+from reporting.errors import ReportError, check_limits, production_batches, real_number, series
 
 SIX = 6.0  # sigmas of a spread, as AIAG compares it with a tolerance
 POOLED_ABOVE = 0.05  # p of the interaction
@@ -183,59 +182,46 @@ def _anova(cube: Array, design: str) -> tuple[tuple[AnovaRow, ...], _Variances]:
     """Return the analysis of variance of values (operators, parts, trials), and components from mean squares."""
     o, p, r = cube.shape
     cells = cube.mean(axis=2)
-    error = float(np.sum((cube - cells[:, :, None]) ** 2))
     by_operator, by_part = cells.mean(axis=1), cells.mean(axis=0)
-    operator = p * r * float(np.sum((by_operator - cube.mean()) ** 2))
-    if design == "one operator":
-        part = r * float(np.sum((cells - by_operator[:, None]) ** 2))
-        rows = _tested([("part", p - 1, part), ("repeatability", p * (r - 1), error)], {"part": "repeatability"})
-        return rows, lambda s: {"repeatability": s["repeatability"], "part": (s["part"] - s["repeatability"]) / r}
-    if design == "nested":
-        part = r * float(np.sum((cells - by_operator[:, None]) ** 2))
-        rows = _tested(
-            [("operator", o - 1, operator), ("part", o * (p - 1), part), ("repeatability", o * p * (r - 1), error)],
-            {"operator": "part", "part": "repeatability"},
-        )
-        return rows, lambda s: {
-            "repeatability": s["repeatability"],
-            "operator": (s["operator"] - s["part"]) / (p * r),
-            "part": (s["part"] - s["repeatability"]) / r,
-        }
-    part = o * r * float(np.sum((by_part - cube.mean()) ** 2))
+    operator = ("operator", o - 1, p * r * float(np.sum((by_operator - cube.mean()) ** 2)))
+    repeated = ("repeatability", o * p * (r - 1), float(np.sum((cube - cells[:, :, None]) ** 2)))
+    if design != "crossed":
+        part = ("part", o * (p - 1), r * float(np.sum((cells - by_operator[:, None]) ** 2)))
+        if design == "one operator":
+            return _tested([part, repeated], {"part": ("repeatability", r)})
+        return _tested([operator, part, repeated], {"operator": ("part", p * r), "part": ("repeatability", r)})
+    part = ("part", p - 1, o * r * float(np.sum((by_part - cube.mean()) ** 2)))
     crossed = r * float(np.sum((cells - by_operator[:, None] - by_part + cube.mean()) ** 2))
-    sources = [("operator", o - 1, operator), ("part", p - 1, part)]
-    both = ("operator by part", (o - 1) * (p - 1), crossed)
-    full = _tested(
-        [*sources, both, ("repeatability", o * p * (r - 1), error)],
-        {"operator": both[0], "part": both[0], both[0]: "repeatability"},
-    )
-    if (full[2].p or 0.0) <= POOLED_ABOVE:
-        return full, lambda s: {
-            "repeatability": s["repeatability"],
-            "operator": (s["operator"] - s[both[0]]) / (p * r),
-            both[0]: (s[both[0]] - s["repeatability"]) / r,
-            "part": (s["part"] - s[both[0]]) / (o * r),
-        }
-    pooled = ("repeatability", both[1] + o * p * (r - 1), crossed + error)
-    rows = _tested([*sources, pooled], {"operator": "repeatability", "part": "repeatability"})
-    return rows, lambda s: {
-        "repeatability": s["repeatability"],
-        "operator": (s["operator"] - s["repeatability"]) / (p * r),
-        "part": (s["part"] - s["repeatability"]) / (o * r),
-    }
+    name = "operator by part"
+    both = (name, (o - 1) * (p - 1), crossed)
+    by = {"operator": (name, p * r), name: ("repeatability", r), "part": (name, o * r)}
+    full = _tested([operator, part, both, repeated], by)
+    if (full[0][2].p or 0.0) <= POOLED_ABOVE:
+        return full
+    pooled = ("repeatability", both[1] + repeated[1], both[2] + repeated[2])
+    by = {"operator": ("repeatability", p * r), "part": ("repeatability", o * r)}
+    return _tested([operator, part, pooled], by)
 
 
-def _tested(sources: list[tuple[str, int, float]], by: dict[str, str]) -> tuple[AnovaRow, ...]:
-    """Return the lines of an analysis of variance, each tested by the mean square of another."""
+def _tested(
+    sources: list[tuple[str, int, float]], by: dict[str, tuple[str, int]]
+) -> tuple[tuple[AnovaRow, ...], _Variances]:
+    """Return the lines of an analysis of variance, and the variance of each source from the mean squares.
+
+    A source is tested by the mean square of another, which is also what its own exceeds by a multiple of its variance.
+    """
     of = {name: (freedom, squares / freedom) for name, freedom, squares in sources}
     rows = []
     for name, freedom, squares in sources:
         f = p = None
-        if name in by and of[by[name]][1] > 0:
-            f = of[name][1] / of[by[name]][1]
-            p = float(fdtrc(freedom, of[by[name]][0], f))
+        if name in by and of[by[name][0]][1] > 0:
+            f = of[name][1] / of[by[name][0]][1]
+            p = float(fdtrc(freedom, of[by[name][0]][0], f))
         rows.append(AnovaRow(name, freedom, squares, f, p))
-    return tuple(rows)
+    return tuple(rows), lambda s: {
+        "repeatability": s["repeatability"],
+        **{name: (s[name] - s[other]) / multiple for name, (other, multiple) in by.items()},
+    }
 
 
 def _study(
@@ -316,11 +302,8 @@ def _judged(gauge: Component, ndc: int) -> str:
     word = "acceptable" if share < ACCEPTABLE else "not acceptable" if share > UNACCEPTABLE else "may be acceptable"
     ends = gauge.study_interval if gauge.tolerance_interval is None else gauge.tolerance_interval
     certain = all((end < ACCEPTABLE, end > UNACCEPTABLE) == (share < ACCEPTABLE, share > UNACCEPTABLE) for end in ends)
-    few = (
-        ""
-        if ndc >= FEWEST_CATEGORIES
-        else f"; it tells {ndc} categories of parts apart, {FEWEST_CATEGORIES} are needed"
-    )
+    few = f"; it tells {ndc} categories of parts apart, {FEWEST_CATEGORIES} are needed"
+    few = "" if ndc >= FEWEST_CATEGORIES else few
     return f"{word}{'' if certain else ', not certain'}: R&R is {100 * share:.1f} % of the {of}{few}"
 
 
@@ -437,3 +420,87 @@ def _codes(names: ArrayLike, n: int, what: str) -> tuple[NDArray[np.intp], NDArr
     assert given is not None, what
     unique, codes = np.unique(given, return_inverse=True)
     return codes, unique
+
+
+# What the measuring system adds to measured values, and what it leaves undecided near the limits.
+#
+# Sigma of the process behind the gauge: ``sqrt(s^2 - g^2)``, with g the sigma of repeatability and reproducibility,
+# because errors of measurement add to the parts' variance. Its index and interval (generalized, as above) are for
+# normal, independent values; where these are not, or where the gauge may be all that varies, the interval is withheld.
+#
+# Conformity by ISO 14253-1: within the limits less the expanded uncertainty U a part is proved to conform, beyond the
+# limits plus U proved not to; between them nothing is proved.
+
+
+@dataclass(frozen=True)
+class BehindGauge:
+    """The process without the errors of its gauge; None where it is not defined."""
+
+    gauge: float  # sigma of the gauge, in the unit of the values
+    share: float  # of the gauge in the variance of the values
+    of_tolerance: float | None  # six sigmas of the gauge over the tolerance; None with one limit
+    std: float | None  # sigma of the process; None if that of the gauge is no smaller than that of the values
+    cpk: float | None
+    cpk_interval: Interval | None
+    note: str  # why there is no interval; may be empty
+
+
+@dataclass(frozen=True)
+class Conformity:
+    """What measurements prove of the parts, with an expanded uncertainty."""
+
+    uncertainty: float  # U, in the unit of the values
+    low: float | None  # zone in which a value proves conformity; None without that limit
+    high: float | None
+    conforming: int  # parts proved to conform
+    nonconforming: int  # parts proved not to
+    undecided: int
+
+
+def behind_gauge(
+    x: Array, lsl: float | None, usl: float | None, gauge: float, freedom: float | None, confidence: float, doubt: str
+) -> BehindGauge | None:
+    """Return the process behind a gauge of known sigma, or of one known with so many degrees of freedom.
+
+    No interval is given if `doubt` says why it would not hold. None below 3 values, or without spread.
+    """
+    n = x.size
+    if n < 3 or not (std := float(x.std(ddof=1))) > 0:
+        return None
+    mean, ratio = float(x.mean()), (gauge / std) ** 2
+    of_tolerance = None if lsl is None or usl is None else 6 * gauge / (usl - lsl)
+    if ratio >= 1:
+        note = "The gauge varies as much as the values: they say nothing of the process."
+        return BehindGauge(gauge, ratio, of_tolerance, None, None, None, note)
+    process = std * math.sqrt(1 - ratio)
+    if lsl is None and usl is None:
+        return BehindGauge(gauge, ratio, of_tolerance, process, None, None, "")
+    cpk = distance_to_limit(mean, lsl, usl) / (3 * process)
+    if doubt:
+        return BehindGauge(gauge, ratio, of_tolerance, process, cpk, None, doubt)
+    rng = np.random.Generator(np.random.PCG64(n))
+    observed = std**2 * (n - 1) / rng.chisquare(n - 1, DRAWS)
+    means = mean + rng.normal(size=DRAWS) * np.sqrt(observed / n)
+    of_gauge = gauge**2 * (1.0 if freedom is None else freedom / rng.chisquare(freedom, DRAWS))
+    left = observed - of_gauge
+    tail = (1 - confidence) / 2
+    if np.mean(left <= 0) >= tail:
+        note = "The gauge may be all that varies: the index of the process has no upper end"
+        note += "; measure better or more parts."
+        return BehindGauge(gauge, ratio, of_tolerance, process, cpk, None, note)
+    near = np.minimum(math.inf if lsl is None else means - lsl, math.inf if usl is None else usl - means)
+    with np.errstate(divide="ignore"):
+        draws = near / (3 * np.sqrt(np.maximum(left, 0.0)))
+    low, high = np.quantile(draws, (tail, 1 - tail))
+    return BehindGauge(gauge, ratio, of_tolerance, process, cpk, (float(low), float(high)), "")
+
+
+def conformity(x: Array, lsl: float | None, usl: float | None, uncertainty: float) -> Conformity | None:
+    """Return what values prove of their parts; None without a limit."""
+    if lsl is None and usl is None:
+        return None
+    low, high = (-math.inf if lsl is None else lsl), (math.inf if usl is None else usl)
+    conforming = int(np.count_nonzero((x >= low + uncertainty) & (x <= high - uncertainty)))
+    beyond = int(np.count_nonzero((x < low - uncertainty) | (x > high + uncertainty)))
+    zone = None if lsl is None else lsl + uncertainty, None if usl is None else usl - uncertainty
+    return Conformity(uncertainty, *zone, conforming, beyond, x.size - conforming - beyond)

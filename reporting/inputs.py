@@ -10,6 +10,7 @@ from scipy.special import kolmogorov
 
 from reporting.arrays import Array, centred_ranks, random_rows
 from reporting.samples import Samples
+from reporting.sensitivity.rejects import largest_distance
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, VariableSpec
 
@@ -124,3 +125,52 @@ def _distance(spec: VariableSpec, x: Array) -> float | None:
         return None
     at, p = np.asarray(spec.cdf, np.float64).T
     return float(np.max(np.abs(np.searchsorted(np.sort(x), at, side="right") / x.size - p)))
+
+
+# What separates the failed samples from the ok ones: each variable in both groups.
+#
+# Failures often come from one variable, on one side of its range or at both ends, where a tolerance is too large or was
+# mistyped. So two distances of the distributions (Kolmogorov, Smirnov) are taken: of the values, and of their distances
+# from the requested mean. The larger one ranks the variables. Two samples in a group are enough, which may be all that
+# is left.
+
+
+@dataclass(frozen=True)
+class FailedAgainstOk:
+    """One variable among the failed and among the ok samples, in its unit."""
+
+    variable: str
+    mean_failed: float
+    low_failed: float  # smallest value
+    high_failed: float  # largest value
+    mean_ok: float
+    low_ok: float
+    high_ok: float
+    distance: float  # of the distribution functions, 0 to 1: of the values, or of their distances from the mean
+    p: float  # probability of a distance at least as large by chance (asymptotic, doubled for the two distances)
+
+
+def failed_against_ok(samples: Samples, variables: tuple[VariableSpec, ...]) -> tuple[FailedAgainstOk, ...]:
+    """Compare each variable that varies between failed and ok samples, the clearest difference first.
+
+    Empty without a sample in one of the groups, or without variables that vary.
+    """
+    found = []
+    for spec in variables:
+        x = samples.values[spec.name]
+        failed, ok = x[~samples.ok & np.isfinite(x)], x[samples.ok & np.isfinite(x)]
+        if failed.size and ok.size and float(np.ptp(x[np.isfinite(x)])) > 0:
+            found.append(_compared(spec, failed, ok))
+    return tuple(sorted(found, key=lambda each: (-each.distance, each.p)))
+
+
+def _compared(spec: VariableSpec, failed: Array, ok: Array) -> FailedAgainstOk:
+    a, b = failed[random_rows(failed.size)], ok[random_rows(ok.size)]
+    distance = max(largest_distance(a, b), largest_distance(np.abs(a - spec.mean), np.abs(b - spec.mean)))
+    root = math.sqrt(a.size * b.size / (a.size + b.size))
+    p = min(2 * float(kolmogorov(distance * root)), 1.0)
+    return FailedAgainstOk(spec.name, *_extent(failed), *_extent(ok), distance, p)
+
+
+def _extent(x: Array) -> tuple[float, float, float]:
+    return float(x.mean()), float(x.min()), float(x.max())

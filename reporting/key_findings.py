@@ -60,10 +60,8 @@ def weakest(analysis: "Analysis") -> "ResponseAnalysis | None":
 
     An index without a verdict says nothing: Cpk of two values is no number to lead with.
     """
-    judged = [r for r in analysis.responses if r.verdict.by and r.index is not None]
-    if not analysis.design.production or not judged:
-        return None
-    return min(judged, key=lambda r: (r.index or 0.0) / r.spec.requirement)
+    judged = [r for r in analysis.responses if r.verdict.by and r.index is not None and analysis.design.production]
+    return min(judged, key=lambda r: (r.index or 0.0) / r.spec.requirement, default=None)
 
 
 def _worst(response: "ResponseAnalysis") -> str:

@@ -11,19 +11,28 @@ responses add up to the reject share.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtr, pdtrc
 
-from reporting.arrays import Array
-from reporting.capability.intervals import Interval, share_interval, share_lower_bound
+from reporting.arrays import Array, centred_ranks
+from reporting.capability.intervals import (
+    Interval,
+    fisher_interval,
+    share_interval,
+    share_lower_bound,
+    share_upper_bound,
+)
 from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.capability.shares import weighted_share_interval
+from reporting.format_numbers import grouped, short_percent
 from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
 from reporting.spec import ReportSpec, ResponseSpec
+from reporting.statuses import NOT_ASSEMBLABLE
 
 # Below this probability independence of the responses does not explain how often several fail together.
 _CHANCE = 0.05
@@ -73,10 +82,7 @@ class ProductYield:
 
 
 def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: int = 0) -> ProductYield | None:
-    """Return the yield of the whole product; None without limits or samples, or if samples are not production.
-
-    ``unfit`` is the number of further samples whose parts cannot be assembled; they count as rejects beside the failed.
-    """
+    """Return the yield of the whole product, with `unfit` rejects more; None without limits, samples or production."""
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
@@ -104,11 +110,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: 
 
 
 def count_yield(conforming: int, n: int, confidence: float, effect: float = 1.0) -> CountedYield:
-    """Return the yield from a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0.
-
-    With production lots, n is replaced by the effective number of independent samples ``n / effect`` (Korn and Graubard
-    1998).
-    """
+    """Return the yield from a count, by Clopper and Pearson, of ``n / effect`` independent samples; n above 0."""
     return CountedYield(
         conforming=conforming,
         n=n,
@@ -125,12 +127,7 @@ def response_losses(
     effects: Mapping[str, float] = MappingProxyType({}),
     effect: float = 1.0,
 ) -> tuple[ResponseLoss, ...]:
-    """Return the yield loss of each response, the largest first.
-
-    `failed` marks the samples that break a limit of the response, shape (n,) with n above 0. Design effects (samples
-    per independent sample): `effects` of the rejects of each response, 1 if not named; `effect` of those of the
-    product.
-    """
+    """Return the loss of each response from the samples that break its limit, largest first; with design effects."""
     matrix = np.array(list(failed.values()))
     broken = np.count_nonzero(matrix, axis=0)
     rejected, n = int(np.count_nonzero(broken)), broken.size
@@ -157,10 +154,8 @@ def response_losses(
 def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: bool = True) -> str:
     """Return whether the responses fail together, in words; empty with one response or without samples.
 
-    The function counts failures of responses in samples that another response has already rejected. If the responses
-    are independent and rejects are rare, this count is approximately Poisson around its expectation; with many rejects
-    it varies less, so the result is conservative. Samples of a production lot fail together even if the responses are
-    not related.
+    Failures in samples that another response has already rejected are counted. If responses are independent and rejects
+    rare, this count is about Poisson around its expectation; with many rejects it varies less, so this is conservative.
     """
     matrix = np.array(list(failed.values()))
     if len(failed) < 2 or matrix.size == 0:
@@ -193,10 +188,7 @@ def _effects(
     values: Mapping[str, Array],
     confidence: float,
 ) -> tuple[float, dict[str, float]]:
-    """Return the design effects (samples per independent sample) for the yield of the product and of each response.
-
-    The product has no intraclass correlation of its own: the largest one of its responses is used.
-    """
+    """Return the design effects for the product, by the largest intraclass correlation, and for each response."""
     if lots is None or rejected.size == 0:
         return 1.0, {}
     described = {name: describe_lots(values[name], lots) for name in failed}
@@ -211,3 +203,110 @@ def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
     low = -math.inf if response.lsl is None else response.lsl
     high = math.inf if response.usl is None else response.usl
     return (values < low) | (values > high)
+
+
+# Correlations of the responses with each other: which functional conditions fail together, and which compete.
+# Pearson's r, with the interval of Fisher's z transformation, which assumes two normal responses; and Spearman's rank
+# correlation, which assumes nothing and finds any monotone relation.
+
+FEWEST = 30  # samples with values of all responses
+MOST = 50  # responses, in the order of the mechanism
+
+
+@dataclass(frozen=True)
+class ResponseCorrelation:
+    """Correlation of two responses over the samples that have values of both."""
+
+    first: str
+    second: str
+    pearson: float
+    interval: Interval  # of Pearson's r, by Fisher's z; with production lots, of as many independent samples
+    rank: float  # Spearman's
+    n: int  # samples
+
+
+def response_correlations(samples: Samples, spec: ReportSpec, confidence: float) -> tuple[ResponseCorrelation, ...]:
+    """Return the correlations of all pairs of responses that vary, the strongest first; empty for few samples."""
+    names, found = [r.name for r in spec.responses][:MOST], list[ResponseCorrelation]()
+    if not spec.design.production:
+        return ()
+    has = {name: samples.ok & np.isfinite(samples.values[name]) for name in names}
+    whole = {name: centred_ranks(samples.values[name][has[name]]) for name in names}
+    for both in combinations(names, 2):
+        first, second = both
+        rows = np.flatnonzero(has[first] & has[second])
+        if rows.size < FEWEST:
+            continue
+        columns = [samples.values[name][rows] for name in both]
+        pair = [column - column.mean() for column in columns]
+        ranks = [
+            whole[name] if whole[name].size == rows.size else centred_ranks(column)
+            for name, column in zip(both, columns, strict=True)
+        ]
+        size = math.prod(float(np.linalg.norm(column)) for column in pair)
+        if not size > 0.0:
+            continue
+        r = min(max(float(pair[0] @ pair[1]) / size, -1.0), 1.0)
+        rank = float(ranks[0] @ ranks[1]) / math.prod(float(np.linalg.norm(column)) for column in ranks)
+        worth = float(rows.size)
+        if samples.lots is not None and not independent(samples.lots):
+            worth = min(describe_lots(column, samples.lots[rows]).effective for column in pair)
+        found.append(ResponseCorrelation(first, second, r, fisher_interval(r, worth, confidence), rank, rows.size))
+    return tuple(sorted(found, key=lambda each: -abs(each.pearson)))
+
+
+# The share of samples whose parts cannot be assembled, with its interval, and the limit that it has to keep.
+#
+# Such a sample is no failed run but a result: its parts do not fit. Where the campaign sets a limit to their share,
+# they are judged by it, and everything else is about the samples that can be assembled; without a limit they count
+# among the failed samples, as what their responses would be is not known.
+
+
+@dataclass(frozen=True)
+class AssemblyShare:
+    """Share of the finished samples whose parts cannot be assembled, and how it compares with its limit."""
+
+    count: int
+    n: int  # finished samples
+    share: float
+    interval: Interval  # two-sided, by Clopper and Pearson; with production lots, of as many independent samples
+    limit: float | None  # largest allowed share; None without one
+    # "kept" or "exceeded" if the one-sided bound of the share is on that side of the limit, "open" if neither is; empty
+    # without a limit
+    verdict: str
+    words: str  # all this in a sentence
+
+
+def assembly_share(samples: Samples, spec: ReportSpec, confidence: float) -> AssemblyShare | None:
+    """Return the share that cannot be assembled; None without one and without a limit, or if not production."""
+    n, rows, limit = samples.sample.size, samples.rows_of(NOT_ASSEMBLABLE), spec.max_not_assemblable
+    if not n or not spec.design.production or (limit is None and not rows.size):
+        return None
+    stuck, effect = np.zeros(n, bool), 1.0
+    stuck[rows] = True
+    if samples.lots is not None and not independent(samples.lots):
+        effect = design_effect(stuck, samples.lots, describe_lots(stuck.astype(float), samples.lots), confidence)
+    count, worth = rows.size / effect, n / effect
+    low, high = share_interval(count, worth, confidence)
+    verdict = ""
+    if limit is not None:
+        kept = share_upper_bound(count, worth, confidence) <= limit
+        verdict = "kept" if kept else "exceeded" if share_lower_bound(count, worth, confidence) > limit else "open"
+    words = (
+        f"{grouped(rows.size)} of {grouped(n)} samples cannot be assembled ({short_percent(rows.size / n)}, "
+        f"{short_percent(low)} to {short_percent(high)})"
+    )
+    if limit is not None:
+        ends = {"kept": "is kept", "exceeded": "is exceeded", "open": "may be exceeded: more samples would tell"}
+        words += f"; the limit of {short_percent(limit)} {ends[verdict]}"
+    return AssemblyShare(int(rows.size), n, rows.size / n, (low, high), limit, verdict, words)
+
+
+def assembled(samples: Samples, spec: ReportSpec) -> Samples:
+    """Return the samples that the rest of a report is about: without those that are judged by a limit of their own."""
+    rows = samples.rows_of(NOT_ASSEMBLABLE)
+    if spec.max_not_assemblable is None or not spec.design.production or not rows.size:
+        return samples
+    fit = np.ones(samples.sample.size, bool)
+    fit[rows] = False
+    return samples.where(fit)

@@ -10,27 +10,30 @@ from scipy.special import ndtr, ndtri
 from reporting.arrays import Array
 from reporting.capability.control_chart import ControlChart, control_chart
 from reporting.capability.convergence import Convergence, convergence
-from reporting.capability.historical import Historical, historical
-from reporting.capability.intervals import share_lower_bound
-from reporting.capability.measurement import BehindGauge, Conformity, behind_gauge, conformity
+from reporting.capability.intervals import Estimate, share_lower_bound
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
-from reporting.capability.summary import Capability, capability
-from reporting.capability.target_indices import TargetIndices, target_indices
-from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, bars_of, verdict
+from reporting.capability.summary import Capability, Historical, TargetIndices, capability, historical, target_indices
+from reporting.capability.verdict import CapabilityVerdict, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
 from reporting.errors import ReportError
+from reporting.gauge import BehindGauge, Conformity, behind_gauge, conformity
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.scatter import Scatter, scatters
-from reporting.shape.estimates import ExpectedShare, expected_share, index_estimates, without_intervals
+from reporting.shape.estimates import (
+    ExpectedShare,
+    expected_share,
+    index_estimates,
+    second_population,
+    without_intervals,
+)
 from reporting.shape.fitting import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, departs, normality, probability_plot
-from reporting.shape.second_population import second_population
+from reporting.shape.pareto import TailShare, pareto_tails
 from reporting.shape.supported_indices import supported_indices
-from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.statuses import why_no_value
 from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
@@ -105,14 +108,10 @@ def analyse_response(
     sensitivity: ResponseSensitivity | None,
     corners: tuple[Samples, ReportSpec] | None,
     confidence: float,
-    further: tuple[IndexEstimate, ...] = (),
+    further: tuple[Estimate, ...] = (),
     withheld: str = "",
 ) -> ResponseAnalysis:
-    """Analyse one response over the ok samples, and its worst case over the corners if there are any.
-
-    The verdict also uses `further` estimates, which do not come from these samples alone. There is no verdict if
-    `withheld` gives a reason. ReportError: the limits are crossed.
-    """
+    """Analyse one response over the ok samples, and over the corners; `further` estimates come from other samples."""
     values = samples.values[spec.name][samples.ok]
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     lots = None if samples.lots is None else samples.lots[samples.ok]
@@ -135,7 +134,8 @@ def analyse_response(
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
     # What chance alone makes look not normal among several responses must not change which estimate decides.
-    normal = not departs(shape, _tested(request), PROVEN_P)
+    tested = sum(r.lsl is not None or r.usl is not None for r in request.responses)
+    normal = not departs(shape, tested, PROVEN_P)
     worth = x.size if numbers.lots is None else numbers.lots.effective
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
@@ -224,11 +224,6 @@ def yield_with_failures(
         lower=share_lower_bound(conforming / effect, finished / effect, confidence),
         cpk=cpk,
     )
-
-
-def _tested(request: ReportSpec) -> int:
-    """Return how many responses are tested for normality, because chance gives small p-values in many tests."""
-    return sum(spec.lsl is not None or spec.usl is not None for spec in request.responses)
 
 
 def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> WorstCase | None:

@@ -9,12 +9,12 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.errors import ReportError
 from reporting.spec import ReportSpec
 
@@ -79,28 +79,17 @@ class Samples:
 
     def where(self, rows: NDArray[np.bool_]) -> "Samples":
         """Return the samples for which the mask `rows`, shape (n,), is True."""
-        columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
-        return replace(
-            self,
-            **{name: getattr(self, name)[rows] for name in columns},
-            production_batch=None if self.production_batch is None else self.production_batch[rows],
-            lot=None if self.lot is None else self.lot[rows],
-            values={name: column[rows] for name, column in self.values.items()},
-            importance={name: column[rows] for name, column in self.importance.items()},
-            later={name: column[rows] for name, column in self.later.items()},
-            at_impact={name: column[rows] for name, column in self.at_impact.items()},
-            ambiguous=None if self.ambiguous is None else self.ambiguous[rows],
-            subgroup=None if self.subgroup is None else self.subgroup[rows],
-        )
+        of_rows: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                of_rows[name] = value[rows]
+            elif isinstance(value, dict) and name != "messages":
+                of_rows[name] = {key: column[rows] for key, column in value.items()}
+        return replace(self, **of_rows)
 
 
 def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
-    """Check the rows against the spec and return their columns, in the order of the samples.
-
-    The rows are one table in any order, or tables in the order of the samples. ReportError: a column is missing,
-    appears twice or has the wrong type; a sample number or status is missing; a sample appears twice or out of order;
-    there are more rows than requested samples.
-    """
+    """Return the rows, one table or tables in the order of samples, as arrays; ReportError if they do not fit."""
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
     for r in spec.responses:
         for key, limit in (("lsl", r.lsl), ("usl", r.usl)):
@@ -166,10 +155,9 @@ def _marked(lists: list[str]) -> dict[str, NDArray[np.bool_]]:
 
 
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
-    """Return the lot of each sample number, shape (n,); samples of different lots share no shift. None without lots.
+    """Return the lot of each sample number; samples of different lots share no shift. None without lots.
 
-    The sizes are samples in one lot, for each variable; 0 for a variable without lots. If they differ, a lot ends where
-    a lot of every variable ends: at the multiples of the least common multiple of the sizes.
+    Where variables have lots of different sizes, one ends at the multiples of their least common multiple.
     """
     given = [size for size in sizes if size > 0]
     if not given:
@@ -293,10 +281,7 @@ class Repeats:
 
 
 def read_repeats(table: "pyarrow.Table | None", responses: Sequence[str], planned: int, remedy: str) -> Repeats:
-    """Return the repeats of a table with the columns ``sample``, ``status`` and the responses; None without repeats.
-
-    ReportError: a column is missing or of the wrong type, or a sample is repeated more than once.
-    """
+    """Return the repeats of a table with ``sample``, ``status`` and the responses; ReportError if it does not fit."""
     if table is None:
         return Repeats(planned=planned, remedy=remedy)
     import pyarrow
@@ -310,3 +295,42 @@ def read_repeats(table: "pyarrow.Table | None", responses: Sequence[str], planne
     if np.unique(sample).size < sample.size:
         raise ReportError("a sample is repeated more than once; give each repeat one row")
     return Repeats(sample, ok, values, planned, remedy)
+
+
+# Values that differ by rounding only: no sigma, index or histogram is computed from the last bits of a constant.
+#
+# Two computations of the same number differ in their last bits, and two runs of a simulation differ within the
+# tolerances of its solver: a length by the tolerated penetration. Values that differ by no more are treated as one
+# value.
+
+
+def leveled_samples(samples: Samples, spec: ReportSpec) -> tuple[Samples, dict[str, float]]:
+    """Return the samples with what is constant except for rounding made constant, and what each response lost."""
+    values, removed = dict(samples.values), dict[str, float]()
+    for response in spec.responses:
+        rows = samples.ok & np.isfinite(values[response.name])
+        x = values[response.name][rows]
+        one = leveled(x, response.resolution, response.relative_resolution)
+        if one is not x:
+            removed[response.name] = float(np.ptp(x))
+            column = values[response.name].copy()
+            column[rows] = one
+            values[response.name] = column
+    for variable in spec.variables:
+        x = values[variable.name]
+        if 0.0 < np.nanmax(x, initial=-np.inf) - np.nanmin(x, initial=np.inf) <= SMALLEST:
+            values[variable.name] = np.where(np.isnan(x), x, np.nanmedian(x))
+    return replace(samples, values=values), removed
+
+
+def leveled(x: Array, resolution: float = 0.0, relative: float = 0.0) -> Array:
+    """Return the finite values, or an array of their common value if they differ by resolution or rounding only."""
+    if x.size < 2:
+        return x
+    low, high = float(x.min()), float(x.max())
+    negligible = max(resolution, max(relative, ROUNDING) * max(abs(low), abs(high)), SMALLEST)
+    if not 0.0 < high - low <= negligible:
+        return x
+    # Keep only meaningful decimals: 1.0000000000000002 becomes 1, and 3e-15 beside a limit of 1e-3 becomes 0.
+    decimals = min(-math.floor(math.log10(negligible)), 300)
+    return np.full(x.size, round(float(np.median(x)), decimals) + 0.0)

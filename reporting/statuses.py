@@ -51,18 +51,11 @@ def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
     """Count the samples of every known status, even if there are none, and of every other status in the rows."""
     counts = []
     for status in [*STATUSES, *sorted(set(samples.statuses) - set(STATUSES))]:
-        rows = samples.rows_of(status)
+        rows, meaning = samples.rows_of(status), STATUSES.get(status, "a status this version does not know")
+        share = rows.size / samples.sample.size if samples.sample.size else None
         example = int(samples.sample[rows[0]]) if status != OK and rows.size > 0 else None
-        counts.append(
-            StatusCount(
-                status=status,
-                meaning=STATUSES.get(status, "a status this version does not know"),
-                count=int(rows.size),
-                share=rows.size / samples.sample.size if samples.sample.size else None,
-                example=example,
-                message="" if example is None else samples.messages.get(example, ""),
-            )
-        )
+        message = "" if example is None else samples.messages.get(example, "")
+        counts.append(StatusCount(status, meaning, int(rows.size), share, example, message))
     return tuple(counts)
 
 
@@ -95,10 +88,7 @@ def too_few_ok(ok: int, finished: int, least: float) -> bool:
 
 
 def failures_in_words(counts: Mapping[str, int]) -> str:
-    """Return the number of failed samples in words: "12 of 20 samples failed (60 %: 10 not_converged, 2 timeout)".
-
-    `counts` has the number of samples by status; the most frequent one comes first.
-    """
+    """Return the failures, as in "12 of 20 samples failed (60 %: 10 not_converged, 2 timeout)"."""
     finished, failed = sum(counts.values()), sum(counts.values()) - counts.get(OK, 0)
     share = short_percent(failed / finished)
     return f"{grouped(failed)} of {grouped(finished)} samples failed ({share}: {statuses_in_words(counts)})"
@@ -132,10 +122,7 @@ def why_no_verdict(counts: Mapping[str, int], least: float) -> str:
 
 
 def why_no_value(samples: Samples, values: int, least: float) -> str:
-    """Return why a response with `values` finite values has no verdict: too few samples have one; empty if enough do.
-
-    A run without a value may be a reject just as a failed one.
-    """
+    """Return why a response has no verdict: too few samples have one, and the others may be rejects; else empty."""
     finished = samples.sample.size
     if not too_few_ok(values, finished, least):
         return ""

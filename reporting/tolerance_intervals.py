@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, chdtrc, ndtr, ndtri
 
-from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.arrays import Array, gauss_legendre
+from reporting.capability.intervals import Interval, noncentral_t_cdf
 from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, design_effect, independent, variance_components
-from reporting.capability.noncentral import noncentral_t_cdf
 from reporting.capability.shares import MOST
 from reporting.shape.fitting import Fits
 from reporting.shape.normality import FEWEST_FOR_WORDS, Normality
@@ -28,8 +27,6 @@ from reporting.shape.supported_indices import supported_quantiles
 # Standard errors of the mean beyond which its distribution is negligible; number of Gauss-Legendre points up to there.
 _REACH, _POINTS = 8.5, 160
 _PRECISION = 1e-12
-
-
 # The last is the share within three sigma of a normal distribution.
 CONTENTS = (0.95, 0.99, 0.9973)
 # With fewer lots and equal sigma between and within them, normal intervals contain their share in only 80 to 92 %.
@@ -64,10 +61,7 @@ class ToleranceIntervals:
 
 @dataclass(frozen=True)
 class _Worth:
-    """Information in the values: effective number n for the mean, degrees of freedom nu of sigma, effect for shares.
-
-    `effect` returns how many values determine the share of marked values as well as one independent value.
-    """
+    """Information in the values; `effect` returns how many marked ones count as one independent value."""
 
     mean: float
     std: float
@@ -76,28 +70,19 @@ class _Worth:
     effect: Callable[[NDArray[np.bool_]], float]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # squares: such values are never treated as normal, or have no shape
 def tolerance_intervals(
     x: Array, shape: Normality, fits: Fits, confidence: float, lots: NDArray[np.generic] | None = None
 ) -> ToleranceIntervals:
     """Return the tolerance intervals of finite values, for a confidence of at least 0.5.
 
-    The normal ones also hold for the other candidates of `fits`, which the values do not rule out.
-
-    With `lots`, shape (n,), the normal intervals use the mean squares between and within lots (Satterthwaite 1946), the
-    others the effective number of independent values for the share beyond (Korn and Graubard 1998).
+    The normal ones also hold for the other candidates of `fits`, and with `lots`, shape (n,), use the mean squares
+    between and within lots (Satterthwaite 1946); the others the effective number of values (Korn and Graubard 1998).
     """
-    # Squares may overflow or underflow: such values are never treated as normal, or have no shape.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _tolerance_intervals(x, shape, fits, confidence, lots)
-
-
-def _tolerance_intervals(
-    x: Array, shape: Normality, fits: Fits, confidence: float, lots: NDArray[np.generic] | None
-) -> ToleranceIntervals:
-    """Return the tolerance intervals of a response."""
     refusal = _refused(x.size, shape)
     if lots is None or independent(lots):
-        worth, note = _of_values(x), refusal or _basis(x.size, fits)
+        mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
+        worth, note = _Worth(mean, std, x.size, x.size - 1, lambda _: 1.0), refusal or _basis(x.size, fits)
     else:
         described = describe_lots(x, lots)
         if not math.isfinite(described.effective):
@@ -119,8 +104,7 @@ def _tolerance_intervals(
 def _widened(x: Array, claims: tuple[ContentClaim, ...], fits: Fits, confidence: float) -> tuple[ContentClaim, ...]:
     """Return the claims with normal limits as far out as those of the other families that the values do not rule out.
 
-    A limit is the end of the interval of a quantile. Both ends together may fail as often as one limit alone
-    (Bonferroni).
+    Both ends together may fail as often as one limit alone (Bonferroni).
     """
     tails = np.array([share for claim in claims for share in (1 - claim.content, (1 - claim.content) / 2)])
     shares, confidences = np.concatenate((tails, 1 - tails)).tolist(), (2 * confidence - 1, confidence)
@@ -132,21 +116,10 @@ def _widened(x: Array, claims: tuple[ContentClaim, ...], fits: Fits, confidence:
         assert claim.normal is not None
         assert claim.normal_lower is not None
         assert claim.normal_upper is not None
-        found.append(
-            replace(
-                claim,
-                normal=(min(claim.normal[0], lows[1, at + 1]), max(claim.normal[1], highs[1, other + 1])),
-                normal_lower=min(claim.normal_lower, lows[0, at]),
-                normal_upper=max(claim.normal_upper, highs[0, other]),
-            )
-        )
+        both = min(claim.normal[0], lows[1, at + 1]), max(claim.normal[1], highs[1, other + 1])
+        lower, upper = min(claim.normal_lower, lows[0, at]), max(claim.normal_upper, highs[0, other])
+        found.append(replace(claim, normal=both, normal_lower=lower, normal_upper=upper))
     return tuple(found)
-
-
-def _of_values(x: Array) -> _Worth:
-    """Return the information in independent values."""
-    mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
-    return _Worth(mean, std, x.size, x.size - 1, lambda _: 1.0)
 
 
 def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: float) -> _Worth:
@@ -197,17 +170,8 @@ def _withheld(why: str, confidence: float) -> ToleranceIntervals:
 
 def _without(content: float, confidence: float) -> ContentClaim:
     """Return a claim without limits, and the number of runs that they would require."""
-    return ContentClaim(
-        content=content,
-        normal=None,
-        normal_lower=None,
-        normal_upper=None,
-        free=None,
-        free_lower=None,
-        free_upper=None,
-        runs_one_sided=fewest_runs(content, confidence, 1),
-        runs_two_sided=fewest_runs(content, confidence, 2),
-    )
+    runs = [fewest_runs(content, confidence, blocks) for blocks in (1, 2)]
+    return ContentClaim(content, None, None, None, None, None, None, *runs)
 
 
 def _refused(n: int, shape: Normality) -> str:
@@ -243,10 +207,7 @@ def _basis(n: int, fits: Fits) -> str:
 
 
 def confidence_of_blocks(blocks: int, n: int, content: float, effect: float = 1.0) -> float:
-    """Return the confidence that an interval without `blocks` of ``n + 1`` blocks contains the share `content`.
-
-    `effect` is the number of values that determine a share as well as one independent value (Korn and Graubard 1998).
-    """
+    """Return the confidence that an interval without `blocks` of ``n + 1`` blocks contains the share `content`."""
     beyond = blocks - 1  # values beyond the interval or at its other end
     return float(betainc(beyond / effect + 1, (n - beyond) / effect, 1 - content))
 
@@ -258,10 +219,7 @@ def most_blocks(n: int, content: float, confidence: float, effect: float = 1.0) 
 
 
 def fewest_runs(content: float, confidence: float, blocks: int) -> int:
-    """Return the smallest number of independent runs for an interval that leaves out `blocks` blocks.
-
-    A one-sided interval leaves out 1, a two-sided one 2, plus 1 for each value beyond it.
-    """
+    """Return the fewest independent runs for an interval that leaves out 1 (one-sided), 2, or more blocks."""
     runs = range(blocks, MOST)
     return runs[bisect_left(runs, True, key=lambda n: confidence_of_blocks(blocks, n, content) >= confidence)]
 
@@ -290,33 +248,20 @@ def one_sided_order_limit(ordered: Array, blocks: int, *, upper: bool) -> float 
 
 @lru_cache(maxsize=256)
 def one_sided_factor(n: float, content: float, confidence: float, nu: float | None = None) -> float:
-    """Return k such that at least the share `content` (from 0.5) of production lies below ``mean + k s``.
-
-    `n` independent values determine the mean equally well; s has `nu` degrees of freedom, by default ``n - 1``.
-    """
+    """Return k so that the share `content` (from 0.5) lies below ``mean + k s``; n and `nu` as `two_sided_factor`."""
     freedom, shift = n - 1 if nu is None else nu, math.sqrt(n) * float(ndtri(content))
     return _root(lambda t: noncentral_t_cdf(t, freedom, shift) - confidence, shift + 1.0) / math.sqrt(n)
 
 
 @lru_cache(maxsize=256)
 def two_sided_factor(n: float, content: float, confidence: float, nu: float | None = None) -> float:
-    """Return k such that at least the share `content` of production lies within ``mean -+ k s``.
-
-    `n` independent values determine the mean equally well; s has `nu` degrees of freedom, by default ``n - 1``.
-    """
+    """Return k so that the share `content` lies within ``mean -+ k s``; n values for the mean, s with `nu` degrees."""
     freedom = n - 1 if nu is None else nu
-    points, weights = _gauss()
+    points, weights = gauss_legendre(_POINTS)
     z = _REACH * (points + 1) / 2
     density = _REACH * weights * np.exp(-z * z / 2) / math.sqrt(2 * math.pi)  # for both signs of the error
     square = freedom * _half_widths(z / math.sqrt(n), content) ** 2
     return _root(lambda k: float(density @ chdtrc(freedom, square / k**2)) - confidence, 2.0)
-
-
-@lru_cache(maxsize=1)
-def _gauss() -> tuple[Array, Array]:
-    """Return the Gauss-Legendre points and weights on [-1, 1]."""
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
-    return points, weights
 
 
 def _half_widths(x: Array, content: float) -> Array:

@@ -105,10 +105,7 @@ def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str
 
 
 def render_pdf(page: str) -> bytes:
-    """Return the page, HTML of `reporting.render.html.render_html`, as PDF on A4, without any request.
-
-    ReportError: the libraries that WeasyPrint needs are not installed.
-    """
+    """Return the page as PDF on A4, without any request; ReportError if WeasyPrint's libraries are missing."""
     try:
         from weasyprint import HTML
     except OSError as error:

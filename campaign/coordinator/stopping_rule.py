@@ -87,7 +87,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     rule = plan.spec.stop
     assert rule is not None
     from campaign.samples import lots_of  # see `_interval`
-    from reporting.rounding import leveled
+    from reporting.samples import leveled
     from reporting.statuses import too_few_ok
 
     name = f"{rule.statistic} of {rule.response}"

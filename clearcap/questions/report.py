@@ -43,8 +43,7 @@ from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpe
 from reporting.analysis import Analysis, Decision, analyse, compare_rows
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison
-from reporting.rounding import leveled
-from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, read_samples
+from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, leveled, read_samples
 from reporting.samples import read_repeats as checked
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
 from reporting.write import NAMES, USUAL

@@ -9,7 +9,7 @@ from campaign.store import Store, open_store
 from clearcap.questions.measured import asked_of_parts, read_parts
 from clearcap.questions.report import report_rows, report_spec
 from reporting import ReportError
-from reporting.prediction import Validation, validation
+from reporting.comparison import Validation, validation
 from reporting.samples import read_samples
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from scipy.special import bdtrc, ndtr
 from reporting.arrays import Array
 from reporting.capability.lots import independent
 from reporting.capability.moments import ROUNDING
-from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3
+from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3, sigma_of_std
 from reporting.errors import ReportError
 from reporting.spec import ChartPlan
 
@@ -67,11 +67,6 @@ def _zone(text: str, beyond: float, need: int, of: int) -> Rule:
     return Rule(text, lambda z: (z > beyond, z < -beyond), need, of, need - 1, chance)
 
 
-def _steps(z: Array) -> tuple[Marks, Marks]:
-    step = np.diff(z, axis=-1)
-    return step > 0, step < 0
-
-
 def _turns(z: Array) -> tuple[Marks]:
     step = np.sign(np.diff(z, axis=-1))
     return (step[..., 1:] * step[..., :-1] < 0,)
@@ -81,7 +76,9 @@ _INSIDE = float(1 - 2 * ndtr(-1))
 RULES = {
     "nelson 1": _zone("beyond 3 sigma", 3, 1, 1),
     "nelson 2": _zone("nine in a row on one side", 0, 9, 9),
-    "nelson 3": Rule("six in a row that rise or fall", _steps, 5, 5, 5, 2 / math.factorial(6)),
+    "nelson 3": Rule(
+        "six in a row that rise or fall", lambda z: (np.diff(z) > 0, np.diff(z) < 0), 5, 5, 5, 2 / math.factorial(6)
+    ),
     "nelson 4": Rule("fourteen in a row that alternate", _turns, 12, 12, 13, 2 * _ALTERNATING),
     "nelson 5": _zone("two of three beyond 2 sigma on one side", 2, 2, 3),
     "nelson 6": _zone("four of five beyond 1 sigma on one side", 1, 4, 5),
@@ -153,25 +150,16 @@ def control_chart(
     plan: ChartPlan | None = None,
     subgroups: NDArray[np.generic] | None = None,
 ) -> ControlChart | None:
-    """Return the control chart of finite values in their order; None below 5 points, or without spread.
-
-    `lots`, shape (n,), are the lots of the values, None for independent values; `subgroups`, shape (n,), are rational
-    subgroups, numbered in their order. With a plan the chart has its spread, and is compared with random orders of its
-    values. ReportError: a chart of more than 1,000 points, or of ranges of more than 25 values.
-    """
+    """Return the control chart of finite values in their order; None below 5 points, or without spread."""
     if x.size < _FEWEST_POINTS or float(np.ptp(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    asked, left_out, of, size = plan or ChartPlan(), 0, "values", 1
-    sizes = np.ones(x.size, np.intp)
-    if subgroups is not None:
-        x, sizes, left_out = _in_subgroups(x, subgroups)
-        of, size = "subgroups", int(sizes.min(initial=x.size))
-    elif lots is not None and not independent(lots):
-        x, size = _thinned(_lot_means(x, lots))
-        of, sizes = "lots", np.ones(x.size, np.intp)
-    elif not asked.chart and x.size > MOST_POINTS:
-        of, size = "means", _round_size(x.size)
-        sizes = np.array([group.size for group in np.array_split(x, x.size // size)])
+    asked = plan or ChartPlan()
+    x, sizes, left_out, of = _arranged(x, lots, subgroups, chosen=bool(asked.chart))
+    size = _round_size(x.size) if of == "means" else int(sizes.min(initial=x.size))
+    if of == "lots" and x.size > MOST_POINTS:  # means of consecutive lots
+        size = _round_size(x.size)
+        x = np.array([group.mean() for group in np.array_split(x, x.size // size)])
+        sizes = np.ones(x.size, np.intp)
     if sizes.size < _FEWEST_POINTS:
         return None
     if sizes.size > LARGEST_CHART:
@@ -188,7 +176,10 @@ def control_chart(
             f'chart "xbar-r" with {sizes.max()} values in a subgroup: a range ignores nearly all of them; at most'
             f' {LARGEST_FOR_RANGES}, or chart = "xbar-s"'
         )
-    orders = _orders(x, permuted=plan is not None and x.size <= _MOST_PERMUTED)
+    orders = x[None, :]
+    if plan is not None and x.size <= _MOST_PERMUTED:  # and random orders, which are always the same
+        random = np.random.Generator(np.random.PCG64(x.size)).permuted(np.tile(x, (_ORDERS, 1)), axis=1)
+        orders = np.vstack([x, random])
     centre = x.mean()
     rows = _chart_points(orders - centre, sizes, measure, pooled=of == "means")
     if not rows.sigma[0] > 0:
@@ -220,18 +211,22 @@ def control_chart(
     )
 
 
-def _in_subgroups(x: Array, subgroups: NDArray[np.generic]) -> tuple[Array, NDArray[np.intp], int]:
-    """Return the values by subgroup, how many are in each, and how many subgroups have one value and are left out."""
-    order = np.argsort(subgroups, kind="stable")
-    _, group, counts = np.unique(subgroups[order], return_inverse=True, return_counts=True)
-    return x[order][counts[group] > 1], counts[counts > 1], int(np.sum(counts == 1))
-
-
-def _orders(x: Array, *, permuted: bool) -> Array:
-    """Return the values in their order, and in random orders, shape (orders, n); the orders are always the same."""
-    if not permuted:
-        return x[None, :]
-    return np.vstack([x, np.random.Generator(np.random.PCG64(x.size)).permuted(np.tile(x, (_ORDERS, 1)), axis=1)])
+def _arranged(
+    x: Array, lots: NDArray[np.generic] | None, subgroups: NDArray[np.generic] | None, *, chosen: bool
+) -> tuple[Array, NDArray[np.intp], int, str]:
+    """Return values in order, how many are in each point, subgroups left out with one value, and what a point is of."""
+    if subgroups is not None:
+        order = np.argsort(subgroups, kind="stable")
+        _, group, counts = np.unique(subgroups[order], return_inverse=True, return_counts=True)
+        return x[order][counts[group] > 1], counts[counts > 1], int(np.sum(counts == 1)), "subgroups"
+    if lots is not None and not independent(lots):
+        _, number = np.unique(lots, return_inverse=True)
+        means = np.bincount(number, x) / np.bincount(number)
+        return means, np.ones(means.size, np.intp), 0, "lots"
+    if not chosen and x.size > MOST_POINTS:
+        parts = np.array_split(x, x.size // _round_size(x.size))
+        return x, np.array([part.size for part in parts]), 0, "means"
+    return x, np.ones(x.size, np.intp), 0, "values"
 
 
 def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bool) -> _Points:
@@ -244,11 +239,11 @@ def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bo
     else:
         starts = np.cumsum(sizes) - sizes
         points = np.add.reduceat(x, starts, axis=-1) / sizes
-        squares = (x - np.repeat(points, sizes, axis=-1)) ** 2
+        squares, of_range = (x - np.repeat(points, sizes, axis=-1)) ** 2, measure == "xbar-r"
         by_sigma = np.sqrt(np.add.reduceat(squares, starts, axis=-1) / np.maximum(sizes - 1, 1))
         by_range = np.maximum.reduceat(x, starts, axis=-1) - np.minimum.reduceat(x, starts, axis=-1)
-        of_spread = by_range if measure == "xbar-r" else by_sigma
-        constants = {int(n): (d2(n), d3(n)) if measure == "xbar-r" else _of_sigmas(n) for n in set(sizes.tolist())}
+        of_spread = by_range if of_range else by_sigma
+        constants = {n: (d2(n), d3(n)) if of_range else (c4(n), sigma_of_std(n)) for n in set(sizes.tolist())}
         centres, spreads = np.array([constants[int(n)] for n in sizes]).T
         weights = (centres / spreads) ** 2
         sigma = of_spread @ (weights / centres) / weights.sum()
@@ -261,11 +256,6 @@ def _chart_points(x: Array, sizes: NDArray[np.intp], measure: str, *, pooled: bo
     shape = of_spread.shape
     low, centre, high = (np.broadcast_to(part, shape) for part in (np.maximum(centre - half, 0), centre, centre + half))
     return _Points(scores, sigma, of_spread, centre, low, high)
-
-
-def _of_sigmas(n: int) -> tuple[float, float]:
-    """Return mean and standard deviation of the sample standard deviation of n normal values of sigma 1."""
-    return c4(n), math.sqrt(1 - c4(n) ** 2)
 
 
 def moving_averages(scores: Array, sizes: NDArray[np.intp], weight: float) -> tuple[Array, Array]:
@@ -297,21 +287,6 @@ def _share_as_large(measures: Array) -> float | None:
 
 def _numbers(marks: Marks) -> tuple[int, ...]:
     return tuple(np.flatnonzero(marks).tolist())
-
-
-def _lot_means(x: Array, lots: NDArray[np.generic]) -> Array:
-    """Return the mean of each lot, in the order of the lots."""
-    _, number = np.unique(lots, return_inverse=True)
-    means: Array = np.bincount(number, x) / np.bincount(number)
-    return means
-
-
-def _thinned(points: Array) -> tuple[Array, int]:
-    """Return at most 60 means of consecutive points, and how many at least are in one."""
-    if points.size <= MOST_POINTS:
-        return points, 1
-    size = _round_size(points.size)
-    return np.array([group.mean() for group in np.array_split(points, points.size // size)]), size
 
 
 def _round_size(n: int) -> int:

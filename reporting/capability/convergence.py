@@ -38,11 +38,7 @@ class Convergence:
 def convergence(
     x: Array, lsl: float | None, usl: float | None, confidence: float, lots: NDArray[np.generic] | None = None
 ) -> Convergence | None:
-    """Return how the index of finite values converges; None below 10 values, without spread or with too few lots.
-
-    The values are in the order of the samples; with lots the band begins where there are enough of them for an
-    interval.
-    """
+    """Return how the index of finite values in order converges; None below 10, without spread or with too few lots."""
     n = x.size
     if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
@@ -83,15 +79,15 @@ def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) 
 def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None) -> float | None:
     """Return the difference of the index between the halves in standard errors; see `Convergence.drift`."""
     half = x.size // 2
-    if lots is not None:  # a lot in both halves would hide a difference between them
-        half = _between_lots(lots, half)
+    if lots is not None:  # a lot in both halves would hide a difference between them: where one ends, or nowhere
+        begins = np.flatnonzero(lots[1:] != lots[:-1]) + 1
+        half = int(begins[np.argmin(np.abs(begins - half))]) if begins.size else 0
     if half < 2 * _FIRST or x.size - half < 2 * _FIRST:
         return None
-    halves = [
+    (first, error, freedom), (second, other, of_other) = (
         _with_error(x[part], lsl, usl, None if lots is None else lots[part])
         for part in (slice(half), slice(half, None))
-    ]
-    (first, error, freedom), (second, other, of_other) = halves
+    )
     both = math.hypot(error, other)
     if not 0 < both < math.inf:
         return None
@@ -103,12 +99,6 @@ def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.gener
     # Not 0: its normal quantile would be infinite.
     tail = max(float(stdtr(welch, -abs(errors))), math.ulp(0.0))
     return math.copysign(float(ndtri(tail)), errors)
-
-
-def _between_lots(lots: NDArray[np.generic], at: int) -> int:
-    """Return the position nearest to `at` where one lot ends and the next begins; 0 if there is none."""
-    begins = np.flatnonzero(lots[1:] != lots[:-1]) + 1
-    return int(begins[np.argmin(np.abs(begins - at))]) if begins.size else 0
 
 
 def _with_error(

@@ -24,8 +24,15 @@ from reporting.capability.indices import centring, overall_intervals, point_indi
 from reporting.capability.intervals import Interval, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import Lots
 from reporting.capability.moments import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
-from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
-from reporting.capability.robust_intervals import joint_interval, robust_intervals
+from reporting.capability.robust_intervals import (
+    Precision,
+    centred,
+    freedom_of_spread,
+    joint_interval,
+    precision_of_lots,
+    precision_of_values,
+    robust_intervals,
+)
 from reporting.format_numbers import part
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
@@ -67,16 +74,21 @@ def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method
     `kurtosis` is their excess kurtosis G2, None below four values; `lots` is None for independent values.
     """
     worth = float(x.size) if lots is None else lots.effective
-    p = normal_moments_p(_centred(x), worth) if worth >= FEWEST_FOR_SHAPE else 1.0
+    deviation = centred(x)[1]
+    p = normal_moments_p(deviation, worth) if worth >= FEWEST_FOR_SHAPE else 1.0
     normal = p >= PROVEN
     if lots is not None:
-        return Method(PRODUCTION_LOTS, _of_lots(lots), normal) if lots.enough else Method("", _too_few(lots), normal)
+        return Method(PRODUCTION_LOTS if lots.enough else "", _of_lots(lots), normal)
     # A kurtosis above 0 counts even if it may be chance: with heavy tails the intervals of normal theory are too narrow
     # (t5: they cover 76 %), and where normal theory is right the other intervals are valid as well.
     if kurtosis is not None and x.size >= FEWEST_FOR_SHAPE and (p < LIKELY or kurtosis > 0):
-        squares = _centred(x) ** 2
+        squares = deviation**2
         return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom_of_spread(squares - squares.mean())), normal)
-    return Method(NORMAL, _of_normal(x.size, p), normal)
+    if x.size < FEWEST_FOR_SHAPE:
+        return Method(NORMAL, f"Normal theory: {x.size} values are too few to show another shape.", normal)
+    few = f" Fewer than {_FEW_VALUES} values show only a large departure." if x.size < _FEW_VALUES else ""
+    agrees = f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g})."
+    return Method(NORMAL, f"{agrees}{few}{_unseen(x.size)}", normal)
 
 
 def precision_by(
@@ -96,7 +108,7 @@ def index_intervals(
     `method` and `kurtosis` are those of `choose_method`; `lots`, shape (n,), is None for independent values.
     """
     if method.name == NORMAL:
-        return _normal_theory(x, _centred(x), fence)
+        return _normal_theory(x, centred(x)[1], fence)
     precision = precision_by(method, x, kurtosis, lots, fence.confidence)
     # Fails half as often: `joint_interval` needs both upper ends to be correct.
     wider = precision_by(method, x, kurtosis, lots, (1 + fence.confidence) / 2)
@@ -108,41 +120,30 @@ def index_intervals(
     }
 
 
-def _centred(x: Array) -> Array:
-    """Return values minus their mean; a large offset is subtracted first, so that no digits are lost."""
-    offset = x - x[0]
-    return np.asarray(offset - offset.mean())
-
-
-def _normal_theory(x: Array, centred: Array, fence: Fence) -> dict[str, Interval | None]:
+def _normal_theory(x: Array, deviation: Array, fence: Fence) -> dict[str, Interval | None]:
     """Return the intervals by normal theory."""
     n, confidence = x.size, fence.confidence
-    mean, std = float(np.mean(x)), float(np.std(centred, ddof=1))
+    mean, std = float(np.mean(x)), float(np.std(deviation, ddof=1))
     index = point_indices(mean, std, fence.lsl, fence.usl)
     found = overall_intervals(index, centring(mean, fence.lsl, fence.usl), n, confidence)
-    found |= {
-        "mean_interval": mean_interval(mean, std, n, confidence),
-        "std_interval": std_interval(std, n, confidence),
-    }
+    found["mean_interval"] = mean_interval(mean, std, n, confidence)
+    found["std_interval"] = std_interval(std, n, confidence)
     if fence.lsl is not None and fence.usl is not None and fence.target is not None:
         offset = mean - fence.target
-        around = math.sqrt(float(np.mean(centred**2)) + offset * offset)
-        cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / float(np.std(centred))
+        around = math.sqrt(float(np.mean(deviation**2)) + offset * offset)
+        cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / float(np.std(deviation))
         found["cpm_interval"] = cpm_interval(cpm, scaled, n, confidence) if math.isfinite(scaled) else None
     return found
 
 
-def _too_few(lots: Lots) -> str:
-    """Return why there is no interval."""
-    unequal = "" if lots.worth > lots.count - 0.5 else f", of unequal size, worth {lots.worth:.1f}"
-    return (
-        f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because "
-        "each lot counts as one value for the spread between lots; add more lots."
-    )
-
-
 def _of_lots(lots: Lots) -> str:
-    """Return why the intervals are based on lots."""
+    """Return why the intervals are based on lots, or why there is none."""
+    if not lots.enough:
+        unequal = "" if lots.worth > lots.count - 0.5 else f", of unequal size, worth {lots.worth:.1f}"
+        return (
+            f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because "
+            "each lot counts as one value for the spread between lots; add more lots."
+        )
     text = (
         f"Values of a production lot share a shift: the intervals rest on the differences between {lots.count} lots, "
         f"whose values are worth {lots.effective:.0f} independent ones."
@@ -163,14 +164,6 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
     elif n >= _TELLS_FROM and freedom < _FEW_FREEDOM:
         few = " A few extreme values determine sigma: if rarer, larger ones exist, the intervals are too narrow."
     return f"The intervals rest on the values' own third and fourth moments: {why}.{few}{_unseen(n)}"
-
-
-def _of_normal(n: int, p: float) -> str:
-    """Return why the intervals are based on normal theory."""
-    if n < FEWEST_FOR_SHAPE:
-        return f"Normal theory: {n} values are too few to show another shape."
-    few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""
-    return f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g}).{few}{_unseen(n)}"
 
 
 def _unseen(n: int) -> str:

@@ -104,12 +104,10 @@ def lots_worth(weights: Array | NDArray[np.int64]) -> float:
 
 
 def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None) -> tuple[float, float]:
-    """Return the standard error of a weighted mean of influences and its degrees of freedom.
+    """Return the standard error of a weighted mean of influences, ``sum_i w_i IF_i``, and its degrees of freedom.
 
-    The estimate is ``sum_i w_i IF_i``, where the weights sum to 1 and the weighted influences, shape (n,), to 0. For
-    independent values the error is ``sqrt(sum (w_i IF_i)^2)``; values of one lot are correlated, so their terms are
-    summed before they are squared. The error is infinite with one lot, the degrees of freedom (effective lots minus
-    one) are infinite for independent values; an interval takes the quantile of Student's t.
+    Values of one lot are correlated, so their terms are summed before they are squared; the error is infinite with one
+    lot, the degrees of freedom are infinite for independent values.
     """
     terms = weight * influence
     if lots is None or independent(lots):
@@ -125,10 +123,9 @@ def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None)
 def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], described: Lots, confidence: float) -> float:
     """Return the design effect of lots: how many values determine a share as well as one independent value, at least 1.
 
-    The larger of two estimates is used, because neither is sufficient alone. The spread of the counts per lot is not
-    informative if few values are out. The normal model, in which a value is out if a normal variable with the
-    response's intraclass correlation exceeds a limit, does not represent other shapes. Few lots increase the effect, as
-    Student's t widens the interval of a mean (Korn and Graubard 1998).
+    The larger of two estimates: the spread of counts per lot tells little if few values are out, and the normal model,
+    in which correlated values exceed a limit, does not represent other shapes. Few lots increase it, as Student's t
+    widens the interval of a mean (Korn and Graubard 1998).
     """
     n, count = is_out.size, int(np.count_nonzero(is_out))
     if not described.enough or n < 2:  # a lot is treated as one value

@@ -7,45 +7,18 @@ skewness and kurtosis. `scipy.stats.normaltest` gives the same numbers, but take
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from reporting.arrays import ROUNDING as ROUNDING
 from reporting.arrays import Array
-from reporting.errors import ReportError
 
 # With fewer values the test is not valid (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
 # Normal theory is used only above this p-value, that is if normal values often have moments like these.
 LIKELY = 0.2
-# A spread below this share of the largest value is rounding error: the values are a constant. A sum over some thousand
-# steps loses about this many of the last bits.
-ROUNDING = 1e-12
-
-
-def series(x: ArrayLike) -> Array:
-    """Return `x` as an array of floats, shape (n,); raise ReportError unless it holds a series of numbers."""
-    try:
-        given = np.asanyarray(x)
-        if given.dtype.kind not in "biufO":
-            raise TypeError(f"they are of type {given.dtype}")
-        if given.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in given.flat):
-            raise TypeError("one is a text")
-        with np.errstate(over="ignore"):  # an extended float beyond the largest double is infinite and left out
-            if isinstance(given, np.ma.MaskedArray):  # a masked value is missing, like one that is not finite
-                given = np.ma.filled(given.astype(np.float64), np.nan)
-            values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ReportError(f"values are not numbers: {error}") from error
-    if values.ndim != 1:
-        raise ReportError(f"values have shape {values.shape}: a one-dimensional array of numbers is needed")
-    return values
 
 
 def location_and_shape(x: Array) -> dict[str, float]:
-    """Return those of mean, std, min, max, median, skewness and kurtosis that the number of values allows.
-
-    A key is missing where there are too few values. `std` is 0 if the finite values `x` differ by rounding only;
-    `skewness` and `kurtosis` are G1 and G2.
-    """
+    """Return mean, std (0: only rounding), min, max, median, skewness G1, kurtosis G2, as far as n allows."""
     if x.size == 0:
         return {}
     low, high = float(x.min()), float(x.max())
@@ -72,11 +45,7 @@ def _skewness_and_kurtosis(z: Array) -> dict[str, float]:
 
 
 def normal_moments_p(z: Array, worth: float) -> float:
-    """Return the p-value of skewness and kurtosis under the hypothesis that the values are normal.
-
-    `z`, shape (n,), holds the values minus their mean, not all 0; `worth` is the effective number of independent
-    values, at least 8.
-    """
+    """Return the p-value of skewness and kurtosis of normal values less their mean, worth so many (at least 8)."""
     squares = z * z  # products, because powers above 2 take ten times as long
     square = float(squares.mean())
     skewness, kurtosis = float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2

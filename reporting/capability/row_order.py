@@ -45,18 +45,19 @@ class RowOrder:
 
 
 def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | None:
-    """Return what the order of values says; None below `FEWEST` values or `FEWEST_DIFFERENT` different ones.
-
-    Values of a production lot resemble each other in any case: with `lots`, shape (n,), the means of the lots are
-    tested, in the order in which the lots begin.
-    """
-    values = x if lots is None else _means(x, lots)
+    """Return what the order of values, or of means of lots, says; None below `FEWEST` or `FEWEST_DIFFERENT`."""
+    values = x
+    if lots is not None:
+        _, first, group = np.unique(lots, return_index=True, return_inverse=True)
+        values = (np.bincount(group, weights=x) / np.bincount(group))[np.argsort(first)]
     n = values.size
     if n < FEWEST or np.unique(values).size < FEWEST_DIFFERENT:
         return None
     centred = centred_ranks(values)
     squares = float(np.sum(centred**2))
-    neighbours, p_neighbours = _of_neighbours(centred, squares)
+    products = float(centred[:-1] @ centred[1:])
+    mean, variance = neighbours_in_random_order(centred)
+    neighbours, p_neighbours = products / squares, 2 * float(ndtr(-abs(products - mean) / math.sqrt(variance)))
     place = np.arange(n) - (n - 1) / 2
     trend = float(centred @ place) / math.sqrt(squares * float(place @ place))
     # Over all orders a rank correlation has the variance 1 / (n - 1).
@@ -71,20 +72,6 @@ def row_order(x: Array, lots: NDArray[np.generic] | None = None) -> RowOrder | N
         seen = _seen((p_neighbours, neighbours), (p_trend, trend), (p_groups, between))
         finding = _finding("values" if lots is None else "lots", p, seen)
     return RowOrder(n, neighbours, trend, float(between), p, seen, finding)
-
-
-def _means(x: Array, lots: NDArray[np.generic]) -> Array:
-    """Return the mean of each lot, in the order in which the lots begin."""
-    _, first, group = np.unique(lots, return_index=True, return_inverse=True)
-    means = np.bincount(group, weights=x) / np.bincount(group)
-    return np.asarray(means[np.argsort(first)])
-
-
-def _of_neighbours(centred: Array, squares: float) -> tuple[float, float]:
-    """Return the correlation of each value with the next, and how probable one as far from 0 is in random order."""
-    total = float(centred[:-1] @ centred[1:])
-    mean, variance = neighbours_in_random_order(centred)
-    return total / squares, 2 * float(ndtr(-abs(total - mean) / math.sqrt(variance)))
 
 
 def neighbours_in_random_order(centred: Array) -> tuple[float, float]:

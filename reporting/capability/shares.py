@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv, log_ndtr, ndtr, ndtri
 
 from reporting.arrays import Array
-from reporting.capability.arguments import real_number
 from reporting.capability.intervals import Interval, share_interval, share_upper_bound
 from reporting.capability.lots import describe_lots, design_effect, independent
-from reporting.errors import ReportError
+from reporting.errors import ReportError, real_number
 
 PPM = 1e6
 # A model fitted to n values is not extrapolated beyond one reject in this many times n values.
@@ -56,11 +55,7 @@ def nonconforming(
     failed: int = 0,
     lots: NDArray[np.generic] | None = None,
 ) -> Nonconforming | None:
-    """Return the counted shares out of limits; None without a limit, or without values and failed runs.
-
-    A value on a limit conforms; `failed` runs have no value. With `lots`, shape (n,), the intervals are those of the
-    effective number of independent values.
-    """
+    """Return the counted shares out of limits; None without limits, or without values and failed runs."""
     n = int(x.size)
     if n == 0 or (lsl is None and usl is None):
         return None
@@ -96,8 +91,7 @@ def weighted_share_interval(weights: Array, n: int, confidence: float, effect: f
     """Return the two-sided interval of a share in which each counted sample has a weight above 0 and of at most 1.
 
     Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With all
-    weights 1 it is the exact interval of a Poisson count, which contains that of Clopper and Pearson. `weights`, shape
-    (m,), may be empty; `effect` of the `n` samples count as one independent sample.
+    weights 1 it is the exact interval of a Poisson count. `effect` of the `n` samples count as one independent sample.
     """
     total, square = float(np.sum(weights)) / effect, float(np.sum(weights**2)) / effect
     low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
@@ -107,11 +101,7 @@ def weighted_share_interval(weights: Array, n: int, confidence: float, effect: f
 
 
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
-    """Return the smallest number of runs that, with `rejects` rejects, proves a share of at most `ppm`.
-
-    Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %, one-sided. Numbers
-    outside their range raise ReportError.
-    """
+    """Return the fewest runs that, with so many rejects, prove at most `ppm`: 46,807 for 64 ppm at 95 %."""
     ppm, confidence = real_number("ppm", ppm), real_number("confidence", confidence)
     if not 0 < ppm < PPM:
         raise ReportError(

@@ -9,7 +9,7 @@ is ignored.
 
 A verdict is *certain* if the interval of the estimate that decides lies in one class, no other estimate indicates a
 worse class, an estimate without the normal distribution excludes the other classes, and so do the values for a second
-population that they do not rule out (`reporting.shape.second_population`).
+population that they do not rule out (`reporting.shape.estimates`).
 
 A failed sample has no value and may be a reject. With too many of them there is no verdict at all; with fewer the
 verdict is not certain if as many rejects would prove a worse class.
@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 from scipy.special import ndtr, ndtri
 
+from reporting.capability.intervals import Estimate, Interval
 from reporting.capability.shares import PPM, Nonconforming, Share, least_ppm
 from reporting.capability.summary import Capability
 from reporting.format_numbers import grouped, index, ppm, significant
@@ -35,23 +36,13 @@ FEWEST_FOR_A_VERDICT = 30
 NO_PRODUCTION = "The samples do not represent production."
 WEIGHTED, PERCENTILE = "rare rejects", "fitted percentiles"  # estimates by these methods
 _BEST_FIRST = ("capable", "marginal", "not capable")
+# as a headline has them, and lists of campaigns
+WORST_FIRST = (
+    *("not capable", "not capable, not certain", "marginal", "marginal, not certain"),
+    *("capable, not certain", "no verdict"),
+)
 # Without the normal distribution, the best method first. Percentiles of the values say nothing about a share beyond.
 _WITHOUT_NORMAL = ("fitted distribution", "tail")
-
-
-@dataclass(frozen=True)
-class IndexEstimate:
-    """Estimate of one method for a response, on the scale of Cpk.
-
-    A share of rejects is converted to the Cpk of a normal response with this share beyond its worse limit; infinite
-    without rejects.
-    """
-
-    by: str  # the method in a word or two
-    low: float
-    value: float
-    high: float
-    words: str  # with its numbers, as the subject of a sentence
 
 
 @dataclass(frozen=True)
@@ -66,9 +57,9 @@ class Bars:
         """Return "capable", "marginal" or "not capable" for an index."""
         return "capable" if found >= self.capable else "marginal" if found >= self.marginal else "not capable"
 
-    def classes(self, estimate: IndexEstimate) -> tuple[str, ...]:
-        """Return the classes that the interval of an estimate covers, the best first."""
-        first, last = (_BEST_FIRST.index(self.class_of(end)) for end in (estimate.high, estimate.low))
+    def classes(self, interval: Interval) -> tuple[str, ...]:
+        """Return the classes that an interval covers, the best first."""
+        last, first = (_BEST_FIRST.index(self.class_of(end)) for end in interval)
         return _BEST_FIRST[first : last + 1]
 
 
@@ -114,7 +105,7 @@ class CapabilityVerdict:
 def verdict(
     capability: Capability,
     counted: Nonconforming | None,
-    others: Iterable[IndexEstimate] = (),
+    others: Iterable[Estimate] = (),
     *,
     production: bool = True,
     normal: bool = True,
@@ -124,9 +115,8 @@ def verdict(
 ) -> CapabilityVerdict:
     """Return the verdict on a response from its indices, its counted rejects and other trustworthy estimates.
 
-    `production`: the samples represent production. `normal`: the values may be normal; if they are proven not to be,
-    an estimate without the normal distribution decides. `withheld`: a sentence that says why no response of the
-    campaign gets a verdict; empty if they may get one. `unseen`: a second population that the values do not rule out.
+    `normal`: the values may be normal; else an estimate without the normal distribution decides. `withheld` says why no
+    response gets a verdict. `unseen` is a second population that the values do not rule out.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")
@@ -139,24 +129,24 @@ def verdict(
     of_index = _of_cpk(capability)
     known = list(others)
     if bars.prescribed != "share":
-        percentiles = [other for other in known if other.by == PERCENTILE]
+        percentiles = [other for other in known if other.method == PERCENTILE]
         decides = percentiles[0] if bars.prescribed == "percentile" and percentiles else of_index
         return _concluded(capability, counted, decides, bars)
     count = [] if counted is None else [_by_count(counted)]
-    weighted = [other for other in known if other.by == WEIGHTED]
-    if weighted and (math.isfinite(weighted[0].value) or len(bars.classes(weighted[0])) == 1):
+    weighted = [other for other in known if other.method == WEIGHTED]
+    if weighted and (math.isfinite(weighted[0].value) or len(bars.classes(weighted[0].interval)) == 1):
         decides = _overruling(bars, weighted[0], count)
-        return _concluded(capability, counted, decides, bars, assumes=f"{decides.words}.")
-    bounds = [other for other in known if other.by in (*_WITHOUT_NORMAL, WEIGHTED)]
-    rivals = [*count, *_not_refuted(bounds, count)]
+        return _concluded(capability, counted, decides, bars, assumes=f"{decides.note}.")
+    bounds = [other for other in known if other.method in (*_WITHOUT_NORMAL, WEIGHTED)]
+    rivals = [*count, *(o for o in bounds if all(o.high >= c.low and o.low <= c.high for c in count))]
     refuted = [] if counted is None else _excluded(capability, counted)
     free = None if normal and not refuted else _without_normal(rivals)
     decides = _overruling(bars, free or of_index, rivals)
     word = bars.class_of(decides.value)
     doubts = [
-        f"{other.words}: {bars.class_of(other.value)}."
+        f"{other.note}: {bars.class_of(other.value)}."
         for other in rivals
-        if other.by != "count" and other is not decides and _worse(bars.class_of(other.value), word)
+        if other.method != "count" and other is not decides and _worse(bars.class_of(other.value), word)
     ]
     doubts += refuted if decides is of_index else []
     hidden = _unsupported(decides, rivals, word, bars)
@@ -167,57 +157,49 @@ def verdict(
     return _concluded(capability, counted, decides, bars, [*doubts, *([] if doubts else hidden[:1])], assumes)
 
 
-def _of_cpk(capability: Capability) -> IndexEstimate:
+def _of_cpk(capability: Capability) -> Estimate:
     """Return the estimate that Cpk is; without bounds where its interval is withheld."""
     assert capability.cpk is not None
     if capability.cpk_interval is None:
-        return IndexEstimate("index", -math.inf, capability.cpk, math.inf, f"Cpk {index(capability.cpk)}")
+        return Estimate(capability.cpk, (-math.inf, math.inf), "index", f"Cpk {index(capability.cpk)}")
     low, high = capability.cpk_interval
     words = f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
-    return IndexEstimate("index", low, capability.cpk, high, words)
+    return Estimate(capability.cpk, capability.cpk_interval, "index", words)
 
 
-def _overruling(bars: Bars, leading: IndexEstimate, rivals: Iterable[IndexEstimate]) -> IndexEstimate:
+def _overruling(bars: Bars, leading: Estimate, rivals: Iterable[Estimate]) -> Estimate:
     """Return the estimate that decides: the leading one, unless the whole interval of a rival lies in other classes.
 
     Of several rivals the worst one counts.
     """
     word = bars.class_of(leading.value)
-    against = [other for other in rivals if word not in bars.classes(other) and other is not leading]
+    against = [other for other in rivals if word not in bars.classes(other.interval) and other is not leading]
     return min(against, key=lambda other: other.value, default=leading)
 
 
 def _concluded(
     capability: Capability,
     counted: Nonconforming | None,
-    decides: IndexEstimate,
+    decides: Estimate,
     bars: Bars,
     doubts: Iterable[str] = (),
     assumes: str = "",
 ) -> CapabilityVerdict:
     """Return the verdict by the estimate that decides; any doubt takes its certainty."""
     word, of_index = bars.class_of(decides.value), _of_cpk(capability)
-    others = [each for each in _BEST_FIRST if each in bars.classes(decides) and each != word]
-    withheld = decides.by != WEIGHTED and capability.cpk_interval is None
+    others = [each for each in _BEST_FIRST if each in bars.classes(decides.interval) and each != word]
+    withheld = decides.method != WEIGHTED and capability.cpk_interval is None
     found = [capability.interval_reason] if withheld else []
-    found += [f"{decides.words}: may be {word} or {' or '.join(others)}."] if others and not withheld else []
+    found += [f"{decides.note}: may be {word} or {' or '.join(others)}."] if others and not withheld else []
     found += [*doubts, *changed_by_failures(counted, word, bars)]
     if capability.order is not None and capability.order.finding:
         found.append(capability.order.finding)
     instead = []
-    if decides.by != "index" and bars.class_of(of_index.value) != word:
-        instead = [f"{decides.words}: {word}, although {of_index.words} says {bars.class_of(of_index.value)}."]
+    if decides.method != "index" and bars.class_of(of_index.value) != word:
+        instead = [f"{decides.note}: {word}, although {of_index.note} says {bars.class_of(of_index.value)}."]
     value, low, high = (end if math.isfinite(end) else None for end in (decides.value, decides.low, decides.high))
-    return CapabilityVerdict(
-        word,
-        not found,
-        decides.by,
-        (*instead, *found),
-        index=value,
-        index_low=low,
-        index_high=high,
-        assumes="" if found else assumes,
-    )
+    reasons = (*instead, *found)
+    return CapabilityVerdict(word, not found, decides.method, reasons, value, low, high, "" if found else assumes)
 
 
 def _on_constant(capability: Capability, counted: Nonconforming | None) -> CapabilityVerdict:
@@ -264,7 +246,7 @@ def _missing(capability: Capability, withheld: str) -> str:
     return ""
 
 
-def _by_count(counted: Nonconforming) -> IndexEstimate:
+def _by_count(counted: Nonconforming) -> Estimate:
     """Return the estimate from the counted rejects: the worse side with its exact interval.
 
     Without a reject the value is the low end: no reject among 5,000 proves no better class.
@@ -273,19 +255,14 @@ def _by_count(counted: Nonconforming) -> IndexEstimate:
     low = min(index_of_share(side.interval[1]) for side in sides)
     high = min(index_of_share(side.interval[0]) for side in sides)
     value = min(index_of_share(side.ppm) for side in sides)
-    return IndexEstimate("count", low, value if math.isfinite(value) else low, high, _words(counted.total))
+    return Estimate(value if math.isfinite(value) else low, (low, high), "count", _words(counted.total))
 
 
-def _not_refuted(others: Iterable[IndexEstimate], count: Iterable[IndexEstimate]) -> list[IndexEstimate]:
-    """Return the estimates that the count does not refute."""
-    return [o for o in others if all(o.high >= counted.low and o.low <= counted.high for counted in count)]
-
-
-def _without_normal(rivals: Iterable[IndexEstimate]) -> IndexEstimate | None:
+def _without_normal(rivals: Iterable[Estimate]) -> Estimate | None:
     """Return the estimate that decides if the values are not normal: the worst one of the best available method."""
     known = tuple(rivals)
     for method in _WITHOUT_NORMAL:
-        found = [estimate for estimate in known if estimate.by == method]
+        found = [estimate for estimate in known if estimate.method == method]
         if found:
             return min(found, key=lambda estimate: estimate.value)
     return None
@@ -305,22 +282,20 @@ def _worse(word: str, than: str) -> bool:
     return _BEST_FIRST.index(word) > _BEST_FIRST.index(than)
 
 
-def _unsupported(decides: IndexEstimate, rivals: Sequence[IndexEstimate], word: str, bars: Bars) -> list[str]:
+def _unsupported(decides: Estimate, rivals: Sequence[Estimate], word: str, bars: Bars) -> list[str]:
     """Return a sentence if no estimate without the normal distribution excludes the other classes.
 
-    Few values do not show how their tails go on as far as the limits. Those of normal values may be heavier. Any may
-    end before the limits, which the fitted families seldom do, and beyond a small second population even a tail that
-    is fitted to it: so only the count excludes what is better than a tail says, and count and tail what is better than
-    the others say.
+    Tails may be heavier than normal ones, or end before the limits, which the fitted families seldom do: so only the
+    count excludes what is better than a tail says, and count and tail what is better than the others say.
     """
-    counted = [estimate for estimate in rivals if estimate.by == "count"]
-    ended = counted if decides.by == "tail" else [e for e in rivals if e.by in ("count", "tail")]
+    counted = [estimate for estimate in rivals if estimate.method == "count"]
+    ended = counted if decides.method == "tail" else [e for e in rivals if e.method in ("count", "tail")]
     worst, best = (max(rivals, key=lambda e: e.low, default=None), min(ended, key=lambda e: e.high, default=None))
-    if decides.by == "index" and worst is not None and _worse(bars.class_of(worst.low), word):
-        against = f"{worst.words} does not rule out {bars.class_of(worst.low)}."
+    if decides.method == "index" and worst is not None and _worse(bars.class_of(worst.low), word):
+        against = f"{worst.note} does not rule out {bars.class_of(worst.low)}."
         return [f"Cpk assumes a normal distribution; without that, {against}"]
-    if decides.by != "count" and best is not None and _worse(word, bars.class_of(best.high)):
-        return [f"{best.words} does not rule out {bars.class_of(best.high)}, as the values may end before the limit."]
+    if decides.method != "count" and best is not None and _worse(word, bars.class_of(best.high)):
+        return [f"{best.note} does not rule out {bars.class_of(best.high)}, as the values may end before the limit."]
     return []
 
 

@@ -11,7 +11,6 @@ deviation of their range (Tippett 1925; Harter 1960), c4 is the mean of their sa
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array, gauss_legendre
 from reporting.capability.indices import basic_intervals, cpk, point_indices
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import variance_components
-from reporting.capability.moments import ROUNDING
-from reporting.capability.precision import freedom_of_pooled
+from reporting.capability.robust_intervals import freedom_of_pooled
 from reporting.capability.shares import ppm_of_z
 
 # A range uses only two values: in larger batches it ignores nearly all of them, and published tables end here.
@@ -113,28 +111,22 @@ def subgroup_sigmas(
         return ()
     sizes = np.array([group.size for group in groups])
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double
-        found = [("S-bar / c4", [float(np.std(group, ddof=1)) for group in groups], c4, _spread_of_sigma)]
+        found = [("S-bar / c4", [float(np.std(group, ddof=1)) for group in groups], c4, sigma_of_std)]
         if sizes.max() <= LARGEST_FOR_RANGES:
             found.insert(0, ("R-bar / d2", [float(np.ptp(group)) for group in groups], d2, d3))
         mean, least = float(np.mean(x)), ROUNDING * float(np.max(np.abs(x)))
     sigmas = []
     for method, measured, centre, spread in found:
         with np.errstate(over="ignore", invalid="ignore"):
-            std = _weighted(np.array(measured), sizes, centre, spread)
+            # weighted by its precision
+            centres, spreads = (np.array([constant(int(n)) for n in sizes]) for constant in (centre, spread))
+            weights = (centres / spreads) ** 2
+            std = float(np.sum(weights * np.array(measured) / centres) / np.sum(weights))
         if least < std < math.inf and math.isfinite(mean):
             cp = None if lsl is None or usl is None else (usl - lsl) / (6 * std)
             nearer = None if lsl is None and usl is None else cpk(mean, std, lsl, usl)
             sigmas.append(SubgroupSigma(method, len(groups), std, cp, nearer))
     return tuple(sigmas)
-
-
-def _weighted(
-    measured: Array, sizes: NDArray[np.int64], centre: Callable[[int], float], spread: Callable[[int], float]
-) -> float:
-    """Return the mean of ``measured / centre(n)``, weighted by its precision ``(centre(n) / spread(n))^2``."""
-    centres, spreads = (np.array([constant(int(n)) for n in sizes]) for constant in (centre, spread))
-    weights = (centres / spreads) ** 2
-    return float(np.sum(weights * measured / centres) / np.sum(weights))
 
 
 @lru_cache(maxsize=1024)
@@ -143,7 +135,7 @@ def c4(n: int) -> float:
     return math.sqrt(2 / (n - 1)) * math.exp(float(gammaln(n / 2) - gammaln((n - 1) / 2)))
 
 
-def _spread_of_sigma(n: int) -> float:
+def sigma_of_std(n: int) -> float:
     """Return the standard deviation of the sample standard deviation of n normal values of sigma 1."""
     return math.sqrt(1 - c4(n) ** 2)
 
@@ -162,7 +154,7 @@ def d3(n: int) -> float:
     ``E W^2`` is twice the integral over x < y of ``1 - F(y)^n - (1 - F(x))^n + (F(y) - F(x))^n``.
     """
     y = np.linspace(-_REACH, _REACH, _STEPS)[:, None]
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    points, weights = gauss_legendre(_POINTS)
     below = _REACH * (points + 1)  # x = y - below
     inside = 1 - ndtr(y) ** n - ndtr(below - y) ** n + (ndtr(y) - ndtr(y - below)) ** n
     square = 2 * _REACH * float(np.sum(inside @ weights)) * float(y[1, 0] - y[0, 0])

@@ -35,16 +35,8 @@ def _same(value: Parameter) -> Parameter:
     return value
 
 
-def _number(value: float, shift: float, scale: float) -> float:
-    return value
-
-
 def _place(value: float, shift: float, scale: float) -> float:
     return shift + scale * value
-
-
-def _width(value: float, shift: float, scale: float) -> float:
-    return abs(scale) * value
 
 
 @dataclass(frozen=True)
@@ -52,7 +44,7 @@ class Kind:
     """What a parameter is: how it follows from an unconstrained number, and what it is in the unit of the values."""
 
     of_theta: Callable[[Parameter], Parameter]  # from the unconstrained number to the parameter of z
-    in_units: Callable[[float, float, float], float] = _number  # from it, shift and scale to the parameter of x
+    in_units: Callable[[float, float, float], float] = lambda value, *_: value  # from it, shift and scale to that of x
 
 
 PLAIN = Kind(_same)  # a dimensionless number
@@ -60,7 +52,7 @@ RATIO = Kind(_exp)  # a positive one
 SHARE = Kind(lambda t: 1.0 / (1.0 + _exp(-t)))
 FREEDOM = Kind(lambda t: _exp(np.minimum(t, _MOST_FREEDOM)))
 PLACE = Kind(_same, _place)  # a value of x
-WIDTH = Kind(_exp, _width)
+WIDTH = Kind(_exp, lambda value, _, scale: abs(scale) * value)
 OF_LOG = Kind(_same, lambda value, _, scale: value + math.log(abs(scale)))  # mean of a logarithm
 # the end below the values, which fill -1 to 1, or for a mirrored family the end above them; and the end above
 BELOW = Kind(lambda t: -1.0 - _exp(t), _place)
@@ -172,10 +164,6 @@ def _beta(mean: float, std: float) -> Theta:
     return math.log(mean * both), math.log((1 - mean) * both)
 
 
-def _root_mean_square(z: Array, weights: Array) -> Theta:
-    return (0.5 * math.log(_mean(z**2, weights)),)
-
-
 def _distance(z: Array, weights: Array) -> Theta:
     """Return the median, which is 0, and the logarithm of the mean distance from it: the maximum of the likelihood."""
     return 0.0, math.log(_mean(np.abs(z), weights))
@@ -218,7 +206,7 @@ FAMILIES = {
         ),
         Family(
             "half_normal", "half-normal", {"sd": WIDTH}, "positive",
-            partial(forms.folded_normal, 0.0), _root_mean_square,
+            partial(forms.folded_normal, 0.0), lambda z, w: (0.5 * math.log(_mean(z**2, w)),),
         ),
         Family("folded_normal", "folded normal", _NORMAL, "positive", forms.folded_normal, _moments),
         Family("logistic", "logistic", {"mean": PLACE, "scale": WIDTH}, "free", forms.logistic, _LOGISTIC),

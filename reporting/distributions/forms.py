@@ -12,14 +12,37 @@ tails, and every worker would pay for its import (half a second, 50 MB).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy import special
-from scipy.special import expm1, log1p, ndtr, ndtri, xlog1py, xlogy
+from scipy.special import exp2, expm1, log1p, ndtr, ndtri, xlog1py, xlogy
 
 from reporting.arrays import Array
-from reporting.distributions.elementwise import exp, log, power
+
+# Functions whose results do not depend, bit for bit, on the length of the array.
+#
+# They use scipy's special functions, which treat every element alike. NumPy's own ``exp``, ``log`` and ``power`` may
+# use other instructions for the last elements of an array than for the first ones.
+
+LOG2_E = 1.4426950408889634
+
+
+def exp(x: Any) -> Array:
+    """Return e to the power ``x``; same shape."""
+    return np.asarray(exp2(np.multiply(LOG2_E, x)), dtype=np.float64)
+
+
+def log(x: Any) -> Array:
+    """Return the natural logarithm of ``x`` >= 0, minus infinity at 0; same shape."""
+    return np.asarray(xlogy(1.0, x), dtype=np.float64)
+
+
+def power(x: Any, exponent: Any) -> Array:
+    """Return ``x`` >= 0 to the power of a positive exponent; the shape of both together."""
+    return exp(exponent * log(x))
+
 
 Function = Callable[[Array], Array]
 Parameter = float | Array
@@ -311,20 +334,21 @@ def folded_normal(mean: Parameter, std: Parameter) -> ClosedForm:
     )
 
 
+def symmetric(centre: Parameter, scale: Parameter, logpdf: Function, cdf: Function, quantile: Function) -> ClosedForm:
+    """Return a distribution that is symmetric about its centre, by functions of the scores (z - centre) / scale."""
+    return ClosedForm(
+        logpdf=lambda z: logpdf((z - centre) / scale),
+        cdf=lambda z: cdf((z - centre) / scale),
+        sf=lambda z: cdf((centre - z) / scale),
+        ppf=lambda p: centre + scale * quantile(p),
+        isf=lambda q: centre - scale * quantile(q),
+    )
+
+
 def logistic(mean: Parameter, scale: Parameter) -> ClosedForm:
     """Return the logistic distribution."""
-
-    def log_density(z: Array) -> Array:
-        u = (z - mean) / scale
-        return np.asarray(-u - 2 * np.logaddexp(0.0, -u) - np.log(scale))
-
-    return ClosedForm(
-        logpdf=log_density,
-        cdf=lambda z: special.expit((z - mean) / scale),
-        sf=lambda z: special.expit((mean - z) / scale),
-        ppf=lambda p: mean + scale * special.logit(p),
-        isf=lambda q: mean - scale * special.logit(q),
-    )
+    slope = np.log(scale)
+    return symmetric(mean, scale, lambda u: -u - 2 * np.logaddexp(0.0, -u) - slope, special.expit, special.logit)
 
 
 def log_logistic(low: Parameter, mean: Parameter, scale: Parameter) -> ClosedForm:
@@ -344,32 +368,27 @@ def student_t(mean: Parameter, scale: Parameter, freedom: Parameter) -> ClosedFo
     """Return Student's t distribution, shifted and scaled."""
     half = (np.asarray(freedom) + 1) / 2
     constant = special.gammaln(half) - special.gammaln(half - 0.5) - 0.5 * np.log(np.pi * freedom) - np.log(scale)
-    return ClosedForm(
-        logpdf=lambda z: constant - half * np.log1p(((z - mean) / scale) ** 2 / freedom),
-        cdf=lambda z: special.stdtr(freedom, (z - mean) / scale),
-        sf=lambda z: special.stdtr(freedom, (mean - z) / scale),
-        ppf=lambda p: mean + scale * special.stdtrit(freedom, p),
-        isf=lambda q: mean - scale * special.stdtrit(freedom, q),
+    return symmetric(
+        mean,
+        scale,
+        lambda u: constant - half * np.log1p(u**2 / freedom),
+        lambda u: special.stdtr(freedom, u),
+        lambda p: special.stdtrit(freedom, p),
     )
 
 
 def laplace(median: Parameter, scale: Parameter) -> ClosedForm:
     """Return Laplace's distribution: exponential on both sides."""
+    slope = np.log(2 * scale)
 
-    def shares(z: Array, sign: int) -> Array:  # on the side of the sign
-        half = 0.5 * np.exp(-np.abs(z - median) / scale)
-        return np.asarray(np.where(sign * (z - median) > 0, half, 1.0 - half))
+    def share(u: Array) -> Array:
+        half = 0.5 * np.exp(-np.abs(u))
+        return np.asarray(np.where(u < 0, half, 1.0 - half))
 
     def score(p: Array) -> Array:
         return np.where(p < 0.5, np.log(2 * p), -np.log(2 * (1 - p)))
 
-    return ClosedForm(
-        logpdf=lambda z: -np.abs(z - median) / scale - np.log(2 * scale),
-        cdf=lambda z: shares(z, -1),
-        sf=lambda z: shares(z, 1),
-        ppf=lambda p: median + scale * score(p),
-        isf=lambda q: median - scale * score(q),
-    )
+    return symmetric(median, scale, lambda u: -np.abs(u) - slope, share, score)
 
 
 def largest_extreme(mode: Parameter, scale: Parameter) -> ClosedForm:
@@ -468,17 +487,10 @@ def selective(middle: float, first: float, second: float, reach: float, classes:
         of_range = _between((below - centre) / width, (above - centre) / width)
         return np.asarray(exp(-0.5 * (y / spread) ** 2 - _HALF_LOG_2PI) / spread * of_range / share**2)
 
-    def cdf(t: Array) -> Array:
-        return mixed(t, cdf_of)
-
-    def sf(t: Array) -> Array:
-        return mixed(t, sf_of)
+    cdf, sf = partial(mixed, of_classes=cdf_of), partial(mixed, of_classes=sf_of)
 
     def density(t: Array) -> Array:
         return 2.0 * mixed(t, density_of)
-
-    def logpdf(t: Array) -> Array:
-        return np.where((t >= low) & (t <= high), log(density(t)), -math.inf)
 
     def moments() -> Moments:
         at_a, at_b = (exp(-0.5 * edge * edge - _HALF_LOG_2PI) for edge in (a, b))
@@ -490,7 +502,7 @@ def selective(middle: float, first: float, second: float, reach: float, classes:
         return middle + 0.5 * whole, 0.5 * math.sqrt(float(square.sum()))
 
     return ClosedForm(
-        logpdf=logpdf,
+        logpdf=lambda t: np.where((t >= low) & (t <= high), log(density(t)), -math.inf),
         cdf=cdf,
         sf=sf,
         ppf=lambda p: _solve(lambda t, share: cdf(t) - share, density, p, low, high),
@@ -513,8 +525,8 @@ def _between(a: Array, b: Array) -> Array:
 def _solve(excess: Callable[[Array, Array], Array], slope: Function, p: Array, low: float, high: float) -> Array:
     """Return where the increasing ``excess`` of x and p is 0, between two bounds, for each p.
 
-    Newton's method within the bounds found so far, and bisection where it leaves them; an element that has converged is
-    left alone, so that it does not depend on the others.
+    Newton's method, and bisection where it leaves the bounds found so far; an element that has converged is left alone,
+    so that it does not depend on the others.
     """
     p = np.asarray(p, dtype=np.float64)
     wanted, x = p.ravel(), np.full(p.size, 0.5 * (low + high))

@@ -28,8 +28,6 @@ LEAST_PART = 0.02  # of the rejects: smaller parts are left to the wide componen
 
 Parts = tuple[tuple[tuple[float, ...], float], ...]
 Inputs = Callable[[Array], Array]
-
-
 FEWEST = 10  # rejects needed to estimate their centre
 EVEN = 30  # effective rejects (or half of all) below which weights are raised to a power
 OFTEN = 0.01  # of production: plain runs find such rejects, so no component aims there
@@ -54,10 +52,7 @@ _TINY = 1e-300  # least spread of a variable
 
 
 def directions(points: Array, weights: Array) -> tuple[Parts, float]:
-    """Return the centre and share of the total weight of the points in each direction, and the variance around them.
-
-    `points`, shape (m, d), are standard scores, m above 0; `weights`, shape (m,), are above 0.
-    """
+    """Return centre and share of weight of the points, (m, d), in each direction, and the variance around them."""
     rows = random_rows(weights.size)[:MOST_POINTS]
     x, w = points[rows], weights[rows] / weights[rows].sum()
     effective, d = 1.0 / float(w @ w), x.shape[1]
@@ -136,9 +131,8 @@ def find_targets(
 ) -> tuple[Target, ...]:
     """Return the expected location of the rejects of each limit; raise ReportError if values are too few for a model.
 
-    `z` are the standard scores of the variables, shape (n, d), independent in production; `weights`, shape (n,), are 1
-    for plain runs; `responses`, shape (n,), are NaN where a run has none. `inputs` turns scores into the values of the
-    variables: a mechanism answers to these, so a model of them holds farther out.
+    `z` are the standard scores of the variables, shape (n, d); `inputs` turns them into the values of the variables: a
+    mechanism answers to these, so a model of them holds farther out. `responses` are NaN where a run has none.
     """
     targets = []
     for name, (lsl, usl) in limits.items():
@@ -182,8 +176,9 @@ def _target(name: str, z: Array, weights: Array, beyond: Array, inputs: Inputs) 
     rejects = beyond > 0.0
     w = weights[rejects]
     share, by, points = float(w.sum()) / weights.size, f"{w.size} rejects", z[rejects]
-    if w.size >= FEWEST:
-        w = _tempered(w)
+    if w.size >= FEWEST:  # raised to the largest power, from 1 to 0, at which enough of them are effective
+        powers = (w**power for power in np.linspace(1.0, 0.0, 21))
+        w = next(v for v in powers if v.sum() ** 2 / (v @ v) >= min(EVEN, 0.5 * w.size))
     else:
         model = _Model(z, beyond, inputs)
         points, w, share = model.rejects()
@@ -196,13 +191,9 @@ def _target(name: str, z: Array, weights: Array, beyond: Array, inputs: Inputs) 
         scale = float(np.sqrt((w @ np.sum(points * points, axis=1)) / w.sum() / points.shape[1]))
         centre = (0.0,) * points.shape[1]
         return Target(name, 1e6 * share, f"{by}, in many directions", ((centre, 1.0),), round(min(scale, _WIDEST), 2))
-    return Target(name, 1e6 * share, by, tuple((_rounded(centre), part) for centre, part in parts))
-
-
-def _tempered(w: Array) -> Array:
-    """Return the weights raised to the largest power, from 1 to 0, at which enough of them are effective."""
-    powers = (w**power for power in np.linspace(1.0, 0.0, 21))
-    return next(v for v in powers if v.sum() ** 2 / (v @ v) >= min(EVEN, 0.5 * w.size))
+    clipped = [np.round(np.clip(centre, -_LARGEST, _LARGEST), _DECIMALS) + 0.0 for centre, _ in parts]  # as in a file
+    centres = zip(clipped, parts, strict=True)
+    return Target(name, 1e6 * share, by, tuple((tuple(centre.tolist()), part) for centre, (_, part) in centres))
 
 
 class _Model:
@@ -269,29 +260,15 @@ class _Model:
         return np.asarray((self._inputs(z) - self._middle) / self._spread)
 
 
-def _rounded(centre: tuple[float, ...]) -> tuple[float, ...]:
-    """Return a centre clipped and rounded as written into a file."""
-    return tuple((np.round(np.clip(centre, -_LARGEST, _LARGEST), _DECIMALS) + 0.0).tolist())
-
-
 def _merged(parts: Sequence[Aim]) -> tuple[Aim, ...]:
     """Return the components; those with nearly the same centre are merged."""
     result: list[Aim] = []
     for part in parts:
-        same = [other.scale == part.scale and _distance(part, other) < SAME for other in result]
-        near = same.index(True) if any(same) else None
-        if near is None:
-            result.append(part)
+        for i, other in enumerate(result):
+            if other.scale == part.scale and np.linalg.norm(np.subtract(part.centre, other.centre)) < SAME:
+                source = "; ".join(dict.fromkeys((other.source, part.source)))
+                result[i] = replace(other, share=other.share + part.share, source=source)
+                break
         else:
-            other = result[near]
-            result[near] = Aim(
-                other.share + part.share,
-                other.scale,
-                other.centre,
-                "; ".join(dict.fromkeys((other.source, part.source))),
-            )
+            result.append(part)
     return tuple(result)
-
-
-def _distance(a: Aim, b: Aim) -> float:
-    return float(np.linalg.norm(np.subtract(a.centre, b.centre)))

@@ -1,4 +1,16 @@
-"""The section Rare rejects: shares of a few ppm, for every response and for the whole product.
+"""The section Rare rejects: shares of a few ppm from weighted runs, of every response and of the whole product.
+
+The estimate is the sum of the rejects' weights divided by the number of all runs. It is unbiased, because every weight
+is the known ratio of the density in production to that in the campaign. Its interval:
+
+- the gamma limits of Fay and Feuer (1997) for the weights of all rejects, aimed at or found by chance;
+- where a few rejects were found by chance, at which no component aims, their few weights say little about their sum.
+  Their number says more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of production,
+  and the share Phi(-b / s) of a component that spreads all scores s times as far. The Phi(-b) at which this small a
+  number is just plausible is added to the upper end;
+- the upper end never exceeds what the plain runs allow by their count alone (Clopper and Pearson). That bound assumes
+  nothing. It is the only one if there are fewer than five rejects, or if their weights do not determine their sum: few
+  effective ones, one that dominates, or a heavy tail.
 
 The weights are checked against plain Monte Carlo, at a share that both can estimate. Some runs of the campaign are
 drawn from the distributions themselves (plain runs). The limit is moved inward until a few percent of the plain runs
@@ -13,14 +25,141 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv, ndtr
 
 from reporting.arrays import Array
-from reporting.capability.shares import PPM
-from reporting.capability.verdict import WEIGHTED, IndexEstimate, index_of_share
+from reporting.capability.intervals import Estimate, Interval, share_upper_bound
+from reporting.capability.shares import PPM, weighted_share_interval
+from reporting.capability.verdict import WEIGHTED, index_of_share
 from reporting.format_numbers import grouped, ppm
-from reporting.rare.weighted import Draws, RareShare, flat_bound, rare_share
 from reporting.samples import Samples
+from reporting.shape.pareto import posterior_mean_fit
 from reporting.spec import ProposalPart, ReportSpec, ResponseSpec
+
+FEWEST = 20  # effective rejects: with fewer the coverage of the gamma limits is too low
+LEAST = 5  # rejects: with fewer there is no estimate, only the bound by the plain runs
+CAP = 0.995  # confidence of the plain runs' bound as a cap: so high that it is hardly ever wrong where it cuts
+LARGEST_PART = 0.10  # largest part of one weight in the sum: up to it the limits were measured to hold
+HEAVIEST = 0.7  # Pareto shape of the weights above which their mean is unreliable (Vehtari et al. 2024)
+FARTHEST = 37.0  # standard scores: shares beyond are 0 in double precision
+_TAIL = 5  # fewest weights for the fit of a tail
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How the runs of an importance campaign were drawn."""
+
+    weights: Array  # of all finished runs, ok or not, shape (n,)
+    by_chance: NDArray[np.bool_]  # drawn by a component without shift, in a region where no other component aims
+    unshifted: NDArray[np.bool_]  # drawn by a component without shift
+    # For each component without shift, including the distributions themselves: the share of all runs that it draws
+    # where no other component aims, and its scale.
+    spreads: tuple[tuple[float, float], ...]
+    confidence: float  # of the two-sided intervals
+    plain: NDArray[np.bool_]  # drawn from the distributions themselves
+
+
+@dataclass(frozen=True)
+class RareShare:
+    """A weighted share of production."""
+
+    ppm: float  # unbiased estimate
+    interval: Interval  # two-sided [ppm]; from 0 if the weights do not support a lower end
+    standard_error: float | None  # relative to the estimate; None without a reject
+    rejects: int  # runs
+    effective: float  # rejects of equal weight (Kish)
+    largest: float  # share of the largest weight in the sum; 0 without a reject
+    tail_shape: float | None  # Pareto shape of the largest weights; None with too few of them
+    by_chance: int  # rejects where no component aims, found by a component without shift
+    by_chance_ppm: float  # allowance of the upper end of the interval for such regions, behind a flat limit
+    plain_runs: float | None  # plain independent runs with the same precision; None without a reject
+    doubt: str  # why the weights do not support a lower end, and a remedy; empty if they do
+
+
+def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
+    """Return the weighted share of the runs marked in ``rejects``, shape (n,), n above 0."""
+    n, w = rejects.size, draws.weights[rejects]
+    share, square = float(np.sum(w)) / n, float(np.sum(w * w)) / n
+    variance = max(square - share * share, 0.0) / n
+    by_chance = rejects & draws.by_chance
+    chance, sought = draws.weights[by_chance], draws.weights[rejects & ~by_chance]
+    few_by_chance = bool(chance.size) and bool(_doubt(chance))
+    # A few found by chance, with an allowance of their own, do not spoil what the sought ones tell.
+    doubt = _doubt(w) and _doubt(sought if sought.size and few_by_chance else w)
+    counted, plain = int(np.count_nonzero(rejects & draws.plain)), int(np.count_nonzero(draws.plain))
+    allowance = flat_bound(chance.size if few_by_chance else 0, n, draws)
+    low, high = 0.0, _most(counted, plain, 0.5 + draws.confidence / 2)
+    if w.size and not doubt:
+        # `weighted_share_interval` takes weights of at most 1
+        low, high = (float(w.max()) * end for end in weighted_share_interval(w / w.max(), n, draws.confidence))
+        high = min(high + allowance, _most(counted, plain, CAP))
+    return RareShare(
+        ppm=PPM * share,
+        interval=(PPM * low, PPM * max(high, share)),
+        standard_error=float(np.sqrt(variance)) / share if share > 0 else None,
+        rejects=w.size,
+        effective=_kish(w),
+        largest=float(w.max() / w.sum()) if w.size else 0.0,
+        tail_shape=tail_shape(w),
+        by_chance=chance.size,
+        by_chance_ppm=PPM * allowance,
+        plain_runs=share * (1 - share) / variance if variance > 0 else None,
+        doubt=doubt,
+    )
+
+
+def _most(count: int, plain: int, confidence: float) -> float:
+    """Return the one-sided upper bound of a share by the plain runs alone; 1 without plain runs."""
+    return share_upper_bound(count, plain, confidence) if plain else 1.0
+
+
+def flat_bound(count: int, n: int, draws: Draws) -> float:
+    """Return the largest plausible share beyond a flat limit, with `count` rejects by unshifted components."""
+    most = float(gammaincinv(count + 1, 0.5 + draws.confidence / 2))
+
+    def excess(b: float) -> float:
+        return n * sum(share * float(ndtr(-b / scale)) for share, scale in draws.spreads) - most
+
+    if excess(0.0) <= 0.0:
+        return 1.0
+    from scipy.optimize import brentq  # takes 0.4 s, which `import reporting` avoids
+
+    return float(ndtr(-brentq(excess, 0.0, 8 * FARTHEST)))
+
+
+def tail_shape(weights: Array) -> float | None:
+    """Return the Pareto shape of the largest weights; None if they are too few or all equal."""
+    # The number of tail weights of Pareto-smoothed importance sampling (Vehtari et al. 2024).
+    tail = int(min(0.2 * weights.size, 3.0 * np.sqrt(weights.size)))
+    if tail < _TAIL:
+        return None
+    ordered = np.sort(weights)
+    excesses = ordered[-tail:] - ordered[-tail - 1]
+    if not excesses[0] > 0.0:
+        return None
+    return posterior_mean_fit(excesses)[0]
+
+
+def _kish(w: Array) -> float:
+    """Return the effective number of equal weights."""
+    return float(np.sum(w) ** 2 / np.sum(w * w)) if w.size else 0.0
+
+
+def _doubt(w: Array) -> str:
+    """Return why the weights of rejects do not determine their sum; empty if they do, or without rejects."""
+    if not w.size:
+        return ""
+    if w.size < LEAST:
+        return f"{w.size} rejects were found, and {LEAST} are the least for an estimate"
+    effective, largest, shape = _kish(w), float(w.max() / w.sum()), tail_shape(w)
+    if effective < FEWEST:
+        return f"its {w.size} rejects are worth {effective:.2g} of equal weight, and {FEWEST} are needed"
+    if largest > LARGEST_PART:
+        return f"one reject has {100 * largest:.0f} % of the weight of all"
+    if shape is not None and shape > HEAVIEST:
+        return f"the weights have a heavy tail (Pareto shape {shape:.2f}, at most {HEAVIEST:g} is sound)"
+    return ""
+
 
 SEEN = 0.02  # share of plain runs beyond the moved limit; at least FEWEST_SEEN runs
 FEWEST_SEEN = 20
@@ -108,28 +247,26 @@ def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareR
     )
 
 
-def rare_estimates(
-    rare: RareRejects | None, names: Collection[str] | None = None
-) -> dict[str, tuple[IndexEstimate, ...]]:
+def rare_estimates(rare: RareRejects | None, names: Collection[str] | None = None) -> dict[str, tuple[Estimate, ...]]:
     """Return the estimates from the weighted shares on the scale of Cpk, by response; of all, or of those named."""
     if rare is None:
         return {}
     by = f"{grouped(rare.runs)} weighted runs of {rare.campaign}"
-    found: dict[str, tuple[IndexEstimate, ...]] = {
-        r.response: (IndexEstimate(WEIGHTED, *_ends(r), f"{_words(r.total)} by {by}"),)
+    found: dict[str, tuple[Estimate, ...]] = {
+        r.response: (_estimate(r, by),)
         for r in rare.responses
         if r.total.rejects and (names is None or r.response in names)
     }
     # Without a reject only the bound by the plain runs is left, which their own count has told already; where runs were
     # made to decide, what they would have met behind a flat limit supports the other estimates.
     none = f"no reject by {by}, which would have met more than {ppm(rare.unseen_ppm)} ppm behind a flat limit"
-    bound = IndexEstimate(WEIGHTED, index_of_share(rare.unseen_ppm), math.inf, math.inf, none)
+    bound = Estimate(math.inf, (index_of_share(rare.unseen_ppm), math.inf), WEIGHTED, none)
     return found | {r.response: (bound,) for r in rare.responses if r.response in (names or ()) and not r.total.rejects}
 
 
 def decisive(
-    known: Mapping[str, tuple[IndexEstimate, ...]], later: Mapping[str, tuple[IndexEstimate, ...]]
-) -> dict[str, tuple[IndexEstimate, ...]]:
+    known: Mapping[str, tuple[Estimate, ...]], later: Mapping[str, tuple[Estimate, ...]]
+) -> dict[str, tuple[Estimate, ...]]:
     """Return which estimates of later runs replace those known: all but a mere bound where an interval is known."""
     has_interval = {name: all(math.isfinite(e.high) for e in found) for name, found in known.items()}
     return {
@@ -142,10 +279,7 @@ def decisive(
 def plain_check(
     response: str, side: str, y: Array, weights: Array, is_plain: NDArray[np.bool_], plain_share: float
 ) -> PlainCheck | None:
-    """Compare a weighted with a counted share of one response; None with too few plain runs.
-
-    `y`, shape (n,), is NaN where a run has none; `plain_share` is the planned share of plain runs.
-    """
+    """Compare a weighted with a counted share of one response; None with too few plain runs."""
     seen = np.sort(y[is_plain & np.isfinite(y)] * (1.0 if side == "below" else -1.0))
     beyond = max(FEWEST_SEEN, round(SEEN * seen.size))
     if seen.size < 2 * beyond:
@@ -174,8 +308,8 @@ def _draws(samples: Samples, spec: ReportSpec, confidence: float) -> Draws:
 def _beyond(samples: Samples, spec: ResponseSpec) -> dict[str, NDArray[np.bool_]]:
     """Return which runs lie beyond each limit, by side."""
     y = np.where(samples.ok, samples.values[spec.name], np.nan)
-    sides = {"below": None if spec.lsl is None else y < spec.lsl, "above": None if spec.usl is None else y > spec.usl}
-    return {side: rejects for side, rejects in sides.items() if rejects is not None}
+    sides = {} if spec.lsl is None else {"below": y < spec.lsl}
+    return sides if spec.usl is None else sides | {"above": y > spec.usl}
 
 
 def _response(name: str, beyond: dict[str, NDArray[np.bool_]], draws: Draws) -> RareResponse:
@@ -194,15 +328,11 @@ def _index(share: float) -> float | None:
     return index_of_share(share) if share > 0.0 else None
 
 
-def _ends(rare: RareResponse) -> tuple[float, float, float]:
-    """Return low end, value and high end of the index; if only a bound is known, the value is the high end."""
+def _estimate(rare: RareResponse, by: str) -> Estimate:
+    """Return the index of a response; if only a bound is known, the value is the high end."""
     low, high = rare.index_interval
-    best = np.inf if high is None else high
-    return low, best if rare.total.doubt or rare.index is None else rare.index, best
-
-
-def _words(share: RareShare) -> str:
-    """Return a share in words."""
-    low, high = (ppm(end) for end in share.interval)
-    known = f"at most {high} ppm" if share.doubt else f"{ppm(share.ppm)} ppm ({low} to {high})"
-    return f"{known} out of limits"
+    best, total = np.inf if high is None else high, rare.total
+    least, most = (ppm(end) for end in total.interval)
+    known = f"at most {most} ppm" if total.doubt else f"{ppm(total.ppm)} ppm ({least} to {most})"
+    value = best if total.doubt or rare.index is None else rare.index
+    return Estimate(value, (low, best), WEIGHTED, f"{known} out of limits by {by}")

@@ -3,8 +3,8 @@
 from collections import Counter
 
 from reporting.analysis import Analysis
+from reporting.capability.verdict import WORST_FIRST
 from reporting.format_numbers import index, part
-from reporting.headline import WORST_FIRST
 from reporting.key_findings import short_form
 from reporting.render.html import MARKS, as_markup, environment, label_cells
 from reporting.render.mechanism_figure import mechanism_figure

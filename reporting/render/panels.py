@@ -12,7 +12,8 @@ from scipy.special import ndtr
 
 from reporting import format_numbers
 from reporting.capability.control_chart import ControlChart
-from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, PERCENTILE, WEIGHTED, IndexEstimate, bars_of
+from reporting.capability.intervals import Estimate
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, PERCENTILE, WEIGHTED, bars_of
 from reporting.render.figures import PROBABILITIES, density_bars, tick_scores
 from reporting.render.svg import (
     BAR,
@@ -246,24 +247,24 @@ def index_figure(response: ResponseAnalysis) -> str | None:
             marks.append(text(middle, y - 9, value, colour=colour, more=bold))
         marks.append(text(frame.left - 8, y + 4, name, "end", colour, bold))
     marks.append(axis_x(frame, "index"))
-    values = "; ".join(f"{name} {e.words}" for name, e, _ in rows)
+    values = "; ".join(f"{name} {e.note}" for name, e, _ in rows)
     return svg(frame, f"Index of {spec.name}, required {format_numbers.plain(spec.requirement)}: {values}.", marks)
 
 
-def _estimates(response: ResponseAnalysis) -> list[tuple[str, IndexEstimate, bool]]:
+def _estimates(response: ResponseAnalysis) -> list[tuple[str, Estimate, bool]]:
     """Return name, estimate and whether it decides, the deciding one first."""
     found, c = response.verdict, response.capability
     assert c.cpk is not None
     low, high = c.cpk_interval or (c.cpk, c.cpk)
-    normal = IndexEstimate("index", low, c.cpk, high, format_numbers.index(c.cpk))
+    normal = Estimate(c.cpk, (low, high), "index", format_numbers.index(c.cpk))
     rows = [("Cpk", normal)]
-    rows += [(_BY[e.by], e) for e in index_estimates(c.n, response.fits, response.methods, response.tails)]
-    known = [(name, e, e.by == found.by) for name, e in rows]
+    rows += [(_BY[e.method], e) for e in index_estimates(c.n, response.fits, response.methods, response.tails)]
+    known = [(name, e, e.method == found.by) for name, e in rows]
     if found.by and not any(decides for _, _, decides in known):
         value = math.inf if found.index is None else found.index
         ends = (-math.inf if found.index_low is None else found.index_low, found.index_high or math.inf)
         names = {"count": "count of rejects", WEIGHTED: "weighted runs"}
-        deciding = IndexEstimate(found.by, ends[0], value, ends[1], format_numbers.index(value))
+        deciding = Estimate(value, ends, found.by, format_numbers.index(value))
         known = [(names.get(found.by, found.by), deciding, True), *known]
     return sorted(known, key=lambda each: not each[2])[:5]
 

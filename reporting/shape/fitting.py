@@ -1,29 +1,128 @@
 """Distributions fitted to a response: all families, those that may be used, and the chosen one.
 
-A family may be used if it passes a test of its fit (`reporting.shape.goodness`). Among these, the family with the
+A family may be used if it passes a test of its fit (`reporting.shape.fitting`). Among these, the family with the
 smallest AIC is considered no better than a simpler one within `AIC_MARGIN`. The data do not rule out the families
 within `AIC_SUPPORT`, so statements on the tails must be valid for all of them.
 
 Each family is fitted by maximum likelihood. The search uses the sample binned to 600 values, the goodness of fit
-4,000 (`reporting.shape.binned_sample`), so a million values cost as much as a few thousand. Normal and lognormal
+4,000 (`reporting.shape.sorted_sample`), so a million values cost as much as a few thousand. Normal and lognormal
 distributions use the moments of all values; sigma has the divisor n - 1, as everywhere in the report.
 """
 
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
-from reporting.capability.moments import ROUNDING, series
+from reporting.capability.intervals import share_interval
+from reporting.capability.moments import ROUNDING
 from reporting.distributions.families import FAMILIES, Family, Scaled, Theta
-from reporting.shape import atoms
-from reporting.shape.atoms import Atom, Ties
-from reporting.shape.binned_sample import BinnedSample, anderson_darling, bin_sample, distance
-from reporting.shape.goodness import LEAST_P, PRACTICAL, bootstrap, tail_misfit
+from reporting.distributions.forms import ClosedForm, Parameter
+from reporting.errors import finite_in_order
 from reporting.shape.maximum_likelihood import covariance, curvature, maximise
+from reporting.shape.sorted_sample import Atom, BinnedSample, Ties, anderson_darling, bin_sample, distance, ties
+
+# Whether a fitted distribution may be used: a test of Anderson and Darling by parametric bootstrap, and the tails.
+#
+# The bootstrap draws samples of n values from the fitted distribution, as counts in cells of its probability, fits each
+# by one step of Fisher's scoring, and computes its statistic like that of the data. With narrow cells in the tails
+# nothing of the statistic is lost, and the cost does not depend on n.
+#
+# No family is exact, so with enough values every one fails. A report requires less: a misfit that is not detectable in
+# `PRACTICAL` values, and tails that agree with the counted shares.
+
+# A fit with a p-value below this is not used.
+LEAST_P = 0.01
+# A misfit that is not detectable in this many values is unimportant.
+PRACTICAL = 5000
+# A tail fails if the counted share is proven (at `_TAIL_CHANCE`) to differ by more than this factor.
+TAIL_FACTOR = 1.5
+_TAIL_CHANCE = 0.002
+# Shares at which the tails are compared, besides the limits; smaller expected counts than the last are not compared.
+TAIL_SHARES, _FEWEST_EXPECTED = (0.00135, 0.01), 3.0
+_RESAMPLES = 999
+# Fixed, so that the same values always give the same report.
+_SEED = 19540
+# Directions with less information than this part of the largest are not treated as fitted.
+_FLATTEST = 1e-7
+_STEP = 1e-4
+
+
+class Bootstrap:
+    """Resamples of n values as counts in cells of equal probability, narrower in the tails."""
+
+    def __init__(self, n: int) -> None:
+        # Of up to 12 values a quarter of one is more than 2 %: there are no narrower cells.
+        tail = np.geomspace(0.25 / n, 0.02, 16)[:-1] if n > 12 else np.empty(0)
+        self.n = n
+        self.edges = np.concatenate((tail, np.linspace(0.02, 0.98, 49), 1 - tail[::-1]))
+        self.cells = np.diff(np.concatenate(([0.0], self.edges, [1.0])))
+        counts = np.random.default_rng(_SEED).multinomial(n, self.cells, size=_RESAMPLES)
+        self.excess = counts / n - self.cells
+        # A^2 is n times the integral of (F_n - F)^2 / (F (1 - F)) over F: here a sum over the edges.
+        self.weights = (self.cells[:-1] + self.cells[1:]) / 2 / (self.edges * (1 - self.edges))
+
+    def p_value(self, build: Callable[[Sequence[Parameter]], ClosedForm], theta: Theta, statistic: float) -> float:
+        """Return the share of resamples that are at least as far from their fit as the data, with this A^2, are.
+
+        With more than `PRACTICAL` values the excess of A^2 over its expected value is scaled to so many values.
+        """
+        slopes = self._slopes(build, theta)
+        of_cells = np.diff(slopes, axis=0, prepend=0.0, append=0.0) / self.cells[:, None]
+        information = of_cells.T @ (self.cells[:, None] * of_cells)
+        steepness, axes = np.linalg.eigh(information)
+        known = steepness > _FLATTEST * steepness[-1]
+        inverse = (axes[:, known] / steepness[known]) @ axes[:, known].T
+        fitted = self.excess @ of_cells @ inverse
+        deviation = np.cumsum(self.excess, axis=1)[:, :-1] - fitted @ slopes.T
+        drawn = self.n * (deviation**2 @ self.weights)
+        usual = float(np.mean(drawn))
+        practical = usual + (statistic - usual) * min(1.0, PRACTICAL / self.n)
+        # The data count as one more sample: 999 of them cannot prove a p-value below 1 in 1,000.
+        return float((1 + np.count_nonzero(drawn >= practical)) / (1 + _RESAMPLES))
+
+    def _slopes(self, build: Callable[[Sequence[Parameter]], ClosedForm], theta: Theta) -> Array:
+        """Return the derivatives of the distribution function at the edges by each parameter, shape (edges, k)."""
+        at = build(theta).ppf(self.edges)
+        centre = np.asarray(theta)
+        steps = np.diag(_STEP * (1 + np.abs(centre)))
+        up, down = (build(list((centre + sign * steps).T[:, :, None])) for sign in (1, -1))
+        lower = up.cdf(at) - down.cdf(at)
+        upper = down.sf(at) - up.sf(at)
+        # Differences of the smaller of the two shares: those of a share near 1 lose all digits in the tail.
+        slopes = np.where(self.edges < 0.5, lower, upper).T / (2 * np.diag(steps))
+        return np.where(np.isfinite(slopes), slopes, 0.0)
+
+
+@lru_cache(maxsize=2)
+def bootstrap(n: int) -> Bootstrap:
+    """Return the resamples of n values; those of the latest sizes are cached for the other responses of a report."""
+    return Bootstrap(n)
+
+
+def tail_misfit(ordered: Array, fitted: Scaled, limits: Sequence[float | None]) -> str:
+    """Return where a counted share of ascending values contradicts the fitted distribution; empty if none does."""
+    n = int(ordered.size)
+    shares = [share for share in TAIL_SHARES if share * n >= _FEWEST_EXPECTED]
+    lows = [(float(fitted.ppf(share)), share, f"below its {100 * share:g} % quantile") for share in shares]
+    highs = [(float(fitted.ppf(1 - share)), share, f"above its {100 - 100 * share:g} % quantile") for share in shares]
+    lower, upper = limits
+    if lower is not None:
+        lows.append((lower, float(fitted.cdf(lower)), "below the lower limit"))
+    if upper is not None:
+        highs.append((upper, float(fitted.sf(upper)), "above the upper limit"))
+    counted = [(int(np.searchsorted(ordered, at, side="left")), share, where) for at, share, where in lows]
+    counted += [(n - int(np.searchsorted(ordered, at, side="right")), share, where) for at, share, where in highs]
+    for count, share, where in counted:
+        low, high = share_interval(count, n, 1 - _TAIL_CHANCE)
+        if low > TAIL_FACTOR * share or high < share / TAIL_FACTOR:
+            return f"{where} it expects {n * share:.3g} values, and there are {count}"
+    return ""
+
 
 SEARCHED, JUDGED = 600, 4000
 # Values needed for each parameter.
@@ -93,30 +192,22 @@ def fit_families(
     names: Iterable[str] | None = None,
     limits: Sequence[float | None] = (None, None),
 ) -> Fits:
-    """Fit every family that is possible for the values `x`, or those named; values that are not finite are left out.
-
-    `bounds` are the physical bounds of the response, for the beta distribution. A family that contradicts the count of
-    values beyond the lower or the upper of the `limits` does not pass. ReportError: `x` is not a series of numbers.
-    """
-    values = series(x)
-    values = np.sort(values[np.isfinite(values)])
+    """Fit every family, or those named, to finite values; `bounds` are for beta, at `limits` tails are compared."""
+    values = finite_in_order(x)
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
         return unfitted("Fewer than two different values, so no distribution is fitted.")
     # The square of a double above 1e154 overflows, a sum of squares earlier.
     if not float(np.max(np.abs(values))) < 1e150 or not float(np.std(values)) > 0:
         return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
-    ties = atoms.ties(values)
-    found = ties.atoms()
+    tied = ties(values)
+    found = tied.atoms()
     if found:
-        reasons = (
-            *(atoms.in_words(atom) for atom in found),
-            "No smooth distribution describes that, so none is fitted.",
-        )
-        return unfitted(" ".join(reasons), found)
-    if ties.discrete:
-        return unfitted(f"Only {ties.values.size} different values, so no smooth distribution is fitted.")
-    fitting = Fitting(values, ties, bounds, limits)
+        reasons = [atom.words for atom in found]
+        return unfitted(" ".join([*reasons, "No smooth distribution describes that, so none is fitted."]), found)
+    if tied.discrete:
+        return unfitted(f"Only {tied.values.size} different values, so no smooth distribution is fitted.")
+    fitting = Fitting(values, tied, bounds, limits)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     outcomes = {family.name: fitting.fit(family) for family in families}
     fits = sorted((fit for fit in outcomes.values() if isinstance(fit, Fit)), key=lambda fit: fit.aic)
@@ -125,14 +216,17 @@ def fit_families(
     notes: tuple[str, ...] = ()
     if n > SEARCHED:
         notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
-    if ties.values.size < n:
+    if tied.values.size < n:
         notes += (
             "Equal values are spread over the interval that rounds to them: parameters and ppm differ a little from "
             "those of programs that fit rounded values as they are.",
         )
     if fits and not passing:
         notes += (f"No family is used: of {len(fits)} fitted, none agrees with the values.",)
-    return Fits(tuple(fits), _choose(passing), _candidates(passing), (), refused, notes)
+    close = [fit for fit in passing if fit.aic <= passing[0].aic + AIC_MARGIN]
+    best = min(close, key=lambda fit: (len(fit.theta), fit.family != "normal", fit.aic)).family if close else None
+    candidates = tuple(fit.family for fit in passing if handicap(fit, passing) <= AIC_SUPPORT)
+    return Fits(tuple(fits), best, candidates, (), refused, notes)
 
 
 def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
@@ -140,41 +234,17 @@ def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
     return Fits((), None, (), found, {}, (reason,))
 
 
-def handicap(fit: Fit, fits: Fits) -> float:
-    """Return the excess of AIC over the smallest one of a family that passes, scaled to `PRACTICAL` values."""
-    return _handicap(fit, [each for each in fits.fits if each.passes])
-
-
-def _handicap(fit: Fit, passing: list[Fit]) -> float:
-    return (fit.aic - passing[0].aic) * min(1.0, PRACTICAL / fit.n)
-
-
-def _choose(passing: list[Fit]) -> str | None:
-    """Return the simplest family that is as good as the best."""
-    if not passing:
-        return None
-    close = [fit for fit in passing if fit.aic <= passing[0].aic + AIC_MARGIN]
-    return min(close, key=lambda fit: (len(fit.theta), fit.family != "normal", fit.aic)).family
-
-
-def _candidates(passing: list[Fit]) -> tuple[str, ...]:
-    """Return the families that the values do not rule out."""
-    return tuple(fit.family for fit in passing if _handicap(fit, passing) <= AIC_SUPPORT)
+def handicap(fit: Fit, fits: Sequence[Fit]) -> float:
+    """Return the excess of AIC over the smallest one of those that pass (the first), scaled to `PRACTICAL` values."""
+    least = next(each.aic for each in fits if each.passes)
+    return (fit.aic - least) * min(1.0, PRACTICAL / fit.n)
 
 
 class Fitting:
-    """The ascending values of a response, shape (n,), ready for many families.
-
-    `ties` are its distinct values, `bounds` its physical bounds, `limits` the lower and upper limit, where tails are
-    compared.
-    """
+    """The ascending values of a response, shape (n,), ready for many families."""
 
     def __init__(
-        self,
-        ordered: Array,
-        ties: Ties,
-        bounds: tuple[float, float] | None,
-        limits: Sequence[float | None],
+        self, ordered: Array, ties: Ties, bounds: tuple[float, float] | None, limits: Sequence[float | None]
     ) -> None:
         self.ordered, self.bounds, self.limits = ordered, bounds, limits
         self.smooth = ties.spread()
@@ -212,7 +282,10 @@ class Fitting:
                 return "some values are impossible under the distribution that fits the others"
             ad = anderson_darling(self.many, cdf, sf) if scale > 0 else anderson_darling(self.many, sf, cdf)
             ad_p = None if ad is None else self.bootstrap.p_value(family.build, theta, ad)
-            misfit = _misfit(ad_p) or tail_misfit(self.ordered, fitted, self.limits)
+            # of the body of the values, else of the tails
+            misfit = "an extreme value is impossible" if ad_p is None else ""
+            misfit = misfit or (f"Anderson-Darling p = {ad_p:.2g}" if ad_p is not None and ad_p < LEAST_P else "")
+            misfit = misfit or tail_misfit(self.ordered, fitted, self.limits)
             information = curvature(loglik, theta)
         return Fit(
             family=family.name,
@@ -289,13 +362,6 @@ def log_likelihood(family: Family, sample: BinnedSample) -> Callable[[Array], Ar
     return loglik
 
 
-def distribution(fit: Fit, theta: Theta | None = None) -> Scaled:
-    """Return the distribution of a fit in the unit of the values; with the parameters `theta`, if given."""
-    return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), fit.shift, fit.scale)
-
-
-def _misfit(p: float | None) -> str:
-    """Return why the body of the values contradicts a fit; empty if it does not."""
-    if p is None:
-        return "an extreme value is impossible"
-    return f"Anderson-Darling p = {p:.2g}" if p < LEAST_P else ""
+def distribution(fit: Fit) -> Scaled:
+    """Return the distribution of a fit in the unit of the values."""
+    return Scaled(FAMILIES[fit.family].build(fit.theta), fit.shift, fit.scale)

@@ -22,10 +22,9 @@ class Histogram:
 
 
 def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
-    """Count the values of `x` in equal bins that end at the limits; None without values.
+    """Count the values in 12 to 60 equal bins (Freedman and Diaconis 1981) that end at the limits; None without values.
 
-    The width is that of Freedman and Diaconis (1981), limited to 12 to 60 bins over the data. With both limits it is
-    adjusted to divide the distance between them.
+    With both limits the width is adjusted to divide the distance between them.
     """
     if x.size == 0:
         return None

@@ -33,11 +33,10 @@ _FLATTEST = 1e-9
 
 
 def maximise(loglik: Likelihood, start: Theta) -> Theta | None:
-    """Return the maximiser of `loglik`; None if `loglik` is not finite at `start`.
+    """Return the maximiser of `loglik`, a function of points, shape (p, k); None if it is not finite at `start`.
 
-    Newton's method with central differences. Where the likelihood is not concave, the magnitudes of the curvatures are
-    used; a step is halved until the likelihood rises. `loglik` takes points, shape (p, k), and returns the
-    log-likelihood of each; infinite or NaN for impossible parameters.
+    Newton's method: where the likelihood is not concave, the magnitudes of the curvatures are used; a step is halved
+    until the likelihood rises.
     """
     theta = np.asarray(start, dtype=np.float64)
     best = float(loglik(theta[None])[0])

@@ -17,23 +17,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import bdtr, ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval, OpenInterval, bench
-from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.distributions.families import FAMILIES, Scaled
 from reporting.distributions.forms import Parameter
+from reporting.errors import finite_in_order
 from reporting.shape.fitting import Fit, distribution
 
-# ln 0.025 / ln 0.99865.
-FEWEST = 2731
-
-
+FEWEST = 2731  # ln 0.025 / ln 0.99865
 # Probabilities of the lower end, the middle and the upper end of a process (ISO 22514-2): -3, 0 and 3 normal sigmas.
 ENDS = (0.00135, 0.5, 0.99865)
+_TOO_FAR = "A limit is so far away that the share beyond it is too small for a number, so there is no Z-score."
+_ENDS_BEFORE = "The share of the fitted distribution beyond a limit is 0, so there is no Z-score at this limit."
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,9 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
     fitted = distribution(fit)
     with np.errstate(all="ignore"):
         point = _finite(indices(method, centred(fit), *(less(limit, fit.shift) for limit in (lsl, usl))))
-        z_lsl, z_usl = _z(fitted, lsl, usl)
+        # upper normal quantiles of the shares beyond the limits
+        z_lsl = None if lsl is None else -float(normal_quantile(fitted.cdf(lsl), fitted.sf(lsl)))
+        z_usl = None if usl is None else -float(normal_quantile(fitted.sf(usl), fitted.cdf(usl)))
         ends = fitted.ppf(ENDS)
     below = None if lsl is None else PPM * float(fitted.cdf(lsl))
     above = None if usl is None else PPM * float(fitted.sf(usl))
@@ -89,15 +90,12 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
         ppm_expected=sum(sides) if sides else None,
         ppm_expected_below=below,
         ppm_expected_above=above,
-        notes=(_beyond(fit.family),) if unbounded and method == "z_score" else (),
+        notes=(_TOO_FAR if fit.family == "normal" else _ENDS_BEFORE,) if unbounded and method == "z_score" else (),
     )
 
 
 def centred(fit: Fit, theta: Sequence[Parameter] | None = None) -> Scaled:
-    """Return the distribution of ``x - shift``, so that a large offset of the values costs no digits.
-
-    Other parameters `theta` may be arrays of shape (b, 1), for b distributions.
-    """
+    """Return the distribution of ``x - shift``, so that an offset costs no digits; b of them for theta (b, 1)."""
     return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), 0.0, fit.scale)
 
 
@@ -112,23 +110,13 @@ def indices(method: str, of: Scaled, lsl: float | None, usl: float | None) -> di
         return _of_percentiles(np.moveaxis(of.ppf(ENDS), -1, 0), lsl, usl)
     z_lsl = None if lsl is None else -normal_quantile(of.cdf([lsl])[..., 0], of.sf([lsl])[..., 0])
     z_usl = None if usl is None else -normal_quantile(of.sf([usl])[..., 0], of.cdf([usl])[..., 0])
-    return _of_z(z_lsl, z_usl)
-
-
-def _beyond(family: str) -> str:
-    """Return why there is no Z-score at a limit: the share beyond it is 0, or too small to be a number."""
-    if family == "normal":
-        return "A limit is so far away that the share beyond it is too small for a number, so there is no Z-score."
-    return "The share of the fitted distribution beyond a limit is 0, so there is no Z-score at this limit."
+    found = {name: z / 3 for name, z in (("ppl", z_lsl), ("ppu", z_usl)) if z is not None}
+    return found if z_lsl is None or z_usl is None else found | {"pp": (z_lsl + z_usl) / 6}
 
 
 def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:
-    """Return the indices from the percentiles of the values (Cnpk), with intervals for any distribution.
-
-    Values that are not finite are left out. ReportError: `x` is not a series of numbers.
-    """
-    values = series(x)
-    ordered = np.sort(values[np.isfinite(values)])
+    """Return the indices from the percentiles of the finite values (Cnpk), with intervals for any distribution."""
+    ordered = finite_in_order(x)
     assumed = "No distribution is assumed: the percentiles are those of the values themselves."
     if ordered.size < 2 or ordered[0] == ordered[-1]:
         return NonnormalIndices(
@@ -177,28 +165,9 @@ def _of_percentiles(ends: Array, lsl: float | None, usl: float | None) -> dict[s
     return indices
 
 
-def _z(fitted: Scaled, lsl: float | None, usl: float | None) -> tuple[float | None, float | None]:
-    """Return the upper normal quantiles of the shares below and above the limits; None without a limit."""
-    z_lsl = None if lsl is None else -float(normal_quantile(fitted.cdf(lsl), fitted.sf(lsl)))
-    z_usl = None if usl is None else -float(normal_quantile(fitted.sf(usl), fitted.cdf(usl)))
-    return z_lsl, z_usl
-
-
 def normal_quantile(share: Array, rest: Array) -> Array:
     """Return the normal quantile of a share, computed from the smaller of the share and its complement."""
     return np.asarray(np.where(share < rest, ndtri(share), -ndtri(rest)))
-
-
-def _of_z(z_lsl: Any, z_usl: Any) -> dict[str, Any]:
-    """Return the indices from the Z-scores."""
-    found = {}
-    if z_lsl is not None:
-        found["ppl"] = z_lsl / 3
-    if z_usl is not None:
-        found["ppu"] = z_usl / 3
-    if z_lsl is not None and z_usl is not None:
-        found["pp"] = (z_lsl + z_usl) / 6
-    return found
 
 
 def _finite(point: dict[str, float]) -> dict[str, float]:
@@ -220,19 +189,15 @@ def _with_ppk(point: dict[str, float]) -> dict[str, Any]:
 
 
 def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
-    """Return the quantiles at the ranks ``p (n + 1)``, interpolated between neighbours (R's type 6).
-
-    The values are ascending, shape (n,); a rank beyond the first or last value gives that value.
-    """
-    low, part = _ranks(ordered.size, shares)
-    return _between(ordered[low - 1], ordered[np.minimum(low, ordered.size - 1)], part)
+    """Return the quantiles of ascending values at the ranks ``p (n + 1)``, interpolated (R's type 6)."""
+    rank = np.clip(np.asarray(shares) * (ordered.size + 1), 1.0, float(ordered.size))
+    low = np.floor(rank).astype(np.int64)  # counted from 1
+    below, above = ordered[low - 1], ordered[np.minimum(low, ordered.size - 1)]
+    return np.asarray(below + (rank - low) * (above - below))
 
 
 def quantile_interval(ordered: Array, share: float, confidence: float) -> Interval | None:
-    """Return the two of the ascending values that enclose a quantile; None if the sample is too small for them.
-
-    Each end misses the quantile with a probability of at most ``(1 - confidence) / 2``.
-    """
+    """Return the two ascending values that enclose a quantile, each end missing it rarely enough; None with too few."""
     n, miss = ordered.size, (1 - confidence) / 2
     # Ten standard deviations hold every rank that an end can have, and spare the binomial sums of all n.
     spread = 10 * np.sqrt(n * share * (1 - share)) + 10
@@ -246,15 +211,11 @@ def quantile_interval(ordered: Array, share: float, confidence: float) -> Interv
 
 
 def interval_of_quantiles(
-    ordered: Array,
-    shares: Sequence[float],
-    statistics: Callable[[Array], dict[str, float]],
-    confidence: float,
+    ordered: Array, shares: Sequence[float], statistics: Callable[[Array], dict[str, float]], confidence: float
 ) -> dict[str, Interval]:
     """Return intervals of `statistics` of a few quantiles, by name; empty if the sample is too small.
 
-    Each quantile is moved alone to both ends of its interval; the resulting changes of a statistic add as squares,
-    upward and downward changes separately (Zou, Donner 2008).
+    Each quantile is moved alone to both ends of its interval; the changes add as squares (Zou, Donner 2008).
     """
     ends = [quantile_interval(ordered, share, confidence) for share in shares]
     middle = empirical_percentiles(ordered, shares)
@@ -270,15 +231,3 @@ def interval_of_quantiles(
                 down[name], up[name] = down[name] + min(move, 0.0) ** 2, up[name] + max(move, 0.0) ** 2
     found = {name: (float(v - np.sqrt(down[name])), float(v + np.sqrt(up[name]))) for name, v in point.items()}
     return {name: interval for name, interval in found.items() if np.all(np.isfinite(interval))}
-
-
-def _ranks(n: int, shares: Sequence[float]) -> tuple[NDArray[np.int64], Array]:
-    """Return the rank below each quantile, counted from 1, and the fraction of the distance to the next rank."""
-    rank = np.clip(np.asarray(shares) * (n + 1), 1.0, float(n))
-    low = np.floor(rank).astype(np.int64)
-    return low, rank - low
-
-
-def _between(low: Array, high: Array, part: Array) -> Array:
-    """Return values interpolated between `low` and `high`."""
-    return np.asarray(low + part * (high - low))

@@ -10,16 +10,16 @@ freedom hardly two more lie beyond three sigma than of 500 normal values.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaincinv, ndtr, ndtri
 
-from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-from reporting.capability.moments import location_and_shape, series
-from reporting.shape.binned_sample import BinnedSample, anderson_darling, bin_sample, distance
+from reporting.capability.moments import location_and_shape
+from reporting.errors import finite_in_order
+from reporting.shape.sorted_sample import BinnedSample, anderson_darling, bin_sample, distance
 
 NORMAL_WEIGHT = 1.5  # of a tail
 FEWEST_FOR_TAILS = 50
@@ -37,6 +37,7 @@ FEWEST_FOR_WORDS = 20
 PROVEN_P = 0.001
 _MOST_FOR_SHAPIRO = 5000
 _JUDGED = 20_000
+_TAILS = {"below": "lower", "above": "upper"}
 # With six normal responses of 30 to 5,000 values, one of them is called not normal in 4 to 5 % of campaigns (measured).
 DEPARTURE_P = 0.04
 
@@ -51,6 +52,11 @@ class TailWeight:
     weight: float
     p: float  # two-sided probability of a weight at least as far from 1 in a sample of normal values
     word: str  # "heavier", "lighter" or "like normal"
+
+    @property
+    def words(self) -> str:
+        """Which tail is heavier or lighter; empty for one like normal."""
+        return "" if self.word == "like normal" else f"{_TAILS[self.side]} tail {self.word}"
 
 
 @dataclass(frozen=True)
@@ -93,19 +99,19 @@ class ProbabilityPlot:
 
 
 def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None) -> Normality:
-    """Return the departure of the finite values of `x` from normality.
-
-    `worth` is the effective number of independent values, for values in production lots. The p-value of A^2 assumes
-    independent values and is then None. ReportError: `x` is not a series of numbers.
-    """
-    ordered = _ordered(x)
+    """Return the departure of finite values from normality; `worth` is their effective number if in lots."""
+    ordered = finite_in_order(x)
     with np.errstate(over="ignore", invalid="ignore"):
         shape = location_and_shape(ordered)
         n, std = int(ordered.size), shape.get("std", 0.0)
         if not 0 < std < math.inf or n < 3:
             return Normality(n)
         z = (ordered - shape["mean"]) / std
-    w, p = _shapiro(z)
+    w = p = None
+    if n <= _MOST_FOR_SHAPIRO:  # above, Royston's (1995) approximation is not valid
+        from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
+
+        w, p = map(float, shapiro(z))
     sample = bin_sample(z, _JUDGED)
     cdf = ndtr(sample.values)
     far = distance(sample, cdf)
@@ -133,12 +139,12 @@ def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None
         p=min(1.0, len(several) * min(several)) if several else None,
     )
     verdict, reason = _verdict(measures)
-    return Normality(**{**vars(measures), "verdict": verdict, "reason": reason})
+    return replace(measures, verdict=verdict, reason=reason)
 
 
 def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) -> ProbabilityPlot | None:
     """Return at most `most` points of the probability plot, a third of them extremes at each end; None if constant."""
-    ordered = _ordered(x)
+    ordered = finite_in_order(x)
     with np.errstate(over="ignore", invalid="ignore"):
         shape = location_and_shape(ordered)
     n, std = int(ordered.size), shape.get("std", 0.0)
@@ -159,31 +165,14 @@ def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) ->
 
 
 def tail_weights(sample: BinnedSample, worth: float) -> tuple[TailWeight, ...]:
-    """Return the weights of the lower and the upper tail of standardised values (divisor n - 1); empty below 50 values.
+    """Return the weights of both tails of standardised values (divisor n - 1); empty below 50 independent values.
 
     In samples of normal values ``weight^(-1/2)`` is approximately normal: simulated with 3,000 to 60,000 samples of 50
     to 20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 are correct to a third.
-    `worth` is the effective number of independent values.
     """
     if worth < FEWEST_FOR_TAILS:
         return ()
     return tuple(_tail(sample, worth, side, sign) for side, sign in (("below", -1.0), ("above", 1.0)))
-
-
-def _ordered(x: ArrayLike) -> Array:
-    """Return the finite values in ascending order."""
-    values = series(x)
-    return np.sort(values[np.isfinite(values)])
-
-
-def _shapiro(z: Array) -> tuple[float | None, float | None]:
-    """Return W and p; None above the number of values for which Royston's (1995) approximation is valid."""
-    if z.size > _MOST_FOR_SHAPIRO:
-        return None, None
-    from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
-
-    test = shapiro(z)
-    return float(test.statistic), float(test.pvalue)
 
 
 def _stephens(statistic: float, n: int) -> float:
@@ -233,19 +222,19 @@ def _verdict(measures: Normality) -> tuple[str, str]:
         f"cumulative shares differ from those of a normal distribution by at most {100 * measures.distance:.2g} % "
         f"(with {measures.n} values, between {100 * low:.2g} and {100 * high:.2g} %)"
     )
-    shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}{_tails_in_words(measures)}"
+    tails = "".join(f", {tail.words} than normal ({tail.weight:.2g} times)" for tail in measures.tails if tail.words)
+    shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}{tails}"
     if measures.n < FEWEST_FOR_WORDS:
         return "too few values", f"Too few values for a verdict on the shape: {distance}; {shape}."
     proven = any(p is not None and p < PROVEN_P for p in (measures.p, measures.anderson_darling_p))
     if low > FAR or (low > CLOSE and heavy):
         return "not normal", f"Not normal: {distance}; {shape}."
     if heavy:
-        if proven or _beyond_bar(measures):
+        intervals = ((measures.skewness_interval, SKEWNESS_BAR), (measures.kurtosis_interval, KURTOSIS_BAR))
+        if proven or any(interval and (interval[0] > bar or interval[1] < -bar) for interval, bar in intervals):
             return "not normal", f"Not normal in the tails: {shape}; {distance}."
-        return (
-            "undecided",
-            f"Perhaps not normal in the tails, but {measures.n} values do not prove it: {shape}; {distance}.",
-        )
+        what = f"Perhaps not normal in the tails, but {measures.n} values do not prove it"
+        return "undecided", f"{what}: {shape}; {distance}."
     if high <= CLOSE:
         return "normal", f"Normal to within {100 * high:.2g} % of the values: {distance}; {shape}."
     # At 95 % the band alone is 1.36 / sqrt(n): below 740 values it ends beyond `FAR` whatever the distance.
@@ -259,18 +248,3 @@ def _verdict(measures: Normality) -> tuple[str, str]:
 def departs(shape: Normality, tests: int, level: float = DEPARTURE_P) -> bool:
     """Return whether values are not normal, beyond what chance produces among `tests` responses (Bonferroni)."""
     return shape.verdict == "not normal" or (shape.p is not None and tests * shape.p < level)
-
-
-def _tails_in_words(measures: Normality) -> str:
-    """Return which tails are heavier or lighter than normal ones."""
-    return "".join(
-        f", {'lower' if tail.side == 'below' else 'upper'} tail {tail.word} than normal ({tail.weight:.2g} times)"
-        for tail in measures.tails
-        if tail.word != "like normal"
-    )
-
-
-def _beyond_bar(measures: Normality) -> bool:
-    """Return whether the interval of skewness or kurtosis lies beyond its threshold."""
-    intervals = ((measures.skewness_interval, SKEWNESS_BAR), (measures.kurtosis_interval, KURTOSIS_BAR))
-    return any(interval and (interval[0] > bar or interval[1] < -bar) for interval, bar in intervals)

@@ -14,10 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
+from numpy.typing import ArrayLike
+from scipy.special import chdtri, ndtri
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, share_interval
+from reporting.capability.moments import ROUNDING
+from reporting.capability.shares import PPM
+from reporting.errors import finite_in_order
 
 # Shapes searched: below -0.5 the likelihood is not regular (the tail ends abruptly), above 0.5 there is no variance.
 SHAPES = (-0.5, 0.75)
@@ -37,6 +41,11 @@ class ParetoFit:
     scale: float  # sigma, in the unit of the excesses
     loglik: float  # density in 1/unit
 
+    @property
+    def is_abrupt(self) -> bool:
+        """Whether it ends abruptly: a shape at the lower bound says that the likelihood is not regular."""
+        return self.shape <= SHAPES[0]
+
     def survival(self, y: float) -> float:
         """Return the share of excesses beyond `y`."""
         if abs(self.shape) < _TINY_SHAPE:
@@ -48,8 +57,7 @@ class ParetoFit:
 def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
     """Return the maximum-likelihood fit to excesses above 0, shape (k,), that are not all equal.
 
-    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993), so the search
-    is in one variable.
+    For a given ``theta = xi / sigma`` the best shape is the mean of ``ln(1 + theta y)`` (Grimshaw 1993): one variable.
     """
     largest, mean = float(np.max(excesses)), float(np.mean(excesses))
 
@@ -65,10 +73,9 @@ def maximum_likelihood_fit(excesses: Array) -> ParetoFit:
 
 
 def posterior_mean_fit(excesses: Array) -> tuple[float, float]:
-    """Return shape and scale by the posterior mean of ``-xi / sigma`` over a grid (Zhang and Stephens 2009).
+    """Return shape and scale of ascending excesses by the posterior mean of ``-xi / sigma`` (Zhang, Stephens 2009).
 
-    The excesses are above 0 and ascending. The shape is shrunk towards 0.5 with the weight of ten values, as in
-    Pareto-smoothed importance sampling (Vehtari et al. 2024).
+    The shape is shrunk towards 0.5 with the weight of ten values, as in Pareto-smoothed importance sampling.
     """
     n = excesses.size
     points = 30 + int(math.sqrt(n))
@@ -102,11 +109,7 @@ def loglik(excesses: Array, shape: float, scale: float) -> float:
 
 
 def survival_interval(excesses: Array, y: float, fit: ParetoFit, confidence: float) -> Interval:
-    """Return the profile-likelihood interval of the share of excesses beyond a distance `y` from the threshold.
-
-    Unlike a symmetric interval, it does not extend below zero for a share of a few ppm. `fit` is the maximum-likelihood
-    fit to the excesses.
-    """
+    """Return the profile-likelihood interval of the share of excesses beyond `y`; it never extends below zero."""
     from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
 
     # At the ends of the interval the log-likelihood has fallen by half the chi-square quantile (likelihood ratio).
@@ -164,3 +167,144 @@ def _maximum(f: Callable[[float], float], grid: Array) -> float:
     with np.errstate(invalid="ignore"):  # the likelihood of an impossible distribution is minus infinity
         top = minimize_scalar(lambda point: -f(point), bounds=ends, method="bounded", options=search)
     return float(top.x if -top.fun > values[best] else grid[best])
+
+
+# Shares far out in a tail, with too few rejects to count.
+
+# Fewer excesses do not determine the shape; more are affected by the curvature of a normal tail: with 2,000 of 30,000
+# values the interval of a share of 30 ppm missed it every other time, with 250 as often as stated.
+FEWEST_EXCESSES, MOST_EXCESSES, LARGEST_SHARE = 50, 250, 0.10
+# How many numbers of excesses are tried: the largest, its half, and so on.
+_THRESHOLDS = 3
+# A model of the tail is not used for shares below this part of one value: its upper end is never lower.
+_FARTHEST = 0.01
+# With this many rejects or more the count is better than any model.
+ENOUGH_REJECTS = 100
+
+
+@dataclass(frozen=True)
+class TailShare:
+    """Share of a response beyond one limit, from a model of the tail."""
+
+    side: str  # "below" or "above"
+    limit: float  # in the unit of the values
+    ppm: float | None  # None if it is refused, or too far beyond the values for a number
+    interval: Interval | None  # two-sided [ppm]; without an estimate it is an upper bound
+    method: str = "pareto"
+    threshold: float | None = None  # beginning of the fitted tail
+    excesses: int | None = None  # values beyond it
+    shape: float | None = None  # of the Pareto tail; if negative it has an end
+    scale: float | None = None
+    note: str = ""  # why the estimate is refused, or why there is only a bound; may be empty
+
+
+def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> tuple[TailShare, ...]:
+    """Return the share of finite values beyond each limit from a generalized Pareto tail, the lower limit first.
+
+    Tails are fitted beyond several thresholds (250 excesses or a tenth of the values, and halves of that down to 50);
+    those that the Cramer-von Mises statistic rejects at 5 % are ignored. The estimate is that of the most excesses, the
+    interval covers those of all thresholds: with many excesses a tail is precise but may still be curved, and one
+    threshold alone missed the share in up to 26 of 100 samples of 2,000. An estimate below a hundredth of one value is
+    not given: then the upper end is a bound, and at least that of an exponential tail, because a tail that seems to end
+    before the limit may not end.
+    """
+    ordered = finite_in_order(x)
+    lower = () if lsl is None else (_tail("below", -ordered[::-1], -lsl, confidence),)
+    return lower if usl is None else (*lower, _tail("above", ordered, usl, confidence))
+
+
+def abrupt_ends(ordered: Array) -> tuple[bool, bool]:
+    """Return whether the lower and the upper tail end abruptly, as those of a cut distribution; False if unknown.
+
+    Of 500 values of a normal distribution cut at 2 sigma 92 % of the tails are found, of uncut ones 3 % taken for cut.
+    """
+    k = min(MOST_EXCESSES, int(LARGEST_SHARE * ordered.size))
+
+    def is_abrupt(ascending: Array) -> bool:
+        if _refusal(ascending, 0, k):
+            return False
+        excesses = ascending[-k:] - ascending[-k - 1]
+        return excesses[0] > 0 and maximum_likelihood_fit(excesses).is_abrupt
+
+    return is_abrupt(-ordered[::-1]), is_abrupt(ordered)
+
+
+def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailShare:
+    """Return the share above `limit` of ascending values; for the lower side both are mirrored."""
+    sign = -1.0 if side == "below" else 1.0
+    n = int(ordered.size)
+    most = min(MOST_EXCESSES, int(LARGEST_SHARE * n))
+    rejects = n - int(np.searchsorted(ordered, limit, side="right"))
+    refusal = _refusal(ordered, rejects, most)
+    if refusal:
+        return TailShare(side, sign * limit, None, None, note=refusal)
+    # each tail begins before the limit, the largest first
+    fewest = min(max(FEWEST_EXCESSES, rejects + 1), most)
+    sizes = sorted({max(most // 2**i, fewest) for i in range(_THRESHOLDS)}, reverse=True)
+    fits = [tail for k in sizes if (tail := _beyond_threshold(ordered, limit, k))]
+    if not fits:
+        count = f"{FEWEST_EXCESSES} to {most}" if most > FEWEST_EXCESSES else f"{most}"
+        note = f"A Pareto distribution fits none of the tails of {count} values."
+        return TailShare(side, sign * limit, None, None, note=note)
+    threshold, excesses, fit = fits[0]
+    estimates = [_beyond(y, limit - at, beyond, n, confidence) for at, y, beyond in fits]
+    ppm, least = estimates[0][0], PPM * _FARTHEST / n
+    low, high = min(ends[0] for _, ends in estimates), max(ends[1] for _, ends in estimates)
+    note = ""
+    if ppm < least:
+        low, high = 0.0, max(high, *(_exponential_bound(y, limit - at, n, confidence) for at, y, _ in fits))
+        why = f"The limit is too far beyond {n} values for a number" if ppm else "The fitted tail ends before the limit"
+        note = f"{why}, so there is only an upper bound."
+    return TailShare(
+        side, sign * limit, ppm if ppm >= least else None, (low, max(high, least)),
+        threshold=sign * threshold, excesses=excesses.size, shape=fit.shape, scale=fit.scale, note=note,
+    )  # fmt: skip
+
+
+def _beyond_threshold(ordered: Array, limit: float, k: int) -> tuple[float, Array, ParetoFit] | None:
+    """Return threshold, excesses and fit of the tail of `k` values; None if no Pareto tail fits them."""
+    threshold = float(ordered[-k - 1])
+    excesses = ordered[-k:] - threshold
+    if excesses[0] <= 0 or limit <= threshold:
+        return None
+    fit = maximum_likelihood_fit(excesses)
+    fits = cramer_von_mises(excesses, fit) <= critical_cramer_von_mises(fit.shape)
+    return (threshold, excesses, fit) if fits and not fit.is_abrupt else None
+
+
+def _refusal(ordered: Array, rejects: int, most: int) -> str:
+    """Return why no tail can be fitted; empty if one can be."""
+    n = ordered.size
+    if most < FEWEST_EXCESSES:
+        return f"{n} values are too few for a tail: {math.ceil(FEWEST_EXCESSES / LARGEST_SHARE)} are needed."
+    if rejects >= min(ENOUGH_REJECTS, most):
+        return f"{rejects} values are beyond the limit, so the counted share is better than any model of the tail."
+    top = ordered[n - most :]
+    if top[-1] - top[0] <= ROUNDING * float(np.max(np.abs(top))):
+        return "The values in the tail are all equal, so no tail is fitted."
+    if np.unique(top).size < 0.9 * top.size:
+        return "Values in the tail repeat, because they are rounded or bounded, so no smooth tail fits them."
+    return ""
+
+
+def _beyond(excesses: Array, y: float, fit: ParetoFit, n: int, confidence: float) -> tuple[float, Interval]:
+    """Return the ppm beyond a limit at the distance `y` from the threshold, and its interval."""
+    over = excesses.size / n
+    share = fit.survival(y)
+    low, high = survival_interval(excesses, y, fit, confidence)
+    over_low, over_high = share_interval(excesses.size, n, confidence)
+    if share == 0:
+        return 0.0, (0.0, PPM * min(over_high * high, 1.0))
+    lowest = 0.0
+    if low > 0:
+        lowest = over * share * math.exp(-math.hypot(math.log(share / low), math.log(over / over_low)))
+    highest = over * share * math.exp(math.hypot(math.log(high / share), math.log(over_high / over)))
+    return PPM * over * share, (PPM * lowest, PPM * min(highest, 1.0))
+
+
+def _exponential_bound(excesses: Array, y: float, n: int, confidence: float) -> float:
+    """Return the upper end [ppm] of the share of an exponential tail beyond a distance `y` from the threshold."""
+    over, scale = excesses.size / n, y / float(np.mean(excesses))
+    _, highest = share_interval(excesses.size, n, confidence)
+    of_mean = float(ndtri(0.5 + confidence / 2)) * scale / math.sqrt(excesses.size)
+    return PPM * min(over * math.exp(-scale + math.hypot(of_mean, math.log(highest / over))), 1.0)

@@ -16,24 +16,79 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri, ndtr
+from scipy.special import chdtri, ndtr, ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval, OpenInterval
-from reporting.capability.moments import series
 from reporting.capability.shares import PPM
-from reporting.shape.atoms import ties
-from reporting.shape.binned_sample import BinnedSample, bin_sample
-from reporting.shape.fitting import AIC_MARGIN, Fit, Fits, handicap
+from reporting.distributions.families import FAMILIES
+from reporting.errors import finite_in_order
+from reporting.shape.fitting import AIC_MARGIN, PRACTICAL, Fit, Fits, handicap, log_likelihood
+from reporting.shape.maximum_likelihood import curvature
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
-from reporting.shape.parameter_draws import BINNED, parameter_draws, weighted_interval
-from reporting.shape.tails import abrupt_ends
+from reporting.shape.pareto import abrupt_ends
+from reporting.shape.sorted_sample import BinnedSample, bin_sample, ties
+
+# Plausible parameters of a fit, drawn in proportion to their likelihood.
+#
+# They are drawn from the normal distribution given by the curvature of the likelihood, evenly instead of at random, and
+# weighted by the likelihood itself (importance sampling), so that results computed from them may be skewed. Where the
+# likelihood is flat, the parameters vary within a bound.
+
+# Number of weighted values that represent the sample.
+BINNED = 240
+_DRAWS = 600
+# The draws extend beyond the curvature's range by this factor, but at most this far: parameters are of order one.
+_BEYOND, _FARTHEST = 1.4, 1.5
+
+
+def parameter_draws(fit: Fit, sample: BinnedSample) -> tuple[Array, Array]:
+    """Return parameters, shape (draws, k), and their weights, shape (draws,), which sum to 1.
+
+    More than `PRACTICAL` values weigh as so many: a family is a model, and more values do not make its tails certain.
+    """
+    theta, n = np.asarray(fit.theta), sample.n
+    worth = min(1.0, PRACTICAL / n) * (1 - theta.size / n)
+    loglik = log_likelihood(FAMILIES[fit.family], sample.scaled(fit.shift, fit.scale))
+    with np.errstate(all="ignore"):
+        information = curvature(loglik, fit.theta)
+        if information is None:
+            return theta[None], np.ones(1)
+        steepness, axes = np.linalg.eigh(worth * information)
+        reach = np.minimum(_BEYOND / np.sqrt(np.maximum(steepness, 1e-12)), _FARTHEST)
+        scores = _even_normals(_DRAWS, theta.size)
+        drawn = theta + (scores * reach) @ axes.T
+        # The likelihood over the normal density of the scores from which the parameters are drawn.
+        log_weights = worth * loglik(drawn) + 0.5 * np.sum(scores**2, axis=1)
+    log_weights = np.where(np.isfinite(log_weights), log_weights, -np.inf)
+    weights = np.exp(log_weights - np.max(log_weights)) if np.any(np.isfinite(log_weights)) else np.ones(_DRAWS)
+    return drawn, weights / np.sum(weights)
+
+
+def weighted_interval(values: Array, weights: Array, confidence: float) -> Interval:
+    """Return the quantiles of values with weights of sum 1 that leave out equal shares at both ends."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order]) - weights[order] / 2
+    ends = np.searchsorted(below, ((1 - confidence) / 2, (1 + confidence) / 2))
+    low, high = values[order][np.clip(ends - np.array([1, 0]), 0, values.size - 1)]
+    return float(low), float(high)
+
+
+def _even_normals(count: int, k: int) -> Array:
+    """Return points, (count, k), that fill a normal distribution evenly, by golden ratios (Roberts 2018)."""
+    phi = 2.0
+    # Each step of this fixed-point iteration divides the error by 3 or more.
+    for _ in range(40):
+        phi = (1 + phi) ** (1 / (k + 1))
+    steps = phi ** -np.arange(1.0, k + 1)
+    return np.asarray(ndtri((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0))
+
 
 # Families whose ppm differ by more than this factor are shown as a range.
 AGREEMENT = 3.0
 # A larger Z-score, on the scale of an index, belongs to a share below the smallest floating-point number: the values
 # then rule out no index, and the interval has no end.
-_FARTHEST = 38.0 / 3
+_TINY = 38.0 / 3
 _ENDS_BEFORE = (
     "The values do not rule out a distribution that ends before a limit, or a share beyond it too small for a number: "
     "an interval has no upper end."
@@ -49,11 +104,7 @@ METHODS = ("percentile", "z_score")
 def supported_indices(
     x: ArrayLike, fits: Fits, lsl: float | None, usl: float | None, confidence: float = 0.95
 ) -> tuple[NonnormalIndices, ...]:
-    """Return the indices of the chosen family by percentiles and by Z-scores, with intervals over all candidates.
-
-    One for each method, empty if no family passes. `x` are the fitted values; those that are not finite are left out.
-    ReportError: `x` is not a series of numbers.
-    """
+    """Return the indices of the chosen family by both methods, with intervals over all candidates."""
     best = fits.of(fits.best)
     if best is None:
         return ()
@@ -65,8 +116,7 @@ def supported_indices(
         "candidates": tuple(fit.title for fit in candidates),
         "ppm_range": (min(expected), max(expected)) if disagree else None,
     }
-    values = series(x)
-    ordered = np.sort(values[np.isfinite(values)])
+    ordered = finite_in_order(x)
     sample = bin_sample(ties(ordered).spread(), BINNED)
     limited = {name: end for name, end in (("ppl", lsl), ("ppu", usl)) if end is not None}
     cut = {
@@ -81,7 +131,7 @@ def supported_indices(
     for point in points:
         names = [name for name in ("pp", "ppk", "ppl", "ppu") if getattr(point, name) is not None]
         over_all: dict[str, Any] = {
-            f"{name}_interval": _open(_union(part[f"{point.method} {name}"] for part in parts)) for name in names
+            f"{name}_interval": _union_with_ends(part[f"{point.method} {name}"] for part in parts) for name in names
         }
         ends = [interval[1] for interval in over_all.values() if interval is not None]
         said = (_CUT,) if cut and point.method == "z_score" else (_ENDS_BEFORE,) if None in ends else ()
@@ -92,11 +142,7 @@ def supported_indices(
 
 
 def supported_quantiles(x: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
-    """Return the outermost ends of the intervals of quantiles over all candidates but the normal distribution.
-
-    The shape is (confidences, shares, 2); minus and plus infinity, inside out, where there is no other candidate. `x`
-    are the fitted values, all finite.
-    """
+    """Return the outermost ends of the intervals of quantiles over the other candidates, (confidences, shares, 2)."""
     found = np.stack([np.full((len(confidences), len(shares)), end) for end in (math.inf, -math.inf)], axis=-1)
     sample = bin_sample(ties(np.sort(x)).spread(), BINNED)
     for fit in fits.fits:
@@ -116,7 +162,7 @@ def supported_quantiles(x: Array, fits: Fits, shares: Sequence[float], confidenc
 def _within(fit: Fit, fits: Fits, confidence: float) -> float:
     """Return the confidence of the interval that a candidate contributes, less the farther it is from the best."""
     bar = float(chdtri(1, 1 - confidence)) + AIC_MARGIN
-    return max(float(2 * ndtr(math.sqrt(max(bar - handicap(fit, fits), 0.0))) - 1), 0.0)
+    return max(float(2 * ndtr(math.sqrt(max(bar - handicap(fit, fits.fits), 0.0))) - 1), 0.0)
 
 
 def _intervals(
@@ -128,7 +174,10 @@ def _intervals(
     with np.errstate(all="ignore"):
         of = centred(fit, list(theta.T[:, :, None]))
         drawn = {
-            f"{method} {name}": _of_known_shares(values) if method == "z_score" else values
+            # infinite if the share is too small for a floating-point number
+            f"{method} {name}": np.where(np.abs(values) >= _TINY, np.copysign(np.inf, values), values)
+            if method == "z_score"
+            else values
             for method in METHODS
             for name, values in indices(method, of, low, high).items()
         }
@@ -165,16 +214,11 @@ def _without_ends(
     return changed
 
 
-def _of_known_shares(z: Array) -> Array:
-    """Return Z-scores on the scale of an index; infinite if the share is too small for a floating-point number."""
-    return np.where(np.abs(z) >= _FARTHEST, np.copysign(np.inf, z), z)
-
-
-def _open(interval: Interval | None) -> OpenInterval | None:
-    """Return an interval with None in place of an infinite end."""
-    if interval is None:
+def _union_with_ends(intervals: Iterable[Interval | None]) -> OpenInterval | None:
+    """Return the union of intervals with None in place of an infinite end."""
+    if (found := _union(intervals)) is None:
         return None
-    low, high = (end if math.isfinite(end) else None for end in interval)
+    low, high = (end if math.isfinite(end) else None for end in found)
     return low, high
 
 
@@ -186,9 +230,6 @@ def _interval(values: Array, weights: Array, confidence: float) -> Interval | No
 
 
 def _union(intervals: Iterable[Interval | None]) -> Interval | None:
-    """Return the smallest interval that contains all given intervals; None without any.
-
-    After a power transformation the largest or smallest values may have no quantile: such a family is ignored.
-    """
+    """Return the smallest interval that contains all given ones but those of None; None without any."""
     known = [interval for interval in intervals if interval is not None]
     return (min(low for low, _ in known), max(high for _, high in known)) if known else None

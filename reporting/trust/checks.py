@@ -10,8 +10,8 @@ import numpy as np
 
 from reporting import format_numbers
 from reporting.arrays import Array
-from reporting.assembly import AssemblyShare
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
+from reporting.product_yield import AssemblyShare
 from reporting.samples import OK, Samples
 from reporting.statuses import too_few_ok
 

@@ -14,12 +14,12 @@ from reporting.capability.control_chart import ControlChart
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
 from reporting.capability.row_order import FALSE_ALARMS
-from reporting.capability.summary import Capability
-from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, bars_of
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, bars_of
 from reporting.gauge import ACCEPTABLE, UNACCEPTABLE
 from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
+from reporting.shape.normality import PROVEN_P, departs
 from reporting.trust.checks import Check
 
 _NO_PRODUCTION = "The samples do not represent production."
@@ -48,11 +48,13 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
         reason = next(c.interval_reason for _, c in indexed if c.cpk_interval is None)
         return Check(name, "attention", f"No interval for Cpk of {', '.join(withheld)}: {reason}")
     # A width relative to a Cpk near 0 is meaningless: for a Cpk below 1 it is relative to 1.
-    widths = [_width(c) / (2 * max(abs(c.cpk or 0.0), 1.0)) for _, c in indexed]
+    intervals = [c.cpk_interval or (-math.inf, math.inf) for _, c in indexed]
+    widths = [(i[1] - i[0]) / (2 * max(abs(c.cpk or 0.0), 1.0)) for i, (_, c) in zip(intervals, indexed, strict=True)]
     at = widths.index(max(widths))
     response, c = indexed[at]
     counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
-    text = f"Least certain Cpk: {response.spec.name}, ±{_rounded(widths[at])}"
+    two_digits = format_numbers.plain(float(f"{100 * widths[at]:.2g}"))  # such as 44 %, 110 % or 4.9 %
+    text = f"Least certain Cpk: {response.spec.name}, ±{format_numbers.grouped(two_digits)}\u00a0%"
     if widths[at] > WANTED_HALF_WIDTH:
         # The width of an interval falls as 1 / sqrt(n).
         needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
@@ -60,24 +62,12 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     uncertain = [r for r, c in indexed if not r.verdict.certain and _covers_classes(r, c.cpk_interval or ())]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
-        text += f". {'; '.join(_open_classes(r) for r in uncertain)}: more {what} may decide"
+        text += f". {'; '.join(map(_open_classes, uncertain))}: more {what} may decide"
     fewest = min(c.n for _, c in indexed)
     if fewest < FEWEST_FOR_A_VERDICT:
         text = f"{fewest} values are too few for a verdict: at least {FEWEST_FOR_A_VERDICT} are needed. {text}"
     enough = not uncertain and fewest >= FEWEST_FOR_A_VERDICT and widths[at] <= LOOSE_HALF_WIDTH
     return Check(name, "good" if enough else "attention", f"{text}.", widths[at])
-
-
-def _rounded(share: float) -> str:
-    """Return a half width as percent with two digits, such as 44 %, 110 % or 4.9 %."""
-    two_digits = float(f"{100 * share:.2g}")
-    return f"{format_numbers.grouped(format_numbers.plain(two_digits))}\u00a0%"
-
-
-def _width(numbers: Capability) -> float:
-    """Return the width of the interval of Cpk."""
-    low, high = numbers.cpk_interval or (-math.inf, math.inf)
-    return high - low
 
 
 def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
@@ -87,11 +77,8 @@ def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...
         return ()
     lots, name = min(described, key=lambda pair: pair[0].effective)
     if not lots.enough:
-        few = (
-            "All samples are of one production lot"
-            if lots.count == 1
-            else f"The samples are of {lots.count} production lots"
-        )
+        few = "All samples are of one production lot"
+        few = few if lots.count == 1 else f"The samples are of {lots.count} production lots"
         text = f"{few}, which share a shift: intervals need at least {lots.least} lots, so there are none."
         return (Check("Production lots", "attention", text, float(lots.count)),)
     text = (
@@ -116,10 +103,7 @@ def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> C
     if drifts[name] <= DRIFT_BAR:
         return Check("Converged", "good", f"{text}, no more than by chance.", drifts[name])
     return Check(
-        "Converged",
-        "attention",
-        f"{text}, too much for chance: something changed during the campaign.",
-        drifts[name],
+        "Converged", "attention", f"{text}, too much for chance: something changed during the campaign.", drifts[name]
     )
 
 
@@ -216,7 +200,8 @@ def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
         return Check("Verdicts", "good", "Cpk, count of rejects and all other estimates agree on every verdict.", 0.0)
     alike: dict[str, list[str]] = {}
     for r in doubtful:
-        alike.setdefault(f"({_in_words(r)}): {' '.join(r.verdict.reasons)}", []).append(r.spec.name)
+        word = r.verdict.word + ("" if r.verdict.certain else ", not certain")
+        alike.setdefault(f"({word}): {' '.join(r.verdict.reasons)}", []).append(r.spec.name)
     leads = (
         ("Not certain", [r for r in doubtful if not r.verdict.certain]),
         ("Not by Cpk", [r for r in doubtful if r.verdict.certain]),
@@ -224,11 +209,6 @@ def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
     lead = [f"{what}: {', '.join(r.spec.name for r in those)}." for what, those in leads if those]
     text = " ".join([*lead, *(f"{', '.join(names)} {words}" for words, names in alike.items())])
     return Check("Verdicts", "attention", text, float(len(doubtful)))
-
-
-def _in_words(response: ResponseAnalysis) -> str:
-    """Return the verdict on a response in words."""
-    return response.verdict.word + ("" if response.verdict.certain else ", not certain")
 
 
 def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) -> Check:
@@ -246,18 +226,14 @@ def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) 
     if count < 2:
         return Check("All at once", "info", f"Each interval contains the true value in {level} of all cases.")
     missing = format_numbers.plain(round(count * (1 - confidence), 1))
-    kinds = _counted(len(judged), "verdict") + (f", {_counted(shares, 'share')} of variables" if shares else "")
+    kinds = f"{len(judged)} verdict{'' if len(judged) == 1 else 's'}"
+    kinds += f", {shares} share{'' if shares == 1 else 's'} of variables" if shares else ""
     text = f"{count} statements at {level} each ({kinds}): expect about {missing} to be wrong."
     if len(certain) > 1:
         together = [r.spec.name for r in certain if _certain_among(r, len(judged), confidence)]
         names = "all certain ones" if len(together) == len(certain) else ", ".join(together) or "none"
         text += f" Verdicts that hold at {level} all at once (Bonferroni): {names}."
     return Check("All at once", "info", text, count * (1 - confidence))
-
-
-def _counted(count: int, what: str) -> str:
-    """Return a number of things in words."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -> bool:
@@ -280,8 +256,8 @@ def _covers_classes(response: ResponseAnalysis, ends: Iterable[float]) -> bool:
 
 def _open_classes(response: ResponseAnalysis) -> str:
     """Return which other verdicts the interval of Cpk of a response covers, in words."""
-    low, high = response.capability.cpk_interval or (0.0, 0.0)
-    classes = bars_of(response.spec.requirement).classes(IndexEstimate("index", low, low, high, ""))
+    interval = response.capability.cpk_interval or (0.0, 0.0)
+    classes = bars_of(response.spec.requirement).classes(interval)
     return f"{response.spec.name} could still be {' or '.join(c for c in classes if c != response.verdict.word)}"
 
 
@@ -294,15 +270,10 @@ def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Sample
     if not judged:
         text = "All samples failed." if not samples.ok.any() else "No response has limits."
         return Check(name, "info", text)
-    lowest = sorted(judged, key=_with_failures)[:FEW]
-    each = "; ".join(f"{r.spec.name} {_as_rejects(r)}" for r in lowest)
+    lowest = sorted(((r.yield_.share, r) for r in judged if r.yield_), key=lambda pair: pair[0])[:FEW]
+    each = "; ".join(f"{r.spec.name} {_as_rejects(r)}" for _, r in lowest)
     text = f"If every failed sample were a reject on the worse side (worst response first): {each}."
-    return Check(name, "attention", text, _with_failures(lowest[0]))
-
-
-def _with_failures(response: ResponseAnalysis) -> float:
-    """Return the yield of a response with failures counted as rejects."""
-    return response.yield_.share if response.yield_ else 1.0
+    return Check(name, "attention", text, lowest[0][0])
 
 
 def _as_rejects(response: ResponseAnalysis) -> str:
@@ -337,10 +308,8 @@ def missing_values(responses: tuple[ResponseAnalysis, ...], *, measured: bool = 
     """Check that every ok sample, or measured part, has a number for every response."""
     incomplete = [(r.spec.name, r.missing) for r in responses if r.missing]
     if not incomplete:
-        all_there = (
-            "No measurement is missing." if measured else "Every ok sample has a finite number for every response."
-        )
-        return Check("Values", "good", all_there, 0.0)
+        text = "No measurement is missing." if measured else "Every ok sample has a finite number for every response."
+        return Check("Values", "good", text, 0.0)
     listed = ", ".join(f"{name} {format_numbers.grouped(count)}" for name, count in incomplete)
     what = "Parts without a measurement" if measured else "Ok samples without a finite number"
     text = f"{what}, left out of the statistics and counted as rejects: {listed}."
@@ -405,3 +374,100 @@ def _weights_agree(rare: RareRejects) -> Check:
     if errors[worst] <= CHECK_BAR:
         return Check("Weights", "good", f"{text}.", errors[worst])
     return Check("Weights", "bad", f"{text}: the weights do not fit the runs.", errors[worst])
+
+
+# Line of the trust card on normality: which responses are not normal, in which tail, and the effect on the ppm.
+
+# A single response with a p-value below this would be called not normal.
+PERHAPS_P = 0.05
+
+
+def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
+    """Check that the responses with limits are close enough to normal for the printed ppm."""
+    indexed = [r for r in responses if r.capability.cpk is not None]
+    shaped = [r for r in indexed if r.normality.p is not None]
+    untested = [r for r in indexed if r.normality.p is None and r.normality.distance_interval is not None]
+    if not shaped and not untested:
+        return Check("Shape", "info", "No response with limits has enough values to judge its shape.")
+    # Of six normal responses one in four campaigns would have a p-value below 5 %.
+    # beyond chance even among many responses
+    proven = [r for r in shaped if (p := r.normality.anderson_darling_p) is not None and p < PROVEN_P]
+    departing = [r for r in shaped if departs(r.normality, len(shaped)) or r in proven]
+    rest = [r for r in shaped if r not in departing]
+    doubtful = [r for r in rest if (r.normality.p or 0.0) < PERHAPS_P]
+    rest = [r for r in rest if r not in doubtful]
+    close = [r for r in rest if r.normality.verdict in ("normal", "close to normal")]
+    open_ = [r for r in rest if r not in close]
+    of_each = [(r, "; ".join(_effects(r))) for r in departing]
+    sentences = [f"{r.spec.name} is not normal ({_how(r)}){effects and f': {effects}'}." for r, effects in of_each]
+    if close:
+        names = _named(close, len(indexed))
+        sentences.append(f"{names}: close to normal, no cumulative share is off by more than {_farthest(close)}.")
+    if open_:
+        smallest = format_numbers.probability(min(r.normality.p for r in open_ if r.normality.p is not None))
+        sentences.append(
+            f"{_named(open_, len(indexed))}: no departure from normal found (smallest p, tails included, {smallest}), "
+            f"but with {_so_few(open_)} cumulative shares may be off by up to {_farthest(open_)}."
+        )
+    if untested:
+        sentences.append(
+            f"{_named(untested, len(indexed))}: {_so_few(untested)} do not allow a test of the shape; "
+            f"cumulative shares may be off by up to {_farthest(untested)}."
+        )
+    if doubtful:
+        each = "; ".join(f"{r.spec.name} ({_how(r)})" for r in doubtful)
+        by_chance = format_numbers.plain(round(PERHAPS_P * len(shaped), 1))
+        sentences.append(
+            f"Perhaps not normal, but none for certain (of {len(shaped)} normal responses about {by_chance} look like "
+            f"this by chance): {each}."
+        )
+    misleading = [r for r, effects in of_each if effects or r.normality.verdict == "not normal"]
+    level = "attention" if misleading else "info" if open_ or untested or departing or doubtful else "good"
+    return Check("Shape", level, " ".join(sentences), float(len(departing)))
+
+
+def _how(response: ResponseAnalysis) -> str:
+    """Return how much a response departs from normal, and in which tail."""
+    shape = response.normality
+    tails = [tail.words for tail in shape.tails if tail.words]
+    where = " and ".join(tails) + " than normal" if tails else "no tail clearly heavier or lighter than normal"
+    both = (("Anderson-Darling", shape.anderson_darling_p), ("including the tails", shape.p))
+    found = [(name, format_numbers.probability(p)) for name, p in both if p is not None]
+    named = [f"{name} p {p if p.startswith('<') else f'= {p}'}" for name, p in found]
+    return f"{', '.join(named)}, cumulative shares off by {format_numbers.percent(shape.distance)}, {where}"
+
+
+def _effects(response: ResponseAnalysis) -> list[str]:
+    """Return what tails and count say about the expected ppm, for the sides with a limit."""
+    spec, counted, expected = response.spec, response.nonconforming, response.capability.ppm_expected
+    limits = {"below": spec.lsl, "above": spec.usl}
+    effects = [
+        f"the ppm that a normal distribution predicts {tail.side} the limit is too "
+        f"{'small' if tail.word == 'heavier' else 'large'}"
+        for tail in response.normality.tails
+        if tail.words and limits[tail.side] is not None
+    ]
+    if counted is not None and expected is not None and counted.total.n >= FEWEST_FOR_A_VERDICT:
+        low, high = counted.total.interval
+        if not low <= expected <= high:
+            effects.append(
+                f"{format_numbers.ppm(counted.total.ppm)} ppm counted ({format_numbers.ppm(low)} to "
+                f"{format_numbers.ppm(high)}) against {format_numbers.ppm(expected)} expected"
+            )
+    return effects
+
+
+def _named(some: list[ResponseAnalysis], total: int) -> str:
+    """Return the names of some of the responses with limits, or a word for all of them."""
+    return "Every response with limits" if len(some) == total else ", ".join(r.spec.name for r in some)
+
+
+def _farthest(some: list[ResponseAnalysis]) -> str:
+    """Return the largest upper end of the intervals of the distance from a normal distribution."""
+    return format_numbers.percent(max((r.normality.distance_interval or (0.0, 1.0))[1] for r in some))
+
+
+def _so_few(some: list[ResponseAnalysis]) -> str:
+    """Return the number of values in words; with lots, the smallest effective number of independent values."""
+    effective = [r.capability.lots.effective for r in some if r.capability.lots is not None]
+    return f"values in lots, worth {min(effective):.0f} independent ones," if effective else "so few values"

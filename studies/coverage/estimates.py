@@ -14,8 +14,7 @@ from scipy.stats import multivariate_normal, norm
 
 from reporting.capability.intervals import with_ends
 from reporting.capability.shares import nonconforming
-from reporting.capability.summary import NOT_NORMAL, capability
-from reporting.capability.target_indices import target_indices
+from reporting.capability.summary import NOT_NORMAL, capability, target_indices
 from reporting.capability.verdict import USUAL, CapabilityVerdict, index_of_share
 from reporting.product_yield import product_yield
 from reporting.shape.fitting import fit_families

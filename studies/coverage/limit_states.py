@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 from campaign.inputs.sampling.importance import Component, Proposal, aimed, drawn_from, log_weights, moved
 from reporting.arrays import Array
 from reporting.rare.aim import Aim, aims, find_targets
-from reporting.rare.weighted import LEAST, Draws, rare_share
+from reporting.rare.rare_rejects import LEAST, Draws, rare_share
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import CONFIDENCE, Production
 

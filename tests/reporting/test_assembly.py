@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import beta
 
 from reporting.analysis import CONFIDENCE, Analysis, analyse
-from reporting.assembly import assembly_share
+from reporting.product_yield import assembly_share
 from reporting.samples import read_samples
 from tests.reporting.synthetic import c60_spec, c60_table
 

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pytest
 from scipy import stats
 
+from reporting.comparison import validation
 from reporting.errors import ReportError
-from reporting.prediction import validation
 from reporting.samples import read_samples
 from reporting.spec import Design, ReportSpec, ResponseSpec
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.response_correlations import fisher_interval, response_correlations
+from reporting.capability.intervals import fisher_interval
+from reporting.product_yield import response_correlations
 from reporting.samples import read_samples
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 

@@ -9,7 +9,7 @@ import pytest
 from reporting import capability
 from reporting.format_numbers import index
 from reporting.render.html import render_html
-from reporting.rounding import leveled
+from reporting.samples import leveled
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 BITS = np.random.default_rng(0).normal(size=500)

@@ -11,24 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 from pydantic import BeforeValidator, Field
 
-from campaign.inputs.distributions.base import Distribution
-from campaign.inputs.distributions.bounded import Beta, Triangular, Uniform
-from campaign.inputs.distributions.continuous import Continuous, ProductionBatch
+from campaign.inputs.distributions.base import Continuous, Distribution, ProductionBatch
+from campaign.inputs.distributions.bounded import Beta, Position, Selective, Triangular, Uniform
 from campaign.inputs.distributions.discrete import Constant, Empirical, Geometric, Poisson
 from campaign.inputs.distributions.normal import Normal, TruncatedNormal
-from campaign.inputs.distributions.position import Position
-from campaign.inputs.distributions.selective import Selective
 from campaign.inputs.distributions.skewed import Exponential, Gamma, Lognormal, Weibull
 
-__all__ = [
-    "DISTRIBUTIONS",
-    "Constant",
-    "Continuous",
-    "Distribution",
-    "Empirical",
-    "ProductionBatch",
-    "Variable",
-]
+__all__ = ["DISTRIBUTIONS", "Constant", "Continuous", "Distribution", "Empirical", "ProductionBatch", "Variable"]
 
 DEFAULT = "truncated_normal"  # the distribution of a variable without the key `distribution`
 

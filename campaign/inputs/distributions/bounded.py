@@ -1,12 +1,14 @@
 """Distributions whose definition includes two ends: uniform, triangular, beta."""
 
+from functools import cached_property
+from math import sqrt
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import StandardDeviation, check_order, check_parameter_groups
-from campaign.inputs.distributions.continuous import Continuous
+from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_order, check_parameter_groups
+from campaign.inputs.drawing_limits import fit_limits
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
 from reporting.distributions.forms import ClosedForm
@@ -142,3 +144,72 @@ class Beta(Cut):
         alpha, beta = self.exponents
         ends = f" of [{self.lower:g}, {self.upper:g}]" if self.within else ""
         return f"beta{ends}, alpha {alpha:g}, beta {beta:g}"
+
+
+# The distance of a feature from its true position, within a position zone of a diameter.
+
+
+class Position(Continuous):
+    """Distance of an axis or a point from its true position in a plane; its direction is a variable of its own."""
+
+    distribution: Literal["position"] = Field(description="Name of the distribution.")
+    zone: PositiveNumber = Field(
+        description="Diameter of the position zone, in the target's unit, above 0: no distance exceeds half of it, as"
+        " parts beyond it are sorted out."
+    )
+    std: StandardDeviation = Field(
+        default=None,
+        description="Standard deviation along each of two axes of a process that aims at the true position, above 0:"
+        " the distance follows Rayleigh's distribution, cut at the zone. If absent, all places in the zone are equally"
+        " likely.",
+    )
+
+    def cut(self) -> tuple[float, float]:
+        """Return the bounds to which the distribution is cut: the zone too."""
+        low, high = super().cut()
+        return low, min(high, 0.5 * self.zone)
+
+    def parent(self) -> ClosedForm:
+        if self.std is None:
+            return forms.triangular(0.0, 0.5 * self.zone, 0.5 * self.zone)
+        return forms.weibull(0.0, 2.0, sqrt(2.0) * self.std)  # Rayleigh's
+
+    def words(self) -> str:
+        process = "uniform" if self.std is None else f"Rayleigh, sd {self.std:g} along each axis"
+        return f"distance in a position zone of diameter {self.zone:g}, {process}"
+
+
+# The clearance of two parts that are sorted into classes before they are mated (selective assembly).
+
+
+class Selective(Continuous):
+    """Radial clearance of a fit whose holes and shafts are inspected, sorted into classes, and mated class by class."""
+
+    distribution: Literal["selective"] = Field(description="Name of the distribution.")
+    fit: Annotated[str, Field(min_length=1, max_length=60)] = Field(
+        description="Fit as on the drawing, in mm, such as '12 H7/g6': the value is the radial clearance, half the"
+        " difference of the two diameters."
+    )
+    cpk: PositiveNumber = Field(
+        description="Assumed Cpk of each of the two parts before they are inspected, above 0. Parts beyond the limits"
+        " are sorted out."
+    )
+    classes: Annotated[int, Field(ge=1, le=20)] = Field(
+        description="Number of classes of equal width into which the holes between their limits are sorted, and the"
+        " shafts between theirs, 1 to 20; a hole gets any shaft of its class. 1: any shaft."
+    )
+
+    @cached_property
+    def _form(self) -> ClosedForm:
+        hole, shaft = fit_limits(self.fit)
+        middle = (hole.low + hole.high - shaft.low - shaft.high) / 4
+        sigmas = 6.0 * self.cpk
+        spreads = (hole.high - hole.low) / sigmas, (shaft.high - shaft.low) / sigmas
+        return forms.selective(middle, *spreads, 0.5 * sigmas, self.classes)
+
+    def parent(self) -> ClosedForm:
+        return self._form
+
+    def words(self) -> str:
+        many = f"mated in {self.classes} classes" if self.classes > 1 else "mated at random"
+        return f"clearance of {self.fit}, each part with Cpk {self.cpk:g} between its limits, {many}"

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order
+from campaign.inputs.distributions.base import Cuttable, Distribution, check_order
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
-from reporting.distributions.elementwise import exp, log
+from reporting.distributions.forms import exp, log
 
 LARGEST_COUNT = 10**15  # above it, counts lose their last digit
 ROUNDING = 1e-9  # of a step: a value this close to a bound counts as within it
@@ -26,22 +26,12 @@ LARGEST_SAMPLE = 100_000  # measured values
 Values = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_SAMPLE)]
 
 
-class Discrete(Distribution):
+class Discrete(Cuttable):
     """A discrete distribution."""
-
-    lower: LowerBound = None
-    upper: UpperBound = None
 
     @abstractmethod
     def outcomes(self) -> tuple[Array, Array]:
         """Return the values within the bounds, ascending, and their probabilities, both of shape (k,)."""
-
-    def check_parameters(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-
-    def bounds(self) -> tuple[float, float]:
-        """Return the lower and upper bound; infinite where there is none."""
-        return (-inf if self.lower is None else self.lower), (inf if self.upper is None else self.upper)
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:
@@ -82,7 +72,7 @@ class Discrete(Distribution):
 
     def between(self) -> str:
         """Return the bounds in words."""
-        low, high = self.bounds()
+        low, high = self.cut()
         words = f", from {low:g}" if isfinite(low) else ""
         return words + (f", up to {high:g}" if isfinite(high) else "")
 
@@ -99,7 +89,7 @@ class Count(Discrete):
 
     def counts(self) -> tuple[int, float]:
         """Return the smallest and the largest count within the bounds."""
-        low, high = ((bound - self.origin) / self.step for bound in self.bounds())
+        low, high = ((bound - self.origin) / self.step for bound in self.cut())
         first = max(self.least, int(np.ceil(low - ROUNDING))) if isfinite(low) else self.least
         return first, float(np.floor(high + ROUNDING)) if isfinite(high) else inf
 
@@ -111,7 +101,7 @@ class Count(Discrete):
                 f"lower = {self.lower:g} is a count of {first:g}; allowed: to {LARGEST_COUNT:g}; reduce it"
             )
         if not first <= last:
-            low, high = self.bounds()
+            low, high = self.cut()
             raise ValueError(
                 f"no value origin + step * k = {self.origin:g} + {self.step:g} k, k from {self.least}, lies in"
                 f" [lower, upper] = [{low:g}, {high:g}]; widen the bounds, or change origin or step"
@@ -120,11 +110,10 @@ class Count(Discrete):
 
     def scaled(self, k: NDArray[np.int64]) -> Array:
         """Return the values of counts, shape (n,), clipped so that rounding moves none beyond a bound."""
-        return np.clip(self.origin + self.step * k, *self.bounds())
+        return np.clip(self.origin + self.step * k, *self.cut())
 
     def support(self) -> tuple[float, float]:
-        first, last = self.counts()
-        low, high = self.bounds()
+        (first, last), (low, high) = self.counts(), self.cut()
         least, most = self.origin + self.step * first, self.origin + self.step * last
         return min(max(least, low), high), max(min(most, high), low)
 
@@ -200,7 +189,7 @@ class Empirical(Discrete):
         if (self.file is None) != (self.column is None):
             raise ValueError("file and column are only valid together; give both, or values")
         if self.values is not None and self.outcomes()[0].size == 0:
-            low, high = self.bounds()
+            low, high = self.cut()
             raise ValueError(
                 f"none of the {len(self.values)} values, {min(self.values):g} to {max(self.values):g}, lies in"
                 f" [lower, upper] = [{low:g}, {high:g}]; widen the bounds"
@@ -214,7 +203,7 @@ class Empirical(Discrete):
         if self.values is None:
             raise ValueError(f"the values of {self.file} have not been read; load the campaign from its file")
         values, times = np.unique(np.array(self.values), return_counts=True)
-        low, high = self.bounds()
+        low, high = self.cut()
         inside = (values >= low) & (values <= high)
         return values[inside], times[inside].astype(np.float64)
 

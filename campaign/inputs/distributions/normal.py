@@ -11,8 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
-from campaign.inputs.distributions.continuous import Continuous
+from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_parameter_groups
 from campaign.inputs.drawing_limits import dimension_limits, fit_limits
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
@@ -84,8 +83,7 @@ class Normal(Continuous):
         " target's unit; the stated cpk or inertia includes it; 0 if absent.",
     )
     sigma_shift: Number | None = Field(
-        default=None,
-        description="The same in standard deviations, such as 1.5; instead of shift.",
+        default=None, description="The same in standard deviations, such as 1.5; instead of shift."
     )
     inflation: Annotated[PositiveNumber | None, Field(ge=1.0, le=10.0)] = Field(
         default=None,

@@ -1,5 +1,6 @@
 """Distributions of values above an origin, with a tail to the right: exponential, gamma, lognormal, Weibull."""
 
+from abc import abstractmethod
 from functools import cached_property
 from math import exp as exp_of
 from math import lgamma
@@ -8,8 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
-from campaign.inputs.distributions.continuous import Continuous
+from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_parameter_groups
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
 from reporting.distributions.forms import ClosedForm
@@ -19,9 +19,14 @@ SHAPES = (0.2, 1000.0)  # range of Weibull's shapes that mean and std can give; 
 
 
 class Skewed(Continuous):
-    """A distribution of values above an origin; ``natural_keys`` are its parameters other than mean and std."""
+    """A distribution of values above an origin; ``natural_keys`` are its parameters other than mean and std.
+
+    ``title`` is its name in words, and ``natural_words`` has places for those parameters.
+    """
 
     natural_keys: ClassVar[tuple[str, ...]]
+    title: ClassVar[str]
+    natural_words: ClassVar[str] = "shape {:g}, scale {:g}"
 
     origin: Number = Field(default=0.0, description="Lowest possible value before any cut, in the target's unit.")
     mean: Number | None = Field(
@@ -58,13 +63,22 @@ class Skewed(Continuous):
         """Standard deviation divided by the mean above the origin, if both are given."""
         return (self.std or 0.0) / self.height
 
-    def named(self, parameters: str) -> str:
-        """Return ``parameters``, a distribution in words, followed by the origin if it is not 0."""
-        return f"{parameters}, origin {self.origin:g}" if self.origin else parameters
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[float, ...]:
+        """The natural parameters."""
+
+    def words(self) -> str:
+        given = f"mean {self.mean:g}, sd {self.std:g}" if self.mean is not None and self.std is not None else ""
+        words = f"{self.title}, {given or self.natural_words.format(*self.parameters)}"
+        return f"{words}, origin {self.origin:g}" if self.origin else words
 
 
 class Exponential(Skewed):
     """Exponential distribution: its standard deviation and its mean above the origin both equal its scale."""
+
+    title: ClassVar[str] = "exponential"
+    natural_words: ClassVar[str] = "scale {:g}"
 
     distribution: Literal["exponential"] = Field(description="Name of the distribution.")
     scale: PositiveNumber | None = Field(
@@ -78,26 +92,23 @@ class Exponential(Skewed):
         self.check_mean()
 
     @property
-    def length(self) -> float:
+    def parameters(self) -> tuple[float, ...]:
         """The scale."""
-        return self.scale or self.std or self.height
+        return (self.scale or self.std or self.height,)
 
     def parent(self) -> ClosedForm:
-        return forms.exponential(self.origin, self.length)
-
-    def words(self) -> str:
-        return self.named(f"exponential, scale {self.length:g}")
+        return forms.exponential(self.origin, *self.parameters)
 
 
 class Gamma(Skewed):
     """Gamma distribution above an origin."""
 
     natural_keys: ClassVar[tuple[str, ...]] = ("shape", "scale")
+    title: ClassVar[str] = "gamma"
 
     distribution: Literal["gamma"] = Field(description="Name of the distribution.")
     shape: PositiveNumber | None = Field(
-        default=None,
-        description="Shape, above 0; with scale, instead of mean and std: mean = origin + shape * scale.",
+        default=None, description="Shape, above 0; with scale, instead of mean and std: mean = origin + shape * scale."
     )
     scale: PositiveNumber | None = Field(
         default=None, description="Scale in the target's unit, above 0: variance = shape * scale^2."
@@ -113,17 +124,13 @@ class Gamma(Skewed):
     def parent(self) -> ClosedForm:
         return forms.gamma(self.origin, *self.parameters)
 
-    def words(self) -> str:
-        if self.mean is not None:
-            return self.named(f"gamma, mean {self.mean:g}, sd {self.std:g}")
-        shape, scale = self.parameters
-        return self.named(f"gamma, shape {shape:g}, scale {scale:g}")
-
 
 class Lognormal(Skewed):
     """Lognormal distribution: the logarithm of (value - origin) is normal."""
 
     natural_keys: ClassVar[tuple[str, ...]] = ("log_mean", "log_std")
+    title: ClassVar[str] = "lognormal"
+    natural_words: ClassVar[str] = "mean {:g} and sd {:g} of the logarithm"
 
     distribution: Literal["lognormal"] = Field(description="Name of the distribution.")
     log_mean: Number | None = Field(
@@ -135,7 +142,7 @@ class Lognormal(Skewed):
     )
 
     @cached_property
-    def logarithm(self) -> tuple[float, float]:
+    def parameters(self) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm."""
         if self.log_mean is not None and self.log_std is not None:
             return self.log_mean, self.log_std
@@ -143,19 +150,14 @@ class Lognormal(Skewed):
         return float(np.log(self.height)) - 0.5 * variance, float(np.sqrt(variance))
 
     def parent(self) -> ClosedForm:
-        return forms.lognormal(self.origin, *self.logarithm)
-
-    def words(self) -> str:
-        if self.mean is not None:
-            return self.named(f"lognormal, mean {self.mean:g}, sd {self.std:g}")
-        mean, std = self.logarithm
-        return self.named(f"lognormal, mean {mean:g} and sd {std:g} of the logarithm")
+        return forms.lognormal(self.origin, *self.parameters)
 
 
 class Weibull(Skewed):
     """Weibull distribution: ((value - origin) / scale)^shape is exponential."""
 
     natural_keys: ClassVar[tuple[str, ...]] = ("shape", "scale")
+    title: ClassVar[str] = "Weibull"
 
     distribution: Literal["weibull"] = Field(description="Name of the distribution.")
     shape: PositiveNumber | None = Field(
@@ -189,9 +191,3 @@ class Weibull(Skewed):
 
     def parent(self) -> ClosedForm:
         return forms.weibull(self.origin, *self.parameters)
-
-    def words(self) -> str:
-        if self.mean is not None:
-            return self.named(f"Weibull, mean {self.mean:g}, sd {self.std:g}")
-        shape, scale = self.parameters
-        return self.named(f"Weibull, shape {shape:g}, scale {scale:g}")

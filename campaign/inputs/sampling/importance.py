@@ -30,8 +30,8 @@ from campaign.inputs.sampling.sampler import SampledInputs, varied
 from engine.arrays import Array
 from engine.mechanism.base import TableModel
 from engine.mechanism.faults import did_you_mean
-from reporting.distributions.elementwise import exp
-from reporting.distributions.elementwise import log as log_of
+from reporting.distributions.forms import exp
+from reporting.distributions.forms import log as log_of
 
 LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves; it limits weights to 20
 LARGEST_SHIFT = 8.0  # standard scores; a little above it, Phi rounds to 1 in double precision

@@ -13,7 +13,7 @@ from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.labels import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
-from reporting.headline import WORST_FIRST
+from reporting.capability.verdict import WORST_FIRST
 
 Interval = tuple[float, float]
 logger = logging.getLogger(__name__)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.capability.historical import historical
-from reporting.capability.summary import capability
+from reporting.capability.summary import capability, historical
 from reporting.render.html import render_html
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 

@@ -16,12 +16,13 @@ from reporting.capability.intervals import (
     bench_interval,
     cpk_interval,
     cpk_joint_interval,
+    cpk_survival,
     cpm_interval,
+    noncentral_t_cdf,
     one_sided_interval,
     share_lower_bound,
     share_upper_bound,
 )
-from reporting.capability.noncentral import cpk_survival, noncentral_t_cdf
 from reporting.capability.shares import ppm_of_z
 from tests.each import each
 

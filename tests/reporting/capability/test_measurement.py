@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reporting.capability.measurement import behind_gauge, conformity
+from reporting.gauge import behind_gauge, conformity
 
 
 def test_the_variance_of_the_gauge_is_taken_out() -> None:

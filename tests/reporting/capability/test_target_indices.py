@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reporting.capability import capability
-from reporting.capability.target_indices import target_indices
+from reporting.capability.summary import target_indices
 
 
 def two_point(mean, std, n=400):

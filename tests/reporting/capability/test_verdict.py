@@ -8,12 +8,12 @@ import pytest
 from scipy.special import ndtri
 
 from reporting import capability
+from reporting.capability.intervals import Estimate
 from reporting.capability.lots import describe_lots
 from reporting.capability.shares import nonconforming
 from reporting.capability.verdict import (
     FEWEST_FOR_A_VERDICT,
     USUAL,
-    IndexEstimate,
     SecondPopulation,
     bars_of,
     index_of_share,
@@ -33,8 +33,8 @@ def judged(x, lsl=None, usl=None, others=(), **how):
     return verdict(c, nonconforming(np.asarray(x), lsl, usl, 0.95), others, **how)
 
 
-def objector(by: str, low: float, value: float, high: float) -> IndexEstimate:
-    return IndexEstimate(by, low, value, high, f"Ppk {value} by {by}")
+def objector(by: str, low: float, value: float, high: float) -> Estimate:
+    return Estimate(value, (low, high), by, f"Ppk {value} by {by}")
 
 
 @pytest.mark.parametrize(

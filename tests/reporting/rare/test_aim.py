@@ -8,7 +8,7 @@ from scipy.stats import chi2, norm, truncnorm
 
 from reporting.errors import ReportError
 from reporting.rare.aim import MOST_AIMS, Target, aims, find_targets
-from reporting.rare.weighted import rare_share
+from reporting.rare.rare_rejects import rare_share
 from tests.reporting.rare.test_rare_rejects import LIMIT, ONE_PPM, draws_of, scores_of
 
 NAMES = "abcdefg"

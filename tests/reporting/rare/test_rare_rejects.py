@@ -10,9 +10,8 @@ from scipy.stats import chi2, norm
 
 from campaign.inputs.sampling.importance import Proposal, aimed, drawn_from, log_weights, moved
 from reporting import Design, ReportSpec, ResponseSpec
-from reporting.capability.verdict import IndexEstimate
-from reporting.rare.rare_rejects import decisive, rare_rejects
-from reporting.rare.weighted import Draws, flat_bound, rare_share, tail_shape
+from reporting.capability.intervals import Estimate
+from reporting.rare.rare_rejects import Draws, decisive, flat_bound, rare_rejects, rare_share, tail_shape
 from reporting.render.html import render_html
 from reporting.samples import read_samples
 from reporting.spec import ProposalPart
@@ -310,7 +309,7 @@ def test_nothing_to_say():
 
 def test_a_bound_replaces_no_interval():
     """Of runs that decide, the last with an interval count; of mere bounds the last."""
-    interval, bound = ((IndexEstimate("x", 1.0, 1.1, high, ""),) for high in (1.2, np.inf))
+    interval, bound = ((Estimate(1.1, (1.0, high), "x", ""),) for high in (1.2, np.inf))
     known = {"a": interval, "b": interval, "c": bound}
     later = {"a": bound, "b": interval, "c": bound, "d": bound}
     assert set(decisive(known, later)) == {"b", "c", "d"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from reporting.shape.atoms import ties
 from reporting.shape.fitting import fit_families
+from reporting.shape.sorted_sample import ties
 from tests.each import each
 
 

@@ -12,8 +12,8 @@ from reporting.capability.verdict import index_of_share
 from reporting.render.html import render_html
 from reporting.shape.estimates import index_estimates
 from reporting.shape.fitting import fit_families, unfitted
+from reporting.shape.pareto import TailShare
 from reporting.shape.supported_indices import supported_indices
-from reporting.shape.tails import TailShare
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -30,10 +30,10 @@ def test_tails_are_as_good_as_the_worse_side() -> None:
     """A far limit on one side says nothing of a near one on the other."""
     (found,) = by_tails(tail("below", 300.0, (50.0, 900.0)), tail("above", None, (0.0, 12.0)))
     assert (found.low, found.value, found.high) == tuple(map(index_of_share, (900.0, 300.0, 50.0)))
-    assert found.words == "300 ppm (50.0 to 900) below the limit by a Pareto tail"
+    assert found.note == "300 ppm (50.0 to 900) below the limit by a Pareto tail"
     (bound,) = by_tails(tail("above", None, (0.0, 12.0)))
     assert (bound.low, bound.value, bound.high) == (index_of_share(12.0), math.inf, math.inf)
-    assert bound.words == "at most 12.0 ppm above the limit by a Pareto tail"
+    assert bound.note == "at most 12.0 ppm above the limit by a Pareto tail"
 
 
 def test_a_side_without_a_fitted_tail_may_be_any_worse() -> None:
@@ -49,7 +49,7 @@ def test_a_normal_fit_speaks_with_the_interval_of_all_families() -> None:
     assert fits.best == "normal"
     found = index_estimates(500, fits, supported_indices(x, fits, None, 4.8), ())[1]
     assert found.low < 1.33 < found.value == pytest.approx(1.6, abs=0.1)
-    assert "by the distributions that the values allow" in found.words
+    assert "by the distributions that the values allow" in found.note
 
 
 def test_an_interval_without_an_upper_end_is_said_in_words() -> None:
@@ -58,7 +58,7 @@ def test_an_interval_without_an_upper_end_is_said_in_words() -> None:
     fits = fit_families(x, limits=(-9.0, 9.0))
     found = index_estimates(100, fits, supported_indices(x, fits, -9.0, 9.0), ())[1]
     assert found.high == math.inf
-    assert f"({found.low:.3f} or more)" in found.words
+    assert f"({found.low:.3f} or more)" in found.note
 
 
 def test_a_share_too_small_for_an_index_still_counts() -> None:
@@ -67,7 +67,7 @@ def test_a_share_too_small_for_an_index_still_counts() -> None:
     fits = fit_families(x, limits=(-30.0, None))
     methods = supported_indices(x, fits, -30.0, None)
     assert [method.ppk for method in methods if method.method == "z_score"] == [None]
-    (found,) = [e for e in index_estimates(500, fits, methods, ()) if e.by == "fitted distribution"]
+    (found,) = [e for e in index_estimates(500, fits, methods, ()) if e.method == "fitted distribution"]
     assert found.value == math.inf
     assert found.low > 1.33
 
@@ -80,9 +80,9 @@ def test_a_fitted_end_near_the_limit_proves_no_class(ppk: tuple[float, float], l
     assert fits.best == "johnson_sb"
     given = {"percentile": {"ppk_interval": ppk}, "z_score": {"ppm_expected_interval": (0.0, 0.0)}}
     methods = [replace(m, **given.get(m.method, {})) for m in supported_indices(x, fits, None, 5.35)]
-    (found,) = [e for e in index_estimates(200, fits, methods, ()) if e.by == "fitted distribution"]
+    (found,) = [e for e in index_estimates(200, fits, methods, ()) if e.method == "fitted distribution"]
     assert (found.low, found.value) == (least, math.inf)
-    assert f"Ppk {ppk[0]:.3f} to {ppk[1]:.3f} by its percentiles" in found.words
+    assert f"Ppk {ppk[0]:.3f} to {ppk[1]:.3f} by its percentiles" in found.note
 
 
 def of_values(x: np.ndarray, usl: float) -> Analysis:

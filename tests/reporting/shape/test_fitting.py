@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from reporting.shape.binned_sample import anderson_darling, bin_sample, distance
 from reporting.shape.fitting import JUDGED, SEARCHED, distribution, fit_families
+from reporting.shape.sorted_sample import anderson_darling, bin_sample, distance
 from tests.each import each
 
 RNG = np.random.default_rng(6)

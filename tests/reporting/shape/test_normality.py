@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.binned_sample import bin_sample
 from reporting.shape.normality import normality, probability_plot, tail_weights
+from reporting.shape.sorted_sample import bin_sample
 from tests.each import each
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.binned_sample import bin_sample
 from reporting.shape.fitting import SEARCHED, fit_families
-from reporting.shape.parameter_draws import parameter_draws, weighted_interval
+from reporting.shape.sorted_sample import bin_sample
+from reporting.shape.supported_indices import parameter_draws, weighted_interval
 
 
 def test_draws_of_a_normal_mean_and_sigma_are_those_of_theory() -> None:

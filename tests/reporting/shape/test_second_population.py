@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from reporting.shape.second_population import LEAST, MOST, second_population
+from reporting.shape.estimates import LEAST, MOST, second_population
 
 
 def test_the_share_is_the_largest_that_the_values_leave_unseen_once_in_twenty() -> None:

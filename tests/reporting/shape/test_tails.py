@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape.tails import MOST_EXCESSES, pareto_tails
+from reporting.shape.pareto import MOST_EXCESSES, pareto_tails
 
 
 @pytest.mark.slow

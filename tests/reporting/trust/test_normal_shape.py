@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reporting.shape.normality import departs, normality
-from reporting.trust.normal_shape import normal_shape
+from reporting.trust.evidence import normal_shape
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 from scipy import integrate, stats
 
 from campaign.inputs.distributions import Variable
-from campaign.inputs.distributions.selective import Selective
+from campaign.inputs.distributions.bounded import Selective
 from tests.each import each
 
 HOLE, SHAFT = (12.0, 12.018), (11.983, 11.994)  # 12 H7/g6

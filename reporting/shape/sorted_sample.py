@@ -1,7 +1,12 @@
-"""Repeated values: atoms, where a stop or a plateau collects a share of all values, and rounded values.
+"""A sorted sample made ready for fits: its repeated values, and a few hundred or thousand weighted values.
 
-No density describes an atom: the likelihood of an ever narrower density grows without bound. Rounded values repeat too,
-but about as often as their neighbours do.
+Repeated values are atoms, where a stop or a plateau collects a share of all values, or rounded values. No density
+describes an atom: the likelihood of an ever narrower density grows without bound. Rounded values repeat too, but about
+as often as their neighbours do.
+
+Of a large sample both tails are kept unchanged, because they decide a capability; between them neighbours are averaged
+in blocks. The error of a sum of a smooth function is of second order in the width of a block: a few tenths of a unit of
+log-likelihood for a million values, nearly the same for every family.
 """
 
 from dataclasses import dataclass
@@ -30,6 +35,13 @@ class Atom:
     count: int
     share: float  # of all values
     where: str  # "lowest", "highest" or "inside": the smallest value, the largest, or one in between
+
+    @property
+    def words(self) -> str:
+        """The atom in a sentence."""
+        what = {"inside": "a plateau or a preferred number", "lowest": "the smallest value: a stop or a plateau"}
+        percent = f"{100 * self.share:.3g} % of the values ({self.count}) are {self.value:.6g}"
+        return f"{percent}, {what.get(self.where, 'the largest value: a stop or a plateau')}."
 
 
 @dataclass(frozen=True)
@@ -74,10 +86,7 @@ class Ties:
 
 
 def ties(ordered: Array) -> Ties:
-    """Return the distinct ones of ascending finite values, shape (n,), that are not all equal.
-
-    Values that differ by rounding errors only are merged.
-    """
+    """Return the distinct ones of ascending finite values, shape (n,), not all equal; rounding errors are merged."""
     quarter, three_quarters = ordered[[ordered.size // 4, (3 * ordered.size) // 4]]
     # The range between quartiles, because a single distant value would inflate the usual distance.
     usual = float(three_quarters - quarter or ordered[-1] - ordered[0]) / ordered.size
@@ -95,9 +104,48 @@ def _neighbours(counts: Array) -> Array:
     return np.asarray(total / sum(present[k : k + counts.size] for k in moves))
 
 
-def in_words(atom: Atom) -> str:
-    """Return a description of an atom in one sentence."""
-    percent = f"{100 * atom.share:.3g} % of the values ({atom.count}) are {atom.value:.6g}"
-    if atom.where == "inside":
-        return f"{percent}, a plateau or a preferred number."
-    return f"{percent}, the {'smallest' if atom.where == 'lowest' else 'largest'} value: a stop or a plateau."
+@dataclass(frozen=True)
+class BinnedSample:
+    """A sorted sample as weighted values."""
+
+    values: Array  # ascending, shape (m,)
+    weights: Array  # values of the sample that each one represents, shape (m,); the sum is n
+    n: int  # size of the sample
+
+    def mean(self, numbers: Array) -> float:
+        """Return the weighted mean of `numbers`, shape (m,), one for each value."""
+        return float(self.weights @ numbers) / self.n
+
+    def scaled(self, shift: float, scale: float) -> "BinnedSample":
+        """Return the sample of ``(x - shift) / scale``, descending for a negative scale."""
+        return BinnedSample((self.values - shift) / scale, self.weights, self.n)
+
+
+def bin_sample(ordered: Array, most: int) -> BinnedSample:
+    """Return ascending values as at most `most` weighted ones (a multiple of 4); a quarter are extremes at each end."""
+    n = int(ordered.size)
+    if n <= most:
+        return BinnedSample(ordered, np.ones(n), n)
+    tail = most // 4
+    edges = np.linspace(tail, n - tail, most - 2 * tail + 1).astype(np.int64)
+    sizes = np.diff(edges).astype(np.float64)
+    centre = float(ordered[n // 2])  # sums of differences, so that a large offset costs no digits
+    middle = centre + np.add.reduceat(ordered[: n - tail] - centre, edges[:-1]) / sizes
+    values = np.concatenate((ordered[:tail], middle, ordered[n - tail :]))
+    return BinnedSample(values, np.concatenate((np.ones(tail), sizes, np.ones(tail))), n)
+
+
+def distance(c: BinnedSample, cdf: Array) -> float:
+    """Return Kolmogorov's distance: the largest difference of the sample's step function from `cdf` at its values."""
+    below = (np.cumsum(c.weights) - c.weights + (c.weights - 1) / 2) / c.n
+    return float(np.max(np.maximum(cdf - below, below + 1 / c.n - cdf)))
+
+
+def anderson_darling(c: BinnedSample, cdf: Array, sf: Array) -> float | None:
+    """Return A^2 (Anderson and Darling 1952), from `cdf` and `sf` at the values; None if an extreme is impossible."""
+    if cdf[0] <= 0 or sf[-1] <= 0:
+        return None
+    last = np.cumsum(c.weights)
+    first = last - c.weights
+    of_cdf, of_sf = last**2 - first**2, (c.n - first) ** 2 - (c.n - last) ** 2
+    return float(-c.n - (of_cdf @ np.log(cdf) + of_sf @ np.log(sf)) / c.n)
