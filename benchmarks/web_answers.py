@@ -22,10 +22,16 @@ from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
 from clearcap.questions.exported_rows import RowSelection, export_rows
 from clearcap.questions.mechanisms import MechanismSource, simulate_once
-from clearcap.web.answers.job_pool import JobPool
-from clearcap.web.answers.job_process import job_environment
-from clearcap.web.answers.queries import AskedRows, advice_answer, histogram_answer, what_if_answer
-from clearcap.web.answers.query_service import QueryService, rows_version
+from clearcap.web.jobs.pool import JobPool
+from clearcap.web.jobs.process import job_environment
+from clearcap.web.jobs.queries import (
+    AskedRows,
+    QueryService,
+    advice_answer,
+    histogram_answer,
+    rows_version,
+    what_if_answer,
+)
 from engine import warm_up
 from engine.platform.private_folder import private_folder
 
@@ -72,7 +78,7 @@ def main() -> None:
 
 def _asked(store: Store, plan: Plan, folder: Path) -> AskedRows:
     """Return the reference to the rows of a campaign."""
-    return AskedRows(store.url, plan.campaign_id, rows_version(store, plan.campaign_id), str(folder), 1 << 32)
+    return AskedRows(store.url, plan.campaign_id, rows_version(store, plan.campaign_id), str(folder))
 
 
 def _settings(number: int) -> tuple[str, ...]:
@@ -114,14 +120,14 @@ async def _served(store: Store, plan: Plan, folder: Path) -> list[dict[str, Any]
     """Return the cost in the serving process, and the time of a run in a warm process."""
     async with JobPool(1, warm_up=warm_up) as pool:
         answers = QueryService(pool, store, folder)
-        await answers.what_if("bench", plan.campaign_id, SETTINGS)
+        await answers.ask("bench", what_if_answer, [plan.campaign_id], SETTINGS, False)
         start = process_time()
         for _ in range(KEPT_QUESTIONS):
-            await answers.what_if("bench", plan.campaign_id, SETTINGS)
+            await answers.ask("bench", what_if_answer, [plan.campaign_id], SETTINGS, False)
         kept = (process_time() - start) / KEPT_QUESTIONS
         start = process_time()
         for number in range(REPEATS):
-            await answers.what_if("bench", plan.campaign_id, _settings(number + 50))
+            await answers.ask("bench", what_if_answer, [plan.campaign_id], _settings(number + 50), False)
         passed_on = (process_time() - start) / REPEATS
         begun = perf_counter()
         await pool.run("bench", simulate_once, MechanismSource("c60"))

@@ -29,7 +29,7 @@ from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
 from campaign.store.layout import SUBMISSION
 from clearcap.questions.report import report
-from clearcap.web.watch.entry import REPORT_DOCUMENT
+from clearcap.web.index import REPORT_DOCUMENT
 
 PATIENCE = 300.0  # s, limit of every wait
 ROOT = Path(__file__).parents[1]

@@ -27,7 +27,7 @@ def backup(
 
     Copy the store afterwards, as you copy other files: what is signed was there before it was signed.
     """
-    from clearcap.web.access.backup import audit_fault, back_up
+    from clearcap.web.maintenance import audit_fault, back_up
 
     folder = data or _folder_of(store)
     contents = back_up(folder, file, time.time(), _passphrase(encrypted))
@@ -51,8 +51,8 @@ def restore(
 
     Restore the store first. A folder that holds anything is refused: move it away.
     """
-    from clearcap.web.access.backup import check_backup
-    from clearcap.web.access.backup import restore as restored
+    from clearcap.web.maintenance import check_backup
+    from clearcap.web.maintenance import restore as restored
 
     folder = data or _folder_of(store)
     contents = check_backup(file, _passphrase(encrypted)) if check else restored(file, folder, _passphrase(encrypted))
@@ -100,7 +100,7 @@ def doctor(store: StoreUrl = "runs", data: Data = None, json: Json = False) -> N
     """
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
-    from clearcap.web.doctor import FAULT, examine
+    from clearcap.web.maintenance import FAULT, examine
 
     findings = examine(open_store(store, QUICK), data or _folder_of(store))
     if json:
@@ -133,7 +133,7 @@ def _passphrase(encrypted: bool) -> str | None:
 def _words(contents: object) -> str:
     """Return what a backup has, for the user."""
     from campaign.waits import counted
-    from clearcap.web.access.backup import Contents
+    from clearcap.web.maintenance import Contents
 
     assert isinstance(contents, Contents)
     parts = [counted(contents.users, "user"), counted(contents.signoffs, "signed document")]

@@ -1,4 +1,4 @@
-"""The Python interface to a `clearcap serve` server: its calls, and the events of a campaign as they come."""
+"""The Python interface to a `clearcap serve` server: its calls, uploads, and the events of a campaign as they come."""
 
 import json
 import math
@@ -7,16 +7,106 @@ import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
 from campaign.errors import SpecError, StoreError, UnreachableError, unwritable
-from clearcap.client.campaign_upload import campaign_upload
 from clearcap.client.server_connection import ServerConnection
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.named_files`
+
+
+def campaign_upload(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, bytes]]:
+    """Return the text of a campaign file, a shipped campaign or tables, and the content of each file that it names.
+
+    A file outside the folder of the campaign file is refused (SpecError): otherwise a campaign file written by somebody
+    else could make this program send any file of this machine.
+    """
+    from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
+
+    if isinstance(source, Mapping):
+        from campaign.spec.campaign_file import campaign_text
+        from campaign.spec.load import with_named_mechanism
+
+        named, mechanism = with_named_mechanism(source)
+        own = {} if mechanism is None else {named["mechanism"]: mechanism.to_toml().encode()}
+        rest = {key: value for key, value in named.items() if key != "mechanism" or not own}
+        return campaign_text(named), own | _named_files(rest, Path())
+    shipped = resources.files("campaign").joinpath("library", f"{source}.toml")
+    is_shipped = str(source).replace("_", "").isalnum() and shipped.is_file()
+    path = Path(str(shipped)) if is_shipped else Path(source)
+    content = _content(path, LARGEST, f"campaign {path}")
+    try:
+        tables = parse_toml(content)
+    except UnfitToml as error:
+        raise SpecError(f"campaign {path}: {error}") from error
+    return content.decode("utf-8-sig"), _named_files(tables, path.parent)
+
+
+def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
+    """Return the contents of the files that a campaign's tables name, by name."""
+    files = {}
+    for key, name in _names(tables):
+        path = folder / name
+        try:
+            # resolved, because a link beside the campaign file may lead anywhere
+            is_within = path.resolve().is_relative_to(folder.resolve())
+        except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL in the name
+            is_within = False
+        if not is_within:
+            raise SpecError(
+                f"{key} = {name!r:.120}: lies outside the campaign file's folder, and is not sent to a server; copy it"
+                " beside the campaign file"
+            )
+        content = _content(path, LARGEST_FILE, f"{key} = {name!r:.120}")
+        files[name.removeprefix("./")] = _plain(path, content) if key == "mechanism" else content
+    return files
+
+
+def _plain(path: Path, content: bytes) -> bytes:
+    """Return a mechanism file, with references to a CAD file, which a server does not open, replaced by numbers."""
+    from engine.platform.toml_file import UnfitToml, parse_toml
+
+    try:
+        names_geometry = "cad" in parse_toml(content)
+    except UnfitToml:  # the server reports the fault
+        return content
+    if not names_geometry:
+        return content
+    from engine import load_mechanism
+
+    return load_mechanism(path).to_toml().encode()
+
+
+def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the key and the name of each file that a campaign's tables name."""
+    mechanism = tables.get("mechanism")
+    if isinstance(mechanism, str) and (Path(mechanism).suffix == ".toml" or len(Path(mechanism).parts) > 1):
+        yield "mechanism", mechanism
+    variables = tables.get("variables")
+    entries = {f"variables.{key}": entry for key, entry in variables.items()} if isinstance(variables, Mapping) else {}
+    for key, entry in {**entries, "table": tables.get("table")}.items():
+        name = entry.get("file") if isinstance(entry, Mapping) else None
+        if isinstance(name, str) and name:
+            yield f"{key}.file", name
+
+
+def _content(path: Path, at_most: int, what: str) -> bytes:
+    """Return the content of a regular file."""
+    from engine.platform.regular_file import read_regular_file
+
+    try:
+        return read_regular_file(path, at_most)
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise SpecError(f"{what}: cannot be read ({reason}); name a file of this machine") from error
+
 
 READ_TIMEOUT = 60.0  # s without data after which the connection counts as lost; a server sends something every 15 s
 RECONNECT_FOR = 600.0  # s that a server may be unreachable
@@ -97,7 +187,28 @@ class RemoteServer:
         **question
             ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API.
         """
-        yield from listed_campaigns(self.connection, question)
+        cursor: str | None = ""
+        while cursor is not None:
+            listing = self._whole({**question, "cursor": cursor, "limit": ON_A_PAGE})
+            yield from listing["campaigns"]
+            cursor = listing["next"]
+
+    def _whole(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a page of the list, once the server has read all campaigns."""
+        least, since = math.inf, time.monotonic()
+        while True:
+            listing = self._document("/campaigns", params=params)
+            unread, now = listing.get("unread", 0), time.monotonic()  # older servers read all before they answer
+            if not unread:
+                return listing
+            if unread < least:
+                least, since = unread, now
+            elif now - since > GIVE_UP_AFTER:
+                raise UnreachableError(
+                    f"server {self.address}: {unread} campaigns of its store are still to be read, and none was read"
+                    f" in {GIVE_UP_AFTER:.0f} s; its log says why; the same command works later"
+                )
+            time.sleep(ASK_AGAIN)
 
     def campaign(self, campaign_id: str) -> dict[str, Any]:
         """Return the list entry of one campaign."""
@@ -161,19 +272,36 @@ class RemoteServer:
         dict
             ``campaign`` (its id), ``is_new``, ``samples``, ``owner``, ``cost`` and ``note``.
         """
-        upload = campaign_upload(source)
+        text, named = campaign_upload(source)
+        files = [("campaign", ("campaign.toml", text.encode())), *(("files", each) for each in named.items())]
         given = {"samples": samples, "seed": seed, "owner": owner, "tags": list(tags)}
         data = {name: value for name, value in given.items() if value is not None}
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
-        answer = self.connection.ask(
-            "POST", "/campaigns", repeats=True, files=upload.to_form(), data=data, headers=headers
-        )
-        made: dict[str, Any] = answer.json()
-        return made
+        return self._document("/campaigns", "POST", repeats=True, files=files, data=data, headers=headers)
 
     def events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
-        """Yield the progress of a campaign whenever it changes, until it ends; lost connections are restored."""
-        return progress_events(self.connection, quote(campaign_id, safe=""))
+        """Yield the progress of a campaign whenever it changes, until it ends; a lost connection is restored.
+
+        Raises UnreachableError if the server cannot be reached for ten minutes.
+        """
+        last, tried, heard, path = "", 0, time.monotonic(), _path(campaign_id, "events")
+        while True:
+            headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last else {})
+            try:
+                with self.connection.stream(path, headers=headers, timeout=READ_TIMEOUT) as response:
+                    for event in events_in(response.iter_lines()):
+                        tried, heard = 0, time.monotonic()
+                        if event.kind == "end":
+                            return
+                        if event.kind == "progress":
+                            last = event.id or last  # an event without an id does not change what to continue after
+                            yield json.loads(event.data)
+            except (UnreachableError, StoreError):  # also from a proxy whose server restarts
+                if time.monotonic() - heard > RECONNECT_FOR:
+                    raise
+            # also after a stream that ended without the event "end": a server that shuts down ends its streams so
+            tried += 1
+            self.connection.wait(tried)
 
     def cancel(self, campaign_id: str) -> dict[str, Any]:
         """End a campaign, keeping its rows; return its id, its previous state, and a note."""
@@ -208,7 +336,16 @@ class RemoteServer:
             Names of the columns; by default all.
         """
         params = {"format": "arrow", "columns": list(columns)}
-        return downloaded_table(self.connection, _path(campaign_id, "rows"), params)
+        import pyarrow as pa
+
+        with self.connection.stream(_path(campaign_id, "rows"), params=params) as response:
+            content = pa.BufferOutputStream()
+            for piece in response.iter_bytes(PIECE):
+                content.write(piece)
+        try:
+            return pa.ipc.open_stream(content.getvalue()).read_all()
+        except pa.ArrowException as error:
+            raise StoreError(f"server {self.address}: what it sent is not a table ({error})") from error
 
     def download_report(self, campaign_id: str, folder: str | Path) -> dict[str, Path]:
         """Write the files of a campaign's report into a folder, which is created if it is missing.
@@ -281,42 +418,8 @@ def _path(campaign_id: str, below: str = "") -> str:
     return f"/campaigns/{quote(campaign_id, safe='')}" + (f"/{below}" if below else "")
 
 
-def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the list entry of each campaign, once the server has read all of its store.
-
-    `question` has ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API. Raises
-    UnreachableError if the server makes no progress in reading its store for a minute.
-    """
-    cursor: str | None = ""
-    while cursor is not None:
-        listing = _whole(connection, {**question, "cursor": cursor, "limit": ON_A_PAGE})
-        yield from listing["campaigns"]
-        cursor = listing["next"]
-
-
-def _whole(connection: ServerConnection, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a page of the list, once the server has read all campaigns."""
-    least, since = math.inf, time.monotonic()
-    while True:
-        listing: dict[str, Any] = connection.get("/campaigns", params=params).json()
-        unread, now = listing.get("unread", 0), time.monotonic()  # older servers read all campaigns before they answer
-        if not unread:
-            return listing
-        if unread < least:
-            least, since = unread, now
-        elif now - since > GIVE_UP_AFTER:
-            raise UnreachableError(
-                f"server {connection.address}: {unread} campaigns of its store are still to be read, and none was read"
-                f" in {GIVE_UP_AFTER:.0f} s; its log says why; the same command works later"
-            )
-        time.sleep(ASK_AGAIN)
-
-
 def download(connection: ServerConnection, path: str, file: Path) -> Path:
-    """Download a file and return its path; it appears there only when it is complete.
-
-    Raises CampaignError if the server refuses, the connection is lost, or the file cannot be written.
-    """
+    """Download a file and return its path; it appears there only when it is complete."""
     partial = file.with_name(f"{file.name}.partial")
     with connection.stream(path) as response:
         try:
@@ -330,23 +433,6 @@ def download(connection: ServerConnection, path: str, file: Path) -> Path:
         finally:
             partial.unlink(missing_ok=True)
     return file
-
-
-def downloaded_table(connection: ServerConnection, path: str, params: dict[str, Any]) -> "pa.Table":
-    """Return a table that a server sends as an Arrow stream.
-
-    Raises CampaignError if the server refuses, the connection is lost, or the answer is not a table.
-    """
-    import pyarrow as pa
-
-    with connection.stream(path, params=params) as response:
-        content = pa.BufferOutputStream()
-        for piece in response.iter_bytes(PIECE):
-            content.write(piece)
-    try:
-        return pa.ipc.open_stream(content.getvalue()).read_all()
-    except pa.ArrowException as error:
-        raise StoreError(f"server {connection.address}: what it sent is not a table ({error})") from error
 
 
 @dataclass
@@ -376,30 +462,3 @@ def events_in(lines: Iterable[str]) -> Iterator[SentEvent]:
             data.append(value)
         elif field == "id":
             event.id = value
-
-
-def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[dict[str, Any]]:
-    """Yield the progress of a campaign whenever it changes, until nothing more happens to the campaign.
-
-    Raises UnreachableError if the server cannot be reached for ten minutes, CampaignError if it refuses the request.
-    """
-    last, tried, heard = "", 0, time.monotonic()
-    while True:
-        headers = {"Accept": "text/event-stream"} | ({"Last-Event-ID": last} if last else {})
-        try:
-            with connection.stream(
-                f"/campaigns/{campaign_id}/events", headers=headers, timeout=READ_TIMEOUT
-            ) as response:
-                for event in events_in(response.iter_lines()):
-                    tried, heard = 0, time.monotonic()
-                    if event.kind == "end":
-                        return
-                    if event.kind == "progress":
-                        last = event.id or last  # an event without an id does not change what to continue after
-                        yield json.loads(event.data)
-        except (UnreachableError, StoreError):  # also from a proxy whose server restarts
-            if time.monotonic() - heard > RECONNECT_FOR:
-                raise
-        # also after a stream that ended without the event "end": a server that shuts down ends its streams so
-        tried += 1
-        connection.wait(tried)

@@ -38,11 +38,7 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class ServerConnection:
-    """A connection to one server; ``http`` is allowed only for this machine.
-
-    The token is by default that of ``CLEARCAP_TOKEN``, and `ca`, a PEM file, by default the authorities that the system
-    trusts. Raises SpecError if the address, token or certificates cannot be used.
-    """
+    """A connection to one server, by TLS unless it is this machine; `ca` has its authorities, else the system's."""
 
     def __init__(self, address: str, token: str | None = None, ca: Path | str | None = None) -> None:
         self.address = checked_address(address)
@@ -78,12 +74,7 @@ class ServerConnection:
         return self.ask("GET", path, repeats=True, **more)
 
     def ask(self, method: str, path: str, *, repeats: bool = False, **more: Any) -> httpx.Response:
-        """Return the answer to a request for a path below ``/api/v1``; raise the error of `error_of` if it is refused.
-
-        With `repeats`, sending it twice does no harm, so it is sent again if the connection is lost or the server says
-        that it can answer later. `more` are ``params``, ``json``, ``files`` and so on, as in httpx. Raises
-        UnreachableError if there is no answer.
-        """
+        """Return the answer to a request below ``/api/v1``, sent again if that may help and `repeats` without harm."""
         request = self._http.build_request(method, PREFIX + path, **more)
         for tried in range(1, TRIES + 1):
             is_last = tried == TRIES or not repeats
@@ -127,10 +118,7 @@ class ServerConnection:
 
 
 def checked_address(url: str) -> str:
-    """Return the address of a server as ``scheme://host[:port]``.
-
-    Raises SpecError if it is invalid, contains a secret, or would send a token over the network without TLS.
-    """
+    """Return ``scheme://host[:port]``; SpecError if the address has a secret, or would send a token without TLS."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
@@ -160,10 +148,7 @@ def is_loopback(host: str) -> bool:
 
 
 def checked_token(token: str | None) -> str:
-    """Return a token, by default the value of the environment variable ``CLEARCAP_TOKEN``.
-
-    Raises SpecError, without quoting the token, if there is none or it has characters that no token has.
-    """
+    """Return a token, by default that of ``CLEARCAP_TOKEN``; SpecError, without quoting it, if it cannot be one."""
     found = (os.environ.get(TOKEN, "") if token is None else token).strip()
     if not found:
         raise SpecError(
@@ -176,11 +161,7 @@ def checked_token(token: str | None) -> str:
 
 
 def error_of(address: str, response: "httpx.Response") -> CampaignError:
-    """Return the error for an answer with a status of 300 or more, whose body was read.
-
-    It is SpecError for an invalid request, with the faults of a file; StoreError if the server or its store cannot
-    answer now; CampaignError if the state of a campaign does not allow the request, or for too many requests.
-    """
+    """Return the error for a refusal: SpecError if a change of the request helps, StoreError if only waiting does."""
     status, problem = response.status_code, _problem(response)
     detail = str(problem.get("detail") or f"answered with status {status}")[:LONGEST_DETAIL]
     message = f"server {address}: {detail}"

@@ -1,4 +1,4 @@
-"""The HTTP server of a service: its configuration file, checks and lock, its first login link, and its connections."""
+"""The HTTP server of a service: its application, checks and lock, its first login link, and its connections."""
 
 import asyncio
 import fcntl
@@ -7,57 +7,150 @@ import json
 import logging
 import os
 import socket
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import fields
+from functools import partial
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Any
 
 import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.utils import get_openapi
+from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from campaign.errors import SpecError, unwritable
+from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.row_build import clearcap_version
 from clearcap.web.access import Role
 from clearcap.web.access.throttle import place_of
-from clearcap.web.app import make_app
-from clearcap.web.http.monitoring import show_requests
-from clearcap.web.settings import LOOPBACK, Limits, Oidc, Settings
+from clearcap.web.api import routers
+from clearcap.web.http.monitoring import Metrics, Record, ServiceGauges, show_requests
+from clearcap.web.http.request_limits import Head, RequestLimits
+from clearcap.web.http.responses import Refusal, described, problem_response, problem_schemas, refusal_of
+from clearcap.web.pages import STATIC, page_routers
+from clearcap.web.pages.rendering import SITE, refused_page
+from clearcap.web.settings import LOOPBACK, PREFIX, Limits, Oidc, Settings
 from clearcap.web.web_service import Service
+from engine import EngineError
 from engine.platform.toml_file import UnfitToml, read_toml
+
+DESCRIPTION = """
+Mechanisms, campaigns and their reports over HTTP. Log in as a browser does, or send a token:
+`Authorization: Bearer clearcap_token_...`. Every refusal is answered with problem details (RFC 9457).
+"""
+
+
+def make_app(service: Service) -> FastAPI:
+    """Return the FastAPI application of a service, which is closed when the application ends."""
+
+    @asynccontextmanager
+    async def life(_: FastAPI) -> AsyncIterator[None]:
+        async with service.working():
+            yield
+
+    app = FastAPI(
+        title="clearcap",
+        summary="From clearance to capability",
+        description=DESCRIPTION,
+        version=clearcap_version(),
+        openapi_url=f"{PREFIX}/openapi.json",
+        docs_url=None,  # they load scripts from other hosts
+        redoc_url=None,
+        lifespan=life,
+    )
+    app.openapi = partial(_described, app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
+    app.state.service = service
+    app.state.metrics = Metrics()
+    app.state.metrics.registry.register(ServiceGauges(service))
+    for router in (*routers(), *page_routers()):
+        app.include_router(router)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    if SITE.is_dir():
+        app.mount("/help/documentation", StaticFiles(directory=SITE, html=True), name="documentation")
+    for kind in (Refusal, CampaignError, EngineError, HTTPException, RequestValidationError):
+        app.add_exception_handler(kind, _refuse)
+    # A request passes the middleware added last first. RequestLimits is the outermost: it refuses foreign hosts and
+    # large bodies before anything else is done for them, numbers the request for the log, and adds its headers to every
+    # answer, also to the 500 of Record. Record comes before Head, so that it logs HEAD as such, and a bug in Head as
+    # well.
+    app.add_middleware(Head)
+    app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
+    settings = service.settings
+    app.add_middleware(RequestLimits, names=settings.names, limits=settings.limits, secure=not settings.is_local)
+    return app
+
+
+def _described(app: FastAPI) -> dict[str, Any]:
+    """Return the OpenAPI 3.1 description of the API, with the schemas of refusals; it is generated once."""
+    if app.openapi_schema is None:
+        title, version, words = app.title, app.version, app.description
+        app.openapi_schema = get_openapi(
+            title=title, version=version, summary=app.summary, description=words, routes=app.routes
+        )
+        app.openapi_schema["components"]["schemas"].update(problem_schemas())
+        for path in app.openapi_schema["paths"].values():
+            for call in path.values():
+                if "application/json" in call["responses"].get("422", {}).get("content", {}):  # FastAPI's own
+                    call["responses"]["422"] = described(422)[422]
+    return app.openapi_schema
+
+
+def _refuse(request: Request, error: Exception) -> Response:
+    """Answer an error of clearcap or of the framework with problem details, or with a page for a browser."""
+    refusal = refusal_of(error)
+    if isinstance(error, RequestValidationError):  # invalid parameters, or an invalid body
+        listed = [([str(part) for part in each["loc"] or ["body"]], each["msg"]) for each in error.errors()[:100]]
+        detail = "; ".join(f"{'.'.join(keys)}: {text}" for keys, text in listed[:5])
+        refusal = Refusal(422, detail, [{"keys": keys, "text": text} for keys, text in listed])
+    elif isinstance(error, HTTPException):  # such as an unknown path or method
+        words = f"{request.url.path}: {error.detail}"[:500]
+        while_read = error.__cause__ if isinstance(error.__cause__, Refusal) else None  # the framework read the body
+        refusal = while_read or Refusal(error.status_code, words, headers=dict(error.headers or {}))
+    assert refusal is not None
+    if not request.url.path.startswith("/api/") and "text/html" in request.headers.get("accept", ""):
+        return refused_page(request, refusal)
+    return problem_response(refusal)
+
 
 SECRET = "CLEARCAP_OIDC_SECRET"  # environment variable of the login service's client secret
 
 
-class _OidcTable(BaseModel):
-    """The table ``[oidc]``."""
+class _Table(BaseModel):
+    """A table of the configuration file."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class _OidcTable(_Table):
+    """The table ``[oidc]``."""
+
     issuer: Annotated[str, Field(pattern=r"^https://[^\s]+$")]
     client_id: str
     roles_claim: str = "groups"
     roles: dict[str, str] = {}
 
 
-class _WebhookTable(BaseModel):
+class _WebhookTable(_Table):
     """The table ``[webhooks]``."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     allow: list[Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,253}$")]] = []
 
 
-class _SigningTable(BaseModel):
+class _SigningTable(_Table):
     """The table ``[signing]``."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     four_eyes: bool = False
 
 
-class _Tables(BaseModel):
+class _Tables(_Table):
     """The tables of the file."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     limits: dict[str, Annotated[float, Field(gt=0)]] = {}
     oidc: _OidcTable | None = None
     webhooks: _WebhookTable = _WebhookTable()
@@ -65,12 +158,7 @@ class _Tables(BaseModel):
 
 
 def read_configuration(path: Path | None) -> dict[str, Any]:
-    """Return the settings that a configuration file gives, by their names in `Settings`; None gives none.
-
-    The TOML file has the tables ``[limits]``, ``[oidc]``, ``[webhooks]`` and ``[signing]``. The secret of the login
-    service is not part of it: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``. Raises SpecError if
-    the file cannot be read or is invalid, or the secret is missing.
-    """
+    """Return the settings in a TOML file by their names in `Settings`; the secret of `[oidc]` is in the environment."""
     if path is None:
         return {}
     try:
@@ -80,20 +168,15 @@ def read_configuration(path: Path | None) -> dict[str, Any]:
     except ValidationError as error:
         lines = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
         raise SpecError("\n  ".join([f"--config {path}:", *lines])) from error
+    kinds: dict[str, Any] = {f.name: type(f.default) for f in fields(Limits)}
+    if unknown := sorted(tables.limits.keys() - kinds.keys()):
+        raise SpecError(f"--config {path}: limits.{unknown[0]}: no such limit; limits: {', '.join(kinds)}")
     return {
-        "limits": _limits(path, tables.limits),
+        "limits": Limits(**{name: kinds[name](value) for name, value in tables.limits.items()}),
         "oidc": _oidc(path, tables.oidc),
         "webhook_hosts": tuple(tables.webhooks.allow),
         "four_eyes": tables.signing.four_eyes,
     }
-
-
-def _limits(path: Path, table: dict[str, float]) -> Limits:
-    """Return the limits: the values of the file, and defaults for the rest."""
-    kinds: dict[str, Any] = {f.name: type(f.default) for f in fields(Limits)}
-    if unknown := sorted(table.keys() - kinds.keys()):
-        raise SpecError(f"--config {path}: limits.{unknown[0]}: no such limit; limits: {', '.join(kinds)}")
-    return Limits(**{name: kinds[name](value) for name, value in table.items()})
 
 
 def _oidc(path: Path, table: _OidcTable | None) -> Oidc | None:
@@ -117,7 +200,6 @@ FIRST_LINK = "first_login_link"  # file in the data folder
 DRAIN = 20  # s that running requests may take to finish when the server ends
 KEEP_ALIVE = 20  # s without a request, after which a connection is closed
 CONNECTIONS = 1000
-
 logger = logging.getLogger(__name__)
 
 
@@ -126,7 +208,7 @@ class Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End the event streams, then shut down."""
-        self.config.app.state.service.end_streams()  # type: ignore[union-attr]  # it is a FastAPI
+        self.config.app.state.service.watcher.end_streams()  # type: ignore[union-attr]  # it is a FastAPI
         await super().shutdown(sockets)
 
 
@@ -147,10 +229,7 @@ def check_settings(settings: Settings) -> None:
 
 
 def first_login(service: Service, *, is_terminal: bool) -> tuple[str | None, Path | None]:
-    """Return the link by which the first admin logs in once, or the file that it was written to; only at a first start.
-
-    What a service prints is kept in logs, which others can read, so only a terminal gets the link.
-    """
+    """Return, at a first start, the link of the first admin for a terminal, else its file: what is printed is kept."""
     file = service.settings.data / FIRST_LINK
     file.unlink(missing_ok=True)
     if service.users.all():
@@ -241,7 +320,10 @@ def instance_lock(settings: Settings) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             file.seek(0)
-            which = _named(file.read(500))
+            which = ""
+            with suppress(ValueError, KeyError, TypeError):  # nothing is written yet
+                known = json.loads(file.read(500))
+                which = f" (process {known['process']}, {known['address']})"
             raise SpecError(
                 f"--data {settings.data}: another server uses this folder{which}; end it first, or give this one a"
                 " folder of its own with --data"
@@ -250,15 +332,6 @@ def instance_lock(settings: Settings) -> Iterator[None]:
             file.truncate(0)
             file.write(json.dumps({"process": os.getpid(), "address": settings.address}).encode())
         yield
-
-
-def _named(text: bytes) -> str:
-    """Describe the server that wrote the lock; return an empty string if nothing is written yet."""
-    try:
-        known = json.loads(text)
-        return f" (process {known['process']}, {known['address']})"
-    except (ValueError, KeyError, TypeError):
-        return ""
 
 
 LARGEST_HEAD = 64 * 1024  # bytes, of a request's first line and headers
@@ -270,9 +343,8 @@ SEND_BUFFER = 256 * 1024  # bytes; with a larger buffer the system would report 
 class BoundedConnection(HttpToolsProtocol):
     """A connection that limits the size and arrival time of each request head and requires that answers are read.
 
-    Uvicorn has none of these limits: a thousand connections that never finish their heads, or never read an answer,
-    would keep everybody else out, and one endless header would fill the memory. `RequestLimits` limits the bodies. One
-    connection too many from an address ends the oldest of that address without a request at work.
+    Uvicorn does not: a thousand connections that never finish their heads, or never read an answer, would keep all
+    out, and an endless header would fill the memory. One too many from an address ends its oldest idle connection.
     """
 
     _number, _place = 0, ""  # in the order of their beginning, and which address may open so many; empty for a proxy
@@ -344,11 +416,6 @@ class BoundedConnection(HttpToolsProtocol):
         """Whether a request is being answered."""
         return self.cycle is not None and not self.cycle.response_complete
 
-    @property
-    def _is_closing(self) -> bool:
-        """Whether the connection is being closed."""
-        return bool(self.transport.is_closing())
-
     def _place_of_client(self) -> str:
         """Return what counts as one address; empty for the proxy, behind which everybody is."""
         settings: Settings = self.config.app.state.service.settings  # type: ignore[union-attr]  # FastAPI
@@ -362,7 +429,9 @@ class BoundedConnection(HttpToolsProtocol):
         """Close the oldest idle connection of an address that has too many; return whether there is room."""
         opened = (each for each in self.connections if isinstance(each, BoundedConnection))
         # one that is being closed takes no place, and closing it again would make none
-        own = [each for each in opened if self._place and each._place == self._place and not each._is_closing]
+        own = [
+            each for each in opened if self._place and each._place == self._place and not each.transport.is_closing()
+        ]
         if len(own) <= self._limits.connections:
             return True
         idle = [each for each in own if each is not self and not each._is_at_work]

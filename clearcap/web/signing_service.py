@@ -1,22 +1,18 @@
 """The server's part in sign-offs: its signing key, the documents it has signed, and checks that they still hold."""
 
+import logging
 import os
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from cryptography.hazmat.primitives.serialization import (
-    Encoding,
-    NoEncryption,
-    PrivateFormat,
-    load_pem_private_key,
-)
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, load_pem_private_key
 
 from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.requests import being_signed, end_protection, is_protected, rerun_request
@@ -44,10 +40,10 @@ from clearcap.questions.signing import (
     stream_export,
 )
 from clearcap.web.access import Principal
-from clearcap.web.access.backup import KEY_FILE
-from clearcap.web.access.database import Database
+from clearcap.web.access.database import KEY_FILE, Database
 from engine.platform.regular_file import read_regular_file
 
+logger = logging.getLogger(__name__)
 _LARGEST_KEY = 10_000  # bytes
 _SETTLED = 2.0  # s after the last change of a file; from then on, a further change shows in the file's times
 _READ_WITHIN = 20.0  # s that a request waits while another one reads files
@@ -73,20 +69,8 @@ class KeptSignoff:
         return "signed version differs" if self.differences else "signed"
 
 
-@dataclass(frozen=True)
-class ReportAgain:
-    """A campaign's report as its rows give it; see `clearcap.questions.report.report_written_again`."""
-
-    source: dict[str, str]  # the digests of the plan and the rows that it was made of
-    files: dict[str, str]  # SHA-256 by name
-
-
 class SigningService:
-    """Sign campaigns for approvers, and check whether the signed files have changed.
-
-    The key of this server is a file beside the database; it is generated if there is none. Raises SpecError if the file
-    holds no valid key, or if other users can read it.
-    """
+    """Sign campaigns for approvers by the key beside the database, and check whether signed files have changed."""
 
     def __init__(self, database: Database, store: Store) -> None:
         self._database, self._store = database, store
@@ -118,14 +102,11 @@ class SigningService:
         user = (self._store.read_json(campaign, SUBMISSION) or {}).get("user")
         return user if isinstance(user, str) else ""
 
-    def sign(self, campaign: str, who: Principal, comment: str, content: str, again: ReportAgain) -> Signoff:
-        """Sign the plan, rows and report of a campaign in the name of an approver.
+    def sign(self, campaign: str, who: Principal, comment: str, content: str, again: Mapping[str, Any]) -> Signoff:
+        """Sign the plan, rows and report of a completed campaign for an approver, who has looked at `content`.
 
-        `content` is the `content_digest` of the files that the approver has looked at; `again` is the report as these
-        rows give it. An approver who repeats a request, because its answer was lost, gets the existing sign-off: the
-        last one of the campaign, if it has the same signer, comment and content. Raises CampaignError if the campaign
-        is not completed, is damaged, has changed since the approver looked at it, or its report is not that of its
-        rows; LeaseHeld if it is being changed. For TimeoutError see `content`.
+        `again` is what `report_written_again` gives. A request that is repeated, because its answer was lost, gets the
+        same sign-off: the last one, if it has the same signer, comment and content.
         """
         header = self._store.plan_header(campaign)
         with ExitStack() as held:
@@ -165,10 +146,7 @@ class SigningService:
         return signoff
 
     def withdraw(self, campaign: str, who: Principal, comment: str) -> Withdrawal:
-        """Withdraw the last sign-off of a campaign, which can then be changed again; the reason is kept for ever.
-
-        Raises CampaignError if it is not signed.
-        """
+        """Withdraw the last sign-off of a campaign, which can then be changed again; the reason is kept for ever."""
         with hold_lease(self._store, campaign), self._database.write() as connection:
             chain = _Chain(connection, campaign)
             if not isinstance(chain.last, Signoff) or chain.last_digest is None:
@@ -183,9 +161,15 @@ class SigningService:
         """Mark what is signed and not marked in the store: version 0.1 wrote no marker, and a backup may be older.
 
         A server that is killed while it signs may have the document, and leave the marker of a signer who crashed.
-        A campaign that is being computed or changed is left for the next start. Raises what the store raises.
+        What is being computed or changed, and all if the store cannot be written, is left for the next start.
         """
-        stored = set(self._store.campaigns())
+        try:
+            self._protect(set(self._store.campaigns()))
+        except (CampaignError, OSError) as error:
+            logger.warning("what is signed may not be marked so in the store; the next start tries again: %s", error)
+
+    def _protect(self, stored: set[str]) -> None:
+        """Mark the signed ones of some campaigns."""
         for row in self._database.rows(_LAST_OF_EACH):
             signoff = read_document(row["document"].encode())
             if not isinstance(signoff, Signoff) or signoff.campaign not in stored:
@@ -255,10 +239,7 @@ class SigningService:
 
 
 class _Chain:
-    """The ends of the chains of a campaign's and of the server's documents.
-
-    Read in the transaction of the insertion, so that no two documents follow the same one.
-    """
+    """The ends of the chains of documents, read in the transaction of an insertion, so that no two follow the same."""
 
     def __init__(self, connection: sqlite3.Connection, campaign: str) -> None:
         self._campaign = campaign
@@ -283,12 +264,12 @@ class _Chain:
         }
 
 
-def _check_report(campaign: str, files: dict[str, str], source: dict[str, str], again: ReportAgain) -> None:
+def _check_report(campaign: str, files: dict[str, str], source: dict[str, str], again: Mapping[str, Any]) -> None:
     """Raise CampaignError unless the files of a report are those written again, from the rows that are there now."""
-    if again.source != source:
+    if again["source"] != source:
         raise CampaignError(f"{campaign}: its rows have changed just now; read the report again, then sign")
     found = {name.removeprefix(f"{REPORT}/"): digest for name, digest in files.items() if part_of(name) == "report"}
-    other = sorted(name for name in found.keys() | again.files.keys() if found.get(name) != again.files.get(name))
+    other = sorted(name for name in found.keys() | again["files"].keys() if found.get(name) != again["files"].get(name))
     if other:
         raise CampaignError(
             f"{campaign}: {REPORT}/{other[0]} is not what this server writes from these rows: it is of other rows, was"
@@ -297,10 +278,7 @@ def _check_report(campaign: str, files: dict[str, str], source: dict[str, str], 
 
 
 def _mark(store: Store, name: str) -> object:
-    """Return a value that differs after any change of a file.
-
-    None if no value certainly would: just after a change, and for a store behind a URL.
-    """
+    """Return what differs after any change of a file; None if nothing surely would: just changed, or behind a URL."""
     if not store.files.local:
         return None
     status = os.lstat(store.files.path(name))

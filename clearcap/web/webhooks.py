@@ -23,7 +23,7 @@ import httpx
 from campaign.errors import SpecError
 from clearcap.web.access.database import Database
 from clearcap.web.access.users import new_secret
-from clearcap.web.watch.entry import CampaignEntry
+from clearcap.web.index import CampaignEntry
 
 ENDED = ("completed", "failed", "cancelled", "interrupted")
 REPORT_WITHIN = 600.0  # s after the end of a completed campaign that its news waits for the report
@@ -198,10 +198,7 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class WebhookSender:
-    """Send events of campaigns to webhooks, in the server's own network only to the hosts `allowed`.
-
-    `events` returns what follows from the states of all campaigns, `clock` the time in seconds since 1970.
-    """
+    """Send the `events` of campaigns to webhooks, in the server's own network only to the hosts `allowed`."""
 
     def __init__(
         self,
@@ -244,11 +241,7 @@ class WebhookSender:
         await asyncio.to_thread(self._repository.record, delivery, fault)
 
     async def send(self, webhook: Webhook, delivery: Delivery) -> str | None:
-        """Send news once; return why it was not accepted, or None if it was.
-
-        The connection goes to the checked address, even if the host name resolves to another one meanwhile. Redirects
-        are not followed, and no proxy is used.
-        """
+        """Send news once, to the checked address whatever its name means by then; return why it was not accepted."""
         try:
             target = webhook_target(webhook.url, self._allowed)
             address = (await asyncio.to_thread(target_addresses, target))[0]
@@ -281,11 +274,7 @@ class WebhookSender:
 
 
 def signature(secret: str, body: bytes, at: int) -> str:
-    """Return the signature of a body: ``t=SECONDS,v1=HEX``.
-
-    SECONDS is `at`; HEX is the HMAC-SHA256 of ``SECONDS.BODY`` with the secret as key. Receivers refuse old signatures,
-    so that nobody can replay a body.
-    """
+    """Return ``t=SECONDS,v1=HEX``: HMAC-SHA256 of ``SECONDS.BODY``; old ones are refused, so none can be replayed."""
     digest = hmac.new(secret.encode(), f"{at}.".encode() + body, hashlib.sha256).hexdigest()
     return f"t={at},v1={digest}"
 

@@ -11,11 +11,11 @@ from campaign.coordinator.submit import start_coordinator
 from campaign.processes import numerical
 from campaign.worker.batch import rows_in_subprocess
 from campaign.worker.messages import CampaignAddress
-from clearcap.web.answers.job_process import job_environment
+from clearcap.web.jobs.process import job_environment
 from clearcap.web.web_service import CoordinatorChild
 from engine.cad import step_reader
 from tests.campaign import fake_engine
-from tests.clearcap.web.answers.strange_jobs import environment
+from tests.clearcap.web.jobs.strange_jobs import environment
 
 pytestmark = pytest.mark.bits
 

@@ -8,7 +8,7 @@ import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from campaign.waits import SENTENCES
-from clearcap.web.watch.entry import LISTED_STATES
+from clearcap.web.index import LISTED_STATES
 from tests.deploy.descriptors import DEPLOY, documents
 
 FOLDER = DEPLOY / "prometheus"
@@ -24,7 +24,7 @@ def told(tmp_path):
     from starlette.testclient import TestClient
 
     from clearcap.web.access import Role
-    from clearcap.web.app import make_app
+    from clearcap.web.server import make_app
     from clearcap.web.settings import Settings
     from clearcap.web.web_service import open_service
 

@@ -31,10 +31,7 @@ MOST_OF_A_NAME = 1000  # users whose names differ only by a number
 
 
 class LoginFault(Exception):
-    """A login through the company's service failed; the message is shown to the user.
-
-    With `is_outage` the service is at fault, so that the same login may work later.
-    """
+    """A login through the company's service failed; if that `is_outage`, the same login may work later."""
 
     def __init__(self, message: str, *, is_outage: bool = False) -> None:
         super().__init__(message)
@@ -62,11 +59,7 @@ class CompanyLogin:
         self._metadata: tuple[float, dict[str, Any]] | None = None
 
     def begin(self, wanted: str) -> tuple[str, str]:
-        """Return the URL to send the browser to, and the content of a cookie that it keeps until it comes back.
-
-        `wanted` is the path on this server to go to after the login. Raises LoginFault if the service does not answer
-        as OpenID Connect requires.
-        """
+        """Return where to send the browser, and a cookie that it keeps until it comes back for the path `wanted`."""
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
         endpoint = self._read_metadata()["authorization_endpoint"]
         with self._client() as client:
@@ -75,12 +68,7 @@ class CompanyLogin:
         return str(url), kept if isinstance(kept, str) else kept.decode()
 
     def end(self, answer: Mapping[str, str], kept: str) -> tuple[Identity, str]:
-        """Return the identity that a login proves, and the path that the person wanted to go to.
-
-        `answer` has the query parameters with which the service sent the browser back: ``code`` and ``state``, or
-        ``error``; `kept` is the content of the browser's cookie from `begin`. Raises LoginFault if the answer does not
-        belong to the login that this browser began, the service refuses, or its token does not prove the identity.
-        """
+        """Return the identity that the browser's answer proves, with the cookie `kept`, and the path that it wanted."""
         try:
             begun = self._states.loads(kept, max_age=LOGIN_WITHIN)
         except BadSignature as error:
@@ -107,13 +95,13 @@ class CompanyLogin:
         token = answer.get("id_token")
         if not isinstance(token, str):
             raise LoginFault("the login service sent no identity token; ask its admin for the scope openid")
-        keys = self._fetch(metadata["jwks_uri"])
+        keys, wanted = self._fetch(metadata["jwks_uri"]), {"iss": self._oidc.issuer, "aud": self._oidc.client_id}
         try:
             decoded = jwt.decode(token, KeySet.import_key_set(keys), algorithms=list(ALGORITHMS))  # type: ignore[arg-type]  # checked by it
             claims = CodeIDToken(
                 decoded.claims,
                 decoded.header,
-                {"iss": {"essential": True, "value": self._oidc.issuer}, "aud": _audience(self._oidc.client_id)},
+                {key: {"essential": True, "value": value} for key, value in wanted.items()},
                 {"nonce": nonce, "client_id": self._oidc.client_id, "access_token": answer.get("access_token")},
             )
             claims.validate(leeway=LEEWAY)
@@ -173,10 +161,7 @@ class CompanyLogin:
 
 
 def company_user(users: Users, identity: Identity) -> User:
-    """Return the user of an identity; create the user at the first login, and update their role from their groups.
-
-    Raises LoginFault if the user is disabled here, CampaignError if the last admin's groups no longer make them one.
-    """
+    """Return the user of an identity; create the user at the first login, and update their role from their groups."""
     user = users.by_subject(identity.subject)
     if user is None:
         try:
@@ -195,10 +180,6 @@ def _free_name(users: Users, wanted: str) -> str:
     base = re.sub(r"[^A-Za-z0-9._@-]", "-", wanted).lstrip("._@-")[:58] or "user"  # leaves room for the number
     names = [base, *(f"{base}-{number}" for number in range(2, MOST_OF_A_NAME))]
     return next(name for name in names if NAME.fullmatch(name) and users.get(name) is None)
-
-
-def _audience(client_id: str) -> dict[str, Any]:
-    return {"essential": True, "value": client_id}
 
 
 def _outage(error: Exception) -> LoginFault:

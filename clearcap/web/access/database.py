@@ -8,7 +8,7 @@ from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
 
-DATABASE = "service.sqlite"  # file in the data folder of a server
+DATABASE, KEY_FILE = "service.sqlite", "signing_key.pem"  # files in the data folder of a server
 BUSY = 10.0  # s that a writer waits for another process, such as a backup
 OF_DISK = {  # SQLite's error codes for a full, read-only or broken disk, or a file that another process keeps locked
     sqlite3.SQLITE_BUSY,
@@ -128,10 +128,7 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
-        """Run the block in a transaction, which is committed as a whole, or rolled back after an exception.
-
-        Inside the block its connection sees what it has written; `rows` sees it after the block.
-        """
+        """Run the block in a transaction; `rows` sees what it writes after the block."""
         with self._writing, self._faults_of_the_disk():
             try:
                 self._connection.execute("BEGIN IMMEDIATE")
@@ -144,10 +141,7 @@ class Database:
                 raise
 
     def note(self, statement: str, *values: object) -> None:
-        """Write something that may get lost; write nothing if another thread or process is writing or the disk fails.
-
-        A request that only reads, but whose time of use is noted, is thus answered at once in any case.
-        """
+        """Write what may get lost, unless another writes or the disk fails: who only reads is answered at once."""
         if not self._writing.acquire(blocking=False):
             return
         try:

@@ -35,13 +35,15 @@ class Throttle:
     def attempt(self, *keys: str) -> float:
         """Note an attempt of each key as a failure until it is taken back; return the time to wait [s], see `wait`.
 
-        Counting an attempt at once stops many simultaneous attempts from passing before the first one has failed.
-        Nothing is noted if one of the keys has to wait.
+        Counted at once, many at a time cannot pass before the first has failed. If one key has to wait, none is noted.
         """
         with self._lock:
-            wait = self._wait(keys)
-            if not wait:
-                self._note(keys)
+            wait, now = self._wait(keys), self._clock()
+            for key in () if wait else keys:
+                self._failures.setdefault(key, deque(maxlen=self._most)).append(now)
+                self._failures.move_to_end(key)
+            while len(self._failures) > MOST_KEYS:
+                self._failures.popitem(last=False)
         return wait
 
     def take_back(self, *keys: str) -> None:
@@ -50,11 +52,6 @@ class Throttle:
             for key in keys:
                 if self._failures.get(key):
                     self._failures[key].pop()
-
-    def failed(self, *keys: str) -> None:
-        """Note a failure of each key."""
-        with self._lock:
-            self._note(keys)
 
     def succeeded(self, *keys: str) -> None:
         """Forget the failures of each key."""
@@ -67,14 +64,6 @@ class Throttle:
         times = [self._failures[key] for key in keys if key in self._failures]
         full = [past[0] + self._seconds - now for past in times if len(past) == self._most]
         return max([0.0, *full])
-
-    def _note(self, keys: tuple[str, ...]) -> None:
-        now = self._clock()
-        for key in keys:
-            self._failures.setdefault(key, deque(maxlen=self._most)).append(now)
-            self._failures.move_to_end(key)
-        while len(self._failures) > MOST_KEYS:
-            self._failures.popitem(last=False)
 
 
 class LoginThrottle:

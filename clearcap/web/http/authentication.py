@@ -15,7 +15,7 @@ from campaign.store.layout import PLAN
 from clearcap.web.access import Principal, Role
 from clearcap.web.access.throttle import place_of
 from clearcap.web.access.users import User
-from clearcap.web.http.problems import Refusal
+from clearcap.web.http.responses import Refusal
 from clearcap.web.web_service import Service
 
 CAMPAIGN_ID = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$"
@@ -26,7 +26,6 @@ CSRF_FIELD = "csrf"
 CSRF_HEADER = "x-csrf-token"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 FORMS = "multipart/form-data", "application/x-www-form-urlencoded"
-
 _cookie = APIKeyCookie(
     name=COOKIE, scheme_name="session", description="Cookie of a browser's session", auto_error=False
 )
@@ -50,11 +49,7 @@ async def the_service(request: Request) -> Service:
 
 
 async def authenticated(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
-    """Return the principal of a request, as a dependency of a call.
-
-    The refusal is 401 without a valid session or token, 403 for a write that comes from another site, 429 after many
-    wrong tokens.
-    """
+    """Return the principal of a request, as a dependency of a call; or refuse it (401, 403, 429)."""
     principal = principal_of(request)
     # only cookies are sent by a browser on its own, so only they need protection against forged requests
     if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
@@ -71,18 +66,15 @@ def principal_of(request: Request) -> Principal:
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
     if scheme:
         principal = service.tokens.principal(secret.strip()) if scheme.lower() == "bearer" else None
-        if principal is None:
-            _refuse_token(service, address_of(request))
+        if principal is None and (wait := service.throttle.attempt(f"token {place_of(address_of(request))}")):
+            raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
     else:
         # the user's own session first: who is logged in stays so after opening a shared link
         secrets = [request.cookies[name] for name in (COOKIE, SHARE_COOKIE) if name in request.cookies]
         principal = next(filter(None, map(service.sessions.principal, secrets)), None)
     if principal is None:
-        raise Refusal(
-            401,
-            "log in, or send a token: Authorization: Bearer clearcap_token_...",
-            headers={"WWW-Authenticate": "Bearer"},
-        )
+        words = "log in, or send a token: Authorization: Bearer clearcap_token_..."
+        raise Refusal(401, words, headers={"WWW-Authenticate": "Bearer"})
     return principal
 
 
@@ -93,13 +85,6 @@ def is_still_valid(request: Request) -> bool:
     except Refusal:
         return False
     return True
-
-
-def _refuse_token(service: Service, address: str) -> None:
-    """Count a wrong token; raise a refusal with 429 if its address has sent many."""
-    wait = service.throttle.attempt(f"token {place_of(address)}")
-    if wait:
-        raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
 
 
 def check_origin(request: Request) -> None:
@@ -185,10 +170,7 @@ async def the_campaign(
     principal: Authenticated,
     campaign: Annotated[str, Path(pattern=CAMPAIGN_ID, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
 ) -> str:
-    """Return the id of a campaign after checking that it exists and that the principal may see it.
-
-    Either failure is refused with 404, so that nobody learns which campaigns exist.
-    """
+    """Return a campaign that the principal may see; 404 also for others, so that nobody learns which there are."""
     if principal.may_see(campaign):
         is_known = service.watcher.index.entry(campaign) is not None
         if is_known or await run_in_threadpool(service.store.files.exists, f"{campaign}/{PLAN}"):

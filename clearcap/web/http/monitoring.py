@@ -6,12 +6,22 @@ import logging
 import re
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TextIO
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, Metric, ProcessCollector
+from fastapi import Request
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Histogram,
+    Metric,
+    ProcessCollector,
+    generate_latest,
+)
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -20,14 +30,13 @@ from campaign.errors import StoreError
 from campaign.waits import SENTENCES
 from clearcap.web.access.audit import AuditTrail
 from clearcap.web.access.throttle import Throttle, place_of
-from clearcap.web.answers.job_pool import JobPool
-from clearcap.web.http.problems import MEDIA_TYPE, Refusal, problem
-from clearcap.web.watch.entry import LISTED_STATES
-from clearcap.web.watch.watcher import Watcher
-from clearcap.web.watch.workload import Workload
+from clearcap.web.http.authentication import SAFE_METHODS, TheService, Viewer
+from clearcap.web.http.responses import Refusal, problem_response
+from clearcap.web.index import LISTED_STATES
+from clearcap.web.jobs.pool import EngineCompiling
+from clearcap.web.web_service import Service
 
 logger = logging.getLogger("clearcap.requests")
-SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_OF_STRANGERS, WITHIN = 30, 300.0  # unauthenticated writes from one place that are audited, within this time [s]
 _SECRET = re.compile(r"clearcap_[a-z]+_[\w-]+")
 
@@ -48,15 +57,14 @@ class Metrics:
         ProcessCollector(registry=self.registry)
         labels = ("method", "route", "status")
         self.requests = Counter("clearcap_requests", "Answered requests", labels, registry=self.registry)
-        self.seconds = Histogram(
-            "clearcap_request_seconds", "Time until the answer began", ("method", "route"), registry=self.registry
-        )
+        words = "Time until the answer began"
+        self.seconds = Histogram("clearcap_request_seconds", words, labels[:2], registry=self.registry)
 
 
 class Record:
     """Log and count each request, audit each write before it is answered, and answer with 500 after a bug.
 
-    Only the first unauthenticated writes from each place are audited, so that strangers cannot fill the disk.
+    Of strangers only the first writes from each place are audited, so that they cannot fill the disk.
     """
 
     def __init__(self, app: ASGIApp, audit: AuditTrail, metrics: Metrics) -> None:
@@ -79,7 +87,10 @@ class Record:
                     await self._record(scope, message["status"], time.perf_counter() - start)
                 except StoreError as error:  # a write that cannot be audited is not reported as done
                     refused = True
-                    await self._refuse(scope, receive, send, error)
+                    fault = {"request": scope["state"].get("request", ""), "fault": str(error)}
+                    logger.warning("%s", json.dumps(fault))
+                    refusal = Refusal(503, str(error), headers={"Retry-After": "10"})
+                    await problem_response(refusal)(scope, receive, send)
             if not refused:
                 await send(message)
 
@@ -93,14 +104,7 @@ class Record:
             request = scope["state"].get("request", "")
             logger.error("%s", json.dumps({"request": request, "bug": traceback.format_exc()}))
             detail = f"a bug of the server; its log has the reason under the request {request}"
-            body = problem(500, detail).model_dump_json()
-            await Response(body, 500, media_type=MEDIA_TYPE)(scope, receive, send_recorded)
-
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send, error: StoreError) -> None:
-        """Answer that a request cannot be audited now."""
-        logger.warning("%s", json.dumps({"request": scope["state"].get("request", ""), "fault": str(error)}))
-        body = problem(503, str(error)).model_dump_json()
-        await Response(body, 503, {"Retry-After": "10"}, MEDIA_TYPE)(scope, receive, send)
+            await problem_response(Refusal(500, detail))(scope, receive, send_recorded)
 
     async def _record(self, scope: Scope, status: int, seconds: float) -> None:
         """Record a request that is about to be answered."""
@@ -120,47 +124,33 @@ class Record:
             subject = _SECRET.sub("(a secret)", subject)[:200]
             kind = principal.kind if principal else state.get("how", "none")
             who = who if principal else state.get("who", "nobody")
-            detail = state.get("detail", "")
-            await run_in_threadpool(
-                self._audit.add, who, kind, address, f"{method} {route}"[:200], subject, status, detail
-            )
+            entry = (who, kind, address, f"{method} {route}"[:200], subject, status, state.get("detail", ""))
+            await run_in_threadpool(self._audit.add, *entry)
 
 
 class ServiceGauges(Collector):
-    """Count campaigns by state, running and waiting jobs, and open event streams.
+    """Count campaigns by state, jobs and streams, and tell what coordinator and workers do, as the store says.
 
     It may only be queried in the event loop of the service, because no lock keeps the counts from changing meanwhile.
     """
 
-    def __init__(self, watcher: Watcher, pool: JobPool) -> None:
-        self._watcher, self._pool = watcher, pool
-
-    def collect(self) -> Iterable[Metric]:
-        """Yield the gauges with their current values."""
-        campaigns = collections.Counter(dict.fromkeys(LISTED_STATES, 0))
-        campaigns.update(entry.state for entry, _ in self._watcher.index.entries())
-        yield _by_state("clearcap_campaigns", "Campaigns by state, as the list has them", campaigns)
-        jobs = {"running": self._pool.running, "waiting": self._pool.waiting}
-        yield _by_state("clearcap_jobs", "Jobs in the processes that compute for pages and calls", jobs)
-        yield GaugeMetricFamily("clearcap_event_streams", "Open event streams", self._watcher.followers)
+    def __init__(self, service: Service) -> None:
+        self._service = service
 
     def describe(self) -> Iterable[Metric]:
         """Return nothing, so that the registry does not count when this collector is registered."""
         return ()
 
-
-class WorkGauges(Collector):
-    """Tell what coordinator and workers do, as the store says: who scrapes the server need not reach them.
-
-    `work` returns what was seen last, None if the store could not be read; `free` the room on its disk, if known.
-    """
-
-    def __init__(self, work: Callable[[], Workload | None], free: Callable[[], int | None]) -> None:
-        self._work, self._free = work, free
-
     def collect(self) -> Iterable[Metric]:
-        """Yield the gauges with their values; without the store only that it cannot be read."""
-        work, free = self._work(), self._free()
+        """Yield the gauges with their current values; of a store that cannot be read, only that."""
+        watcher, turns = self._service.watcher, self._service.pool.turns
+        campaigns = collections.Counter(dict.fromkeys(LISTED_STATES, 0))
+        campaigns.update(entry.state for entry, _ in watcher.index.entries())
+        yield _by_state("clearcap_campaigns", "Campaigns by state, as the list has them", campaigns)
+        jobs = {"running": turns.running, "waiting": turns.waiting}
+        yield _by_state("clearcap_jobs", "Jobs in the processes that compute for pages and calls", jobs)
+        yield GaugeMetricFamily("clearcap_event_streams", "Open event streams", watcher.followers)
+        work, free = self._service.workload, self._service.free_space()
         yield GaugeMetricFamily("clearcap_store_up", "The store can be read", float(work is not None))
         if free is not None:
             yield GaugeMetricFamily("clearcap_store_free_bytes", "Room on the disk of the store", free)
@@ -176,10 +166,6 @@ class WorkGauges(Collector):
         waits.update({wait["what"] for beat in beats for wait in beat.waiting})
         yield _by_state("clearcap_waiting", "Running campaigns that wait, by what for", waits)
 
-    def describe(self) -> Iterable[Metric]:
-        """Return nothing, so that the registry does not look when this collector is registered."""
-        return ()
-
 
 def _by_state(name: str, help: str, counts: Mapping[str, int]) -> Metric:
     """Return a gauge with one value for each state."""
@@ -187,3 +173,36 @@ def _by_state(name: str, help: str, counts: Mapping[str, int]) -> Metric:
     for state, count in counts.items():
         gauge.add_metric((state,), count)
     return gauge
+
+
+class Health(BaseModel):
+    """The health of the server."""
+
+    status: str = Field(examples=["ok"])
+
+
+async def healthz() -> Health:
+    """Answer that the process is alive; nothing else is checked."""
+    return Health(status="ok")
+
+
+def readyz(service: TheService) -> Health:
+    """Check that the store and the database can be read, and that the engine is not being compiled."""
+    if (seconds := service.pool.compilation.seconds) is not None:
+        raise EngineCompiling(seconds)
+    service.database.row("SELECT 1")
+    try:
+        service.store.folders()
+    except Exception as error:
+        # only in the log, because anybody may ask
+        logging.getLogger(__name__).warning("the store cannot be read: %s", error)
+        words = "the store cannot be read; the server's log says why"
+        raise Refusal(503, words, headers={"Retry-After": "10"}) from error
+    return Health(status="ok")
+
+
+async def metrics(request: Request, service: TheService, _: Viewer) -> Response:
+    """Return counts of requests, jobs, campaigns and workers, without names, in the text format of Prometheus."""
+    await service.look_at_work()
+    content = generate_latest(request.app.state.metrics.registry)
+    return Response(content, headers={"Content-Type": CONTENT_TYPE_LATEST})

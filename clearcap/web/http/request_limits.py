@@ -1,4 +1,4 @@
-"""The outermost middleware, which checks the host, body size and body time of every request."""
+"""Middleware: the outermost, which checks host, body size and body time of every request; and answers to HEAD."""
 
 import asyncio
 import re
@@ -6,11 +6,11 @@ import secrets
 from collections import Counter
 from collections.abc import Iterable
 
-from starlette.responses import Response
+from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from clearcap.web.access.throttle import place_of
-from clearcap.web.http.problems import MEDIA_TYPE, Refusal, problem
+from clearcap.web.http.responses import Refusal, problem_response
 from clearcap.web.settings import LOOPBACK, Limits
 
 CONTENT_POLICY = (
@@ -43,7 +43,8 @@ class RequestLimits:
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str], limits: Limits, secure: bool) -> None:
-        self._app, self._limits, self._bodies = app, limits, _Bodies(limits)
+        self._app, self._limits = app, limits
+        self._arrived: Counter[str] = Counter()  # bytes of the bodies at work, by address
         self._names = {name.lower() for name in (*LOOPBACK, *names)}
         self._headers = HEADERS | ({"Strict-Transport-Security": TRANSPORT_SECURITY} if secure else {})
 
@@ -60,41 +61,33 @@ class RequestLimits:
             nonlocal begun
             if message["type"] == "http.response.start":
                 begun = True
-                given = {name.lower() for name, _ in message["headers"]}
-                added = {**self._headers, "X-Request-Id": state["request"]}
-                message["headers"] = [
-                    *message["headers"],
-                    *((n.lower().encode(), v.encode()) for n, v in added.items() if n.lower().encode() not in given),
-                ]
+                sent = MutableHeaders(scope=message)
+                for name, value in {**self._headers, "X-Request-Id": state["request"]}.items():
+                    sent.setdefault(name, value)
             await send(message)
 
         headers = dict(scope["headers"])
-        body = self._bodies.of(place_of(scope["client"][0] if scope.get("client") else "unknown"))
+        place = place_of(scope["client"][0] if scope.get("client") else "unknown")
+        body = _Body(self._arrived, self._limits, place)
         try:
             # several Host headers are joined, so that they match no name
             hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
-            self._check_host(hosts[0] if len(hosts) == 1 else ", ".join(hosts))
+            host = hosts[0] if len(hosts) == 1 else ", ".join(hosts)
+            named = _HOST.fullmatch(host)
+            if named is None or named[1].strip("[]").lower() not in self._names:
+                raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
             most = self._largest_body(scope["path"], headers.get(b"content-type", b""))
-            _check_length(headers.get(b"content-length", b"0"), most)
+            length = headers.get(b"content-length", b"0")
+            if not length.isdigit() or int(length[:20]) > most:  # int() refuses more than 4300 digits
+                raise _body_too_large(most)
             await self._app(scope, self._bounded(receive, most, body), send_with_headers)
         except Refusal as refused:
             if begun:
                 raise
-            answer = Response(
-                problem(refused.status, refused.detail).model_dump_json(),
-                refused.status,
-                {"Connection": "close", **refused.headers},
-                MEDIA_TYPE,
-            )
-            await answer(scope, receive, send_with_headers)
+            refused.headers.setdefault("Connection", "close")
+            await problem_response(refused)(scope, receive, send_with_headers)
         finally:
             body.forget()
-
-    def _check_host(self, host: str) -> None:
-        match = _HOST.fullmatch(host)
-        name = match[1].strip("[]").lower() if match else ""
-        if name not in self._names:
-            raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
 
     def _largest_body(self, path: str, kind: bytes) -> int:
         """Return the largest size that the body of a request may have [bytes]."""
@@ -115,9 +108,8 @@ class RequestLimits:
                 async with asyncio.timeout_at(over):
                     message = await receive()
             except TimeoutError:
-                raise _body_refused(
-                    408, f"the body did not arrive within {limits.body_seconds:g} s; send it again"
-                ) from None
+                words = f"the body did not arrive within {limits.body_seconds:g} s; send it again"
+                raise _body_refused(408, words) from None
             ended = message["type"] != "http.request" or not message.get("more_body", False)
             body.add(len(message.get("body", b"")))
             if body.size > most:
@@ -127,37 +119,25 @@ class RequestLimits:
         return read
 
 
-class _Bodies:
-    """The sizes of the bodies of all requests at work, which together bound the memory and disk that they take."""
-
-    def __init__(self, limits: Limits) -> None:
-        self.most, self.most_of_one = limits.bodies, max(limits.body, limits.bodies // 4)
-        self.by_place: Counter[str] = Counter()
-
-    def of(self, place: str) -> "_Body":
-        """Return the body of a new request."""
-        return _Body(self, place)
-
-
 class _Body:
-    """The body of a request, as far as it has arrived."""
+    """The body of a request, as far as it has arrived; all at work bound the memory and disk that they take."""
 
-    def __init__(self, all_bodies: _Bodies, place: str) -> None:
-        self._all, self._place, self.size = all_bodies, place, 0
+    def __init__(self, arrived: Counter[str], limits: Limits, place: str) -> None:
+        self._arrived, self._limits, self._place, self.size = arrived, limits, place, 0
 
     def add(self, size: int) -> None:
         """Count what has arrived; refuse it (503) if all bodies, or those from its address, are too large together."""
-        by_place = self._all.by_place
         self.size += size
-        by_place[self._place] += size
-        if by_place[self._place] > self._all.most_of_one or by_place.total() > self._all.most:
+        self._arrived[self._place] += size
+        most, most_of_one = self._limits.bodies, max(self._limits.body, self._limits.bodies // 4)
+        if self._arrived[self._place] > most_of_one or self._arrived.total() > most:
             raise _body_refused(503, "other large requests are at work; send this one again in some seconds", "5")
 
     def forget(self) -> None:
         """Forget the body, because its request is answered."""
-        self._all.by_place[self._place] -= self.size
-        if not self._all.by_place[self._place]:
-            del self._all.by_place[self._place]
+        self._arrived[self._place] -= self.size
+        if not self._arrived[self._place]:
+            del self._arrived[self._place]
 
 
 def check_values(document: bytes) -> None:
@@ -173,18 +153,40 @@ def _most_values(text: bytes) -> int:
     return 1 + sum(map(text.count, (b",", b"[", b"{")))
 
 
-def _check_length(length: bytes, most: int) -> None:
-    """Refuse a body whose Content-Length is too large or is not a number."""
-    if not length.isdigit() or int(length[:20]) > most:  # int() refuses more than 4300 digits
-        raise _body_too_large(most)
-
-
 def _body_too_large(most: int) -> Refusal:
     return _body_refused(413, f"the body may have at most {most} bytes here")
 
 
 def _body_refused(status: int, detail: str, retry_after_s: str = "") -> Refusal:
     """Return the refusal of a body; it closes the connection, because the rest of the body is not read."""
-    return Refusal(
-        status, detail, headers={"Connection": "close"} | ({"Retry-After": retry_after_s} if retry_after_s else {})
-    )
+    later = {"Retry-After": retry_after_s} if retry_after_s else {}
+    return Refusal(status, detail, headers={"Connection": "close", **later})
+
+
+ONCE = ("/login/", "/shared/")  # paths where GET is not safe: it begins a session, with a link that may work only once
+
+
+class Head:
+    """Answer HEAD like GET, but without the body (RFC 9110, section 9.3.2); the application handles only GET.
+
+    Paths with one-time links are left out, so that a program that previews a link does not use it up.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http" or scope["method"] != "HEAD" or scope["path"].startswith(ONCE):
+            await self._app(scope, receive, send)
+            return
+        asked = {**scope, "method": "GET"}
+
+        async def send_head(message: Message) -> None:
+            if message["type"] != "http.response.start":
+                return
+            scope.update({key: asked[key] for key in ("route", "path_params") if key in asked})  # for the log
+            await send(message)
+            await send({"type": "http.response.body"})  # ends the answer here, even an endless one such as events
+
+        await self._app(asked, receive, send_head)

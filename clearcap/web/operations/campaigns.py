@@ -1,20 +1,26 @@
-"""What is done with one campaign: show it, end, continue, rerun, label or delete it, write its reports."""
+"""The list of campaigns, and what is done with one: follow, end, continue, rerun, label or delete it, report it."""
 
 import asyncio
+import base64
+import json
+import math
 import re
-from typing import Annotated, Any
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from contextlib import aclosing
+from typing import Annotated, Any, TypeVar
 
-from fastapi import Header
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import Header, Path, Query, Request
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
 from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
 
 from campaign.coordinator.requests import cancel_campaign, delete_campaign, request_rerun
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
-from campaign.errors import FailedStatus
+from campaign.errors import FailedStatus, SpecError
 from campaign.store.files.files import TEMPORARY
 from campaign.store.labels import LabelChange, change_labels, read_labels
-from campaign.store.layout import CANCEL
+from campaign.store.layout import CAMPAIGN_FILE, CANCEL
 from campaign.store.store import comparisons, report_folder
 from clearcap.questions.report import written_report
 from clearcap.web.access import Principal
@@ -25,13 +31,147 @@ from clearcap.web.http.authentication import (
     OwnCampaign,
     TheCampaign,
     TheService,
+    Viewer,
     check_owner,
+    is_still_valid,
     the_campaign,
 )
-from clearcap.web.http.problems import Refusal
+from clearcap.web.http.responses import CountedStream, Refusal, etag_response, sendable
+from clearcap.web.index import LISTED_STATES, CampaignEntry
 from clearcap.web.operations.submissions import check_user, place_in_queue
-from clearcap.web.watch.entry import CampaignEntry
 from clearcap.web.web_service import Service
+
+LONGEST_CURSOR = 2000  # characters
+_LONGEST_WORD = 200  # characters of a text that are compared
+Key = tuple[float, str]
+Listed = TypeVar("Listed", bound=tuple[CampaignEntry, object])
+_PLACE = TypeAdapter(tuple[str, float, str, str])  # order, key and id of the last campaign of a page
+
+
+def _submitted(entry: CampaignEntry) -> Key:
+    return (entry.submitted_at.timestamp() if entry.submitted_at else 0.0), ""
+
+
+def _word(text: str) -> Key:
+    return 0.0, text.casefold()[:_LONGEST_WORD]
+
+
+ORDERS: dict[str, tuple[Callable[[CampaignEntry], Key], bool]] = {  # sort key, and whether the order is descending
+    "newest": (_submitted, True),
+    "oldest": (_submitted, False),
+    "title": (lambda e: _word(e.title), False),
+    "cpk": (lambda e: (e.weakest.cpk if e.weakest else math.inf, ""), False),
+    "yield": (lambda e: (math.inf if e.share_ok is None else e.share_ok, ""), False),
+    "state": (lambda e: _word(e.state), False),
+    "owner": (lambda e: _word(e.owner), False),
+}
+MOST_LISTED = 1000
+
+
+class Listing(BaseModel):
+    """A page of the list of campaigns."""
+
+    campaigns: list[CampaignEntry]
+    total: int = Field(description="Campaigns that match the search", examples=[1])
+    next: str | None = Field(description="Cursor of the next page; null on the last one")
+    unread: int = Field(
+        description="Number of campaigns in the store that have not been read and listed yet; ask again until it is 0",
+        examples=[0],
+    )
+    fault: str = Field(description="Why the store cannot be read and the list is an earlier one; empty if it can")
+
+
+class ListQuestion(BaseModel):
+    """The filters and the order of a list of campaigns."""
+
+    search: str = Field("", max_length=200, description="Part of the id, title, owner, tags, or note")
+    owner: str | None = Field(None, max_length=200)
+    tag: list[str] = Field(default=[], max_length=20, description="Only campaigns with all of these tags")
+    state: Annotated[str | None, BeforeValidator(lambda state: state or None)] = Field(  # a form sends an empty text
+        None, pattern=f"^({'|'.join(LISTED_STATES)})$"
+    )
+    archived: bool = Field(False, description="Include archived campaigns")
+    sort: str = Field("newest", pattern=f"^({'|'.join(ORDERS)})$")
+
+
+ListQuery = Annotated[ListQuestion, Query()]
+
+
+def listed(entries: Iterable[tuple[CampaignEntry, bytes]], question: ListQuestion) -> list[tuple[CampaignEntry, bytes]]:
+    """Return the entries that match a question, in its order; entries with equal keys are sorted by id."""
+    words = question.search.casefold().split()
+    return in_order([pair for pair in entries if _fits(pair[0], question, words)], question.sort)
+
+
+def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> bool:
+    """Return whether an entry matches a question."""
+    if entry.archived and not question.archived:
+        return False
+    if question.owner not in (None, entry.owner) or question.state not in (None, entry.state):
+        return False
+    if not set(question.tag) <= set(entry.tags):
+        return False
+    text = " ".join((entry.campaign, entry.title, entry.owner, *entry.tags, entry.note)).casefold() if words else ""
+    return all(word in text for word in words)
+
+
+def in_order(found: Sequence[Listed], order: str) -> list[Listed]:
+    """Return campaigns sorted by one of the `ORDERS`; campaigns with equal keys are sorted by id."""
+    key, falls = ORDERS[order]
+    by_id = sorted(found, key=lambda each: each[0].campaign)
+    return sorted(by_id, key=lambda each: key(each[0]), reverse=falls)
+
+
+def cursor_after(entry: CampaignEntry, order: str) -> str:
+    """Return the cursor of the page that begins after a campaign; it consists of letters, digits, ``-`` and ``_``."""
+    number, word = ORDERS[order][0](entry)
+    place = json.dumps([order, number, word, entry.campaign], ensure_ascii=False)
+    return base64.urlsafe_b64encode(place.encode(errors="backslashreplace")).decode().rstrip("=")
+
+
+def after_cursor(found: Sequence[Listed], order: str, cursor: str) -> Sequence[Listed]:
+    """Return the campaigns, sorted by `order`, after a cursor of `cursor_after`; an empty one is the first page."""
+    if not cursor:
+        return found
+    try:
+        text = base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True)
+        given, number, word, campaign = _PLACE.validate_json(text)
+        if given != order:
+            raise ValueError(given)
+    except ValueError as error:
+        raise SpecError(
+            f"cursor = {cursor!r:.60}: of no list that is sorted by {order}; begin without one, then send `next` of the"
+            " answer before"
+        ) from error
+    key, falls = ORDERS[order]
+    place = number, word
+
+    def comes_after(entry: CampaignEntry) -> bool:
+        own = key(entry)
+        return entry.campaign > campaign if own == place else (own < place) == falls
+
+    return [each for each in found if comes_after(each[0])]
+
+
+async def list_campaigns(
+    request: Request,
+    service: TheService,
+    _: Viewer,
+    question: ListQuery,
+    cursor: Annotated[str, Query(max_length=LONGEST_CURSOR, description="From the page before")] = "",
+    limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
+) -> Response:
+    """List campaigns: state, progress, yield, weakest Cpk, owner and tags."""
+    await service.watcher.list_first()
+    found = listed(service.watcher.index.entries(), question)
+    rest = after_cursor(found, question.sort, cursor)
+    page = rest[:limit]
+    following = f'"{cursor_after(page[-1][0], question.sort)}"' if len(rest) > limit else "null"
+    rows, unread, fault = b",".join(text for _, text in page), service.watcher.index.unread, service.store_fault
+    body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d,"fault":%b}' % (
+        rows, len(found), following.encode(), unread, json.dumps(sendable(fault)).encode()
+    )  # fmt: skip
+    return etag_response(request, body, "application/json")
 
 
 async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignEntry:
@@ -134,7 +274,7 @@ def _rerun(service: Service, campaign: str, who: Principal, wanted: FailedRows) 
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
         raise Refusal(409, f"campaign {campaign} is {before}; wait for its end, or cancel it first")
-    if service.is_signed(campaign):
+    if service.signing_service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed; its rows stay as they are")
     header = store.plan_header(campaign)
     stored = store.survey(header).statuses
@@ -174,10 +314,7 @@ async def label(service: TheService, campaign: TheCampaign, who: Engineer, wante
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
     await asyncio.to_thread(change_labels, service.store, campaign, change, by=who.name, version=wanted.version)
     await service.watcher.list_campaigns(campaign)
-    entry = service.watcher.index.entry(campaign)
-    if entry is None:
-        raise Refusal(404, f"no campaign {campaign} in the store")
-    return entry
+    return await show_campaign(service, campaign)
 
 
 def delete(
@@ -190,11 +327,39 @@ def delete(
         raise Refusal(
             422, f"X-Confirm = {confirm!r:.120}: deleting removes all rows for good; to confirm, send the id {campaign}"
         )
-    if service.is_signed(campaign):
+    if service.signing_service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
     delete_campaign(service.store, campaign)
     service.watcher.index.forget(campaign)
     service.watcher.hurry(campaign)
+
+
+async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
+    """Follow a campaign by server-sent events: progress, rate, failures by status, each Cpk with its interval.
+
+    Each `progress` event holds the whole state, so only the latest counts; with `Last-Event-ID`, that event is not sent
+    again. `end` is the last event.
+    """
+    events = service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64])
+
+    async def sent() -> AsyncIterator[bytes]:
+        async with aclosing(events):
+            async for event in events:
+                if not is_still_valid(request):
+                    return
+                yield event
+
+    headers = {"X-Accel-Buffering": "no"}  # keeps nginx from holding events back
+    return CountedStream(service, who, sent(), "text/event-stream", headers)
+
+
+async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
+    """Return the campaign file as it was submitted."""
+    try:
+        content = await run_in_threadpool(service.store.files.read, f"{campaign}/{CAMPAIGN_FILE}")
+    except FileNotFoundError as error:
+        raise Refusal(404, f"{campaign}: has no {CAMPAIGN_FILE} any more; restore it in the store") from error
+    return etag_response(request, content, "application/toml")
 
 
 FILE_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
@@ -217,7 +382,7 @@ def report_files(service: TheService, campaign: TheCampaign, who: Authenticated)
 
 async def write_report(service: TheService, campaign: TheCampaign, who: Engineer) -> ReportFiles:
     """Write the report of a campaign again from the present rows; refused if the campaign is signed."""
-    if service.is_signed(campaign):
+    if service.signing_service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
     service.watcher.hurry(campaign)
@@ -225,10 +390,7 @@ async def write_report(service: TheService, campaign: TheCampaign, who: Engineer
 
 
 async def write_comparison(
-    service: TheService,
-    campaign: TheCampaign,
-    who: Engineer,
-    other: OtherCampaign,
+    service: TheService, campaign: TheCampaign, who: Engineer, other: OtherCampaign
 ) -> ReportFiles:
     """Write the report that compares a campaign with another."""
     await the_campaign(service, who, other)
@@ -239,3 +401,52 @@ async def write_comparison(
 def _written(names: list[str]) -> list[str]:
     """Return the names of a report's files, without other files that may lie in its folder."""
     return [name for name in names if re.fullmatch(FILE_NAME, name) and not name.endswith(TEMPORARY)]
+
+
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "json": "application/json",
+    "parquet": "application/vnd.apache.parquet",
+    "pdf": "application/pdf",
+    "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
+    "svg": "image/svg+xml",
+    "png": "image/png",
+}
+
+
+# policy of a report's page: it runs nothing, loads nothing, and only this server's pages show it in a frame
+REPORT_POLICY = (
+    "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
+    " form-action 'none'; frame-ancestors 'self'"
+)
+FileName = Annotated[str, Path(pattern=FILE_NAME, examples=["report.html"])]
+
+
+async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
+    """Return a file of a campaign's report, whole or in parts."""
+    return await _file(request, service, report_folder(campaign), name)
+
+
+async def comparison_file(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Authenticated,
+    other: OtherCampaign,
+    name: FileName,
+) -> Response:
+    """Return a file of a comparison, whole or in parts, to users who may see both campaigns."""
+    if not who.may_see(other):
+        raise Refusal(404, f"no campaign {other} in the store")
+    return await _file(request, service, report_folder(campaign, other), name)
+
+
+async def _file(request: Request, service: Service, folder: str, name: str) -> Response:
+    """Return a file of a report."""
+    kind = TYPES.get(name.rpartition(".")[2], "application/octet-stream")
+    try:
+        content = await run_in_threadpool(service.store.files.read, f"{folder}/{name}")
+    except FileNotFoundError as error:
+        raise Refusal(404, f"{folder}: has no file {name}; write the report first") from error
+    frame = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+    return etag_response(request, content, kind, frame)

@@ -4,19 +4,23 @@ from datetime import UTC, datetime
 from importlib import resources
 from typing import Annotated, Any
 
-from fastapi import Path
+from fastapi import Path, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
 
 from campaign.store.mechanism_library import read_mechanism, save_mechanism, saved_mechanisms
 from clearcap.questions.mechanisms import (
     MechanismSource,
+    animate_once,
     check_text,
     describe,
+    draw_mechanism,
     simulate_once,
+    values_of,
 )
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
-from clearcap.web.http.problems import Refusal
+from clearcap.web.http.responses import Refusal, etag_response
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
@@ -134,3 +138,46 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
         source = await source_of(service, wanted.mechanism, **more)
     content = await service.pool.data(who.name, simulate_once, source, wanted.step, wanted.horizon)
     return SimulatedRun.model_validate(content)
+
+
+async def mechanism_text(
+    request: Request,
+    service: TheService,
+    _: Viewer,
+    name: MechanismName,
+    version: Annotated[int | None, Query(ge=1, lt=10**6, description="By default the newest")] = None,
+) -> Response:
+    """Return the text of a mechanism's file."""
+    if name in library_names() and version is None:
+        return etag_response(request, shipped_text(name), "application/toml")
+    saved = await run_in_threadpool(read_mechanism, service.store, name, version)
+    if saved is None:
+        raise Refusal(404, f"no mechanism {name}{'' if version is None else f' of version {version}'}")
+    headers = {"X-Version": str(saved.version)}
+    return etag_response(request, saved.text.encode(), "application/toml", headers)
+
+
+async def mechanism_picture(
+    request: Request,
+    service: TheService,
+    who: Viewer,
+    name: MechanismName,
+    bench: Annotated[str | None, Query(max_length=100)] = None,
+) -> Response:
+    """Draw a mechanism at its start, with what its responses measure."""
+    source = await source_of(service, name, bench=bench)
+    return etag_response(request, await service.answers.made(who.name, draw_mechanism, source), "image/svg+xml")
+
+
+async def motion(
+    request: Request,
+    service: TheService,
+    who: Engineer,
+    name: MechanismName,
+    set: Annotated[list[str] | None, Query(max_length=MOST_VALUES, description="KEY=VALUE")] = None,
+    bench: Annotated[str | None, Query(max_length=100)] = None,
+    preset: Annotated[str | None, Query(max_length=100)] = None,
+) -> Response:
+    """Simulate a mechanism and draw its motion."""
+    source = await source_of(service, name, bench=bench, preset=preset, values=values_of(set or []))
+    return etag_response(request, await service.answers.made(who.name, animate_once, source), "image/gif")

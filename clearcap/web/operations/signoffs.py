@@ -7,21 +7,15 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from fastapi import Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
+from starlette.responses import StreamingResponse
 
 from clearcap.questions.report import report_written_again
 from clearcap.questions.report_source import deciding_campaigns
-from clearcap.questions.signing import (
-    LONGEST_COMMENT,
-    Signoff,
-    Withdrawal,
-    content_digest,
-    digests_of,
-    fingerprint,
-)
+from clearcap.questions.signing import LONGEST_COMMENT, Signoff, Withdrawal, content_digest, digests_of, fingerprint
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
-from clearcap.web.http.problems import Refusal
-from clearcap.web.signing_service import KeptSignoff, ReportAgain
+from clearcap.web.http.responses import Refusal
+from clearcap.web.signing_service import KeptSignoff
 from clearcap.web.web_service import Service
 
 MOST_DIFFERENCES = 100  # differences that are listed
@@ -46,19 +40,10 @@ class ListedSignoff(BaseModel):
     @classmethod
     def of(cls, kept: KeptSignoff) -> "ListedSignoff":
         """Return the listed form of a sign-off."""
-        signoff = kept.signoff
-        return cls(
-            number=kept.number,
-            digest=kept.digest,
-            signer=signoff.signer,
-            role=signoff.role,
-            time=signoff.time,
-            comment=signoff.comment,
-            submitted_by=signoff.submitted_by if isinstance(signoff, Signoff) else "",
-            is_submitter=isinstance(signoff, Signoff) and signoff.is_submitter,
-            status=kept.status,
-            differences=kept.differences[:MOST_DIFFERENCES],
-        )
+        same = {"signer", "role", "time", "comment", "submitted_by", "is_submitter"}
+        shown = {"submitted_by": "", "is_submitter": False, **kept.signoff.model_dump(include=same)}
+        differences = kept.differences[:MOST_DIFFERENCES]
+        return cls(number=kept.number, digest=kept.digest, status=kept.status, differences=differences, **shown)
 
 
 class SignoffList(BaseModel):
@@ -134,17 +119,10 @@ def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> S
     """Show the digests of the content that would be signed now."""
     with one_at_a_time():
         files = service.signing_service.content(campaign, anew=False)
-    plan, rows, report = digests_of(files)
+    parts = dict(zip(("plan", "rows", "report"), digests_of(files), strict=True))
     submitter = service.signing_service.submitter(campaign)
-    return SignedContent(
-        content=content_digest(files),
-        plan=plan,
-        rows=rows,
-        report=report,
-        files=len(files),
-        submitted_by=submitter,
-        is_submitter=submitter == who.name,
-    )
+    own = {"submitted_by": submitter, "is_submitter": submitter == who.name}
+    return SignedContent(content=content_digest(files), files=len(files), **parts, **own)
 
 
 async def sign_campaign(
@@ -157,7 +135,7 @@ async def sign_campaign(
 
     def sign() -> Signoff:
         with one_at_a_time():
-            return service.signing_service.sign(campaign, who, signing.comment, signing.content, ReportAgain(**again))
+            return service.signing_service.sign(campaign, who, signing.comment, signing.content, again)
 
     signoff = await run_in_threadpool(sign)
     request.state.detail = f"plan {signoff.plan[:12]}, rows {signoff.rows[:12]}, report {signoff.report[:12]}"
@@ -185,3 +163,11 @@ class Withdrawing(BaseModel):
 def withdraw_signoff(service: TheService, campaign: TheCampaign, who: Approver, withdrawing: Withdrawing) -> Withdrawal:
     """Withdraw the last sign-off of a campaign by a signed document; the campaign can then be changed again."""
     return service.signing_service.withdraw(campaign, who, withdrawing.comment)
+
+
+def export_signed(service: TheService, campaign: TheCampaign, _: Authenticated) -> StreamingResponse:
+    """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
+    if not service.signing_service.has_documents(campaign):
+        raise Refusal(409, f"nobody has signed {campaign}; it can be exported once an approver has signed it")
+    headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}
+    return StreamingResponse(service.signing_service.export(campaign), media_type="application/zip", headers=headers)

@@ -2,15 +2,22 @@
 
 import base64
 import json
+import shutil
 import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from hashlib import file_digest, sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, WithJsonSchema
+from fastapi import Depends, Header, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError, WithJsonSchema
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import FormData, UploadFile
+from starlette.responses import Response
 
 from campaign.coordinator.state import STATES
 from campaign.errors import SpecError
@@ -18,14 +25,18 @@ from campaign.spec.named_files import MOST_FILES
 from campaign.store.labels import LabelChange
 from clearcap.questions.submissions import (
     CampaignSource,
+    CheckedCampaign,
     SubmittedCampaign,
-    extend_campaign,
+    check_campaign_text,
     submit_text,
 )
+from clearcap.questions.submissions import extend_campaign as plan_extension
 from clearcap.web.access import Principal
 from clearcap.web.access.database import Database
-from clearcap.web.http.problems import Refusal
+from clearcap.web.http.authentication import CSRF_FIELD, FORMS, Engineer, TheCampaign, TheService
+from clearcap.web.http.responses import Refusal
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
+from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 
 EXAMPLE = """\
@@ -123,7 +134,7 @@ async def extend(service: Service, campaign: str, who: Principal, samples: int) 
     """Submit a campaign with more samples of the same spec; raise the errors of `submit`."""
     settings, address = service.settings, service.store.files.full_url
     return await _made(
-        service, who, extend_campaign, address, campaign, samples, settings.limits.samples, who.name, settings.workers
+        service, who, plan_extension, address, campaign, samples, settings.limits.samples, who.name, settings.workers
     )
 
 
@@ -137,10 +148,7 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
 
 @asynccontextmanager
 async def place_in_queue(service: Service, who: Principal, campaign: str = "") -> AsyncIterator[None]:
-    """Hold a place for one more unfinished campaign in the block; each way into the queue needs it.
-
-    Refuses (429) if the user has too many. A `campaign` that is to be queued again does not count beside its place.
-    """
+    """Hold a place for one more unfinished campaign, as each way into the queue must; refuse (429) too many."""
     # counted before the check, so that simultaneous submissions cannot exceed the limit together
     service.submitting[who.name] += 1
     try:
@@ -190,11 +198,7 @@ class RequestKeys:
         self._database = database
 
     def claim(self, user: str, key: str, question: str, now: float | None = None) -> tuple[int, str] | None:
-        """Note that a request begins; return the status and text of its answer if it was answered before, else None.
-
-        A request that was begun but not answered, because the server was killed, may begin again. `question` is a
-        digest of the request's content. Raises KeyTaken if the key was sent with different content within the last day.
-        """
+        """Note that a request begins; return status and text if it was answered; KeyTaken if it was another."""
         at = time.time() if now is None else now
         with self._database.write() as connection:
             connection.execute("DELETE FROM idempotency WHERE time < ?", (at - KEPT,))
@@ -226,3 +230,144 @@ class RequestKeys:
             connection.execute(
                 "DELETE FROM idempotency WHERE key = ? AND user = ? AND status = ?", (key, user, _IN_WORK)
             )
+
+
+MOST_FIELDS = 60
+LARGEST_IN_MEMORY = 2**20  # bytes of a file that is sent along; a job reads larger ones from the disk
+_FORM_SCHEMA = {
+    "type": "object",
+    "required": ["campaign"],
+    "properties": {
+        "campaign": {"type": "string", "description": "The campaign file, as a file or a text"},
+        "files": {"type": "array", "items": {"type": "string", "format": "binary"}},
+        "samples": {"type": "integer"},
+        "seed": {"type": "integer"},
+        "owner": {"type": "string"},
+        "tags": {"type": "array", "items": {"type": "string"}},
+    },
+}
+POSTED = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": CampaignRequest.model_json_schema(), "example": {"text": EXAMPLE}},
+            "multipart/form-data": {"schema": _FORM_SCHEMA},
+        },
+    }
+}
+
+
+async def posted_campaign(request: Request) -> AsyncIterator[CampaignRequest]:
+    """Yield the campaign that a request posts, or refuse it (415, 422); its large files exist until the answer."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    with TemporaryDirectory(prefix="clearcap-upload-") as folder:
+        try:
+            if kind == FORMS[0]:
+                limits = {"max_files": MOST_FILES + 1, "max_fields": MOST_FIELDS, "max_part_size": 4 * LONGEST_TEXT}
+                async with request.form(**limits) as form:
+                    posted = CampaignRequest.model_validate(await _values(form, Path(folder)))
+            elif kind == "application/json":
+                posted = await run_in_threadpool(CampaignRequest.model_validate_json, await request.body())
+            else:
+                words = f"content-type {kind or 'none':.100}: send application/json, or multipart/form-data with files"
+                raise Refusal(415, words)
+        except ValidationError as error:
+            raise RequestValidationError(error.errors(include_url=False)) from error
+        yield posted
+
+
+async def _values(form: FormData, folder: Path) -> dict[str, Any]:
+    """Return the values of a form's fields by the field names of `CampaignRequest`; large files go to a folder."""
+    values: dict[str, Any] = {"files": {}, "tags": []}
+    for key, value in form.multi_items():
+        if key == "files":
+            if not isinstance(value, UploadFile):
+                raise Refusal(422, "files: must be a file; with curl: -F files=@latch.toml")
+            if not value.filename and not value.size:
+                continue  # a browser sends this for an empty field
+            name = value.filename or ""
+            if name in values["files"]:
+                raise Refusal(422, f"files: {name!r:.100} is given twice; give it once")
+            path = folder / str(len(values["files"]))
+            values["files"][name] = await run_in_threadpool(_kept, value, path)
+        elif key == "campaign":
+            values["text"] = await _text(value)
+        elif key == "tags":
+            values["tags"].append(value)
+        elif key != CSRF_FIELD:
+            values[key] = value
+    return values
+
+
+def _kept(sent: UploadFile, path: Path) -> bytes | Path:
+    """Return the content of a small file, or the path to which that of a large one was written."""
+    if (sent.size or 0) <= LARGEST_IN_MEMORY:
+        return sent.file.read()
+    with path.open("xb") as file:
+        shutil.copyfileobj(sent.file, file)
+    return path
+
+
+async def _text(value: UploadFile | str) -> str:
+    """Return the text of a field or a file."""
+    if isinstance(value, str):
+        return value
+    try:
+        return (await value.read(4 * LONGEST_TEXT + 1)).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Refusal(422, f"campaign: is not UTF-8 text ({error.reason} at byte {error.start})") from error
+
+
+PostedCampaign = Annotated[CampaignRequest, Depends(posted_campaign)]
+
+
+async def check_campaign(service: TheService, who: Engineer, wanted: PostedCampaign) -> CheckedCampaign:
+    """Check the text of a campaign; return its cautions and cost, or its faults with key and line as a problem."""
+    found = await service.pool.data(who.name, check_campaign_text, source_of_request(service, wanted))
+    return CheckedCampaign.model_validate(found)
+
+
+async def submit_campaign(
+    service: TheService,
+    who: Engineer,
+    wanted: PostedCampaign,
+    key: Annotated[
+        str | None,
+        Header(
+            alias="Idempotency-Key",
+            min_length=1,
+            max_length=200,
+            description="The same key and content give the same answer for a day, however often they are sent",
+        ),
+    ] = None,
+) -> Response:
+    """Submit a campaign; it is planned and queued, and the coordinator that serves the store computes it."""
+    if key is None:
+        return _answer(await submit(service, who, wanted))
+    keys = RequestKeys(service.database)
+    digest = await run_in_threadpool(wanted.digest)
+    known = await run_in_threadpool(keys.claim, who.name, key, digest)
+    if known is not None:
+        return _answer(SubmittedCampaign.model_validate_json(known[1]), known[0])
+    try:
+        made = await submit(service, who, wanted)
+    except BaseException:
+        keys.release(who.name, key)
+        raise
+    status, text = await run_in_threadpool(keys.keep, who.name, key, _status(made), made.model_dump_json())
+    return _answer(SubmittedCampaign.model_validate_json(text), status)
+
+
+async def extend_campaign(service: TheService, campaign: TheCampaign, who: Engineer, wanted: MoreSamples) -> Response:
+    """Submit a campaign with more samples of the same spec; the rows that the store has are reused."""
+    return _answer(await extend(service, campaign, who, wanted.samples))
+
+
+def _status(made: SubmittedCampaign) -> int:
+    return 201 if made.is_new else 200
+
+
+def _answer(made: SubmittedCampaign, status: int | None = None) -> Response:
+    """Return the answer to a submission."""
+    headers = {"Location": f"{PREFIX}/campaigns/{made.campaign}"}
+    return Response(made.model_dump_json(), status or _status(made), headers, "application/json")

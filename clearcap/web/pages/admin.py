@@ -13,26 +13,9 @@ from campaign.errors import StoreError
 from clearcap.web.access import Role
 from clearcap.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
 from clearcap.web.http.authentication import Admin, TheService
-from clearcap.web.operations.people import (
-    ListedId,
-    LoginLink,
-    NewUser,
-    RoleWord,
-    UserChange,
-    UserName,
-    add_user,
-    change_user,
-    check_audit,
-    end_access,
-    list_audit,
-    list_tokens,
-    list_users,
-    make_login_link,
-    revoke_token,
-)
-from clearcap.web.operations.signoffs import show_signing_key
-from clearcap.web.pages.rendering import page
-from clearcap.web.watch.workload import look_at_work
+from clearcap.web.operations import people, signoffs
+from clearcap.web.pages.rendering import Flag, NewPassword, QueryText, page
+from clearcap.web.watcher import look_at_work
 from clearcap.web.web_service import Service
 
 router = APIRouter(include_in_schema=False)
@@ -42,9 +25,7 @@ CHECKED_AT_ONCE = 10_000  # an audit trail of up to this many entries is checked
 
 
 @router.get(ADMIN)
-def users_page(
-    request: Request, service: TheService, who: Admin, cursor: Annotated[str, Query(max_length=100)] = ""
-) -> Response:
+def users_page(request: Request, service: TheService, who: Admin, cursor: QueryText = "") -> Response:
     """Show the users and their roles."""
     return _users_page(request, service, who.name, cursor)
 
@@ -55,73 +36,64 @@ def add_user_form(
     service: TheService,
     who: Admin,
     name: Annotated[str, Form(pattern=f"^{NAME.pattern}$")],
-    role: Annotated[RoleWord, Form()],
+    role: Annotated[people.RoleWord, Form()],
 ) -> Response:
     """Add a user, and show the link for their first login."""
-    add_user(request, service, who, NewUser(name=name, role=role))
-    return _users_page(request, service, who.name, link_of=name, link=make_login_link(service, who, name))
+    people.add_user(request, service, who, people.NewUser(name=name, role=role))
+    return _users_page(request, service, who.name, link_of=name, link=people.make_login_link(service, who, name))
 
 
 @router.post(f"{ADMIN}/users/{{name}}/role")
 def role_form(
-    request: Request, service: TheService, who: Admin, name: UserName, role: Annotated[RoleWord, Form()]
+    request: Request, service: TheService, who: Admin, name: people.UserName, role: Annotated[people.RoleWord, Form()]
 ) -> Response:
     """Change the role of a user."""
-    change_user(request, service, who, name, UserChange(role=role))
+    people.change_user(request, service, who, name, people.UserChange(role=role))
     return RedirectResponse(ADMIN, 303)
 
 
 @router.post(f"{ADMIN}/users/{{name}}/disabled")
 def disabled_form(
-    request: Request, service: TheService, who: Admin, name: UserName, disabled: Annotated[bool, Form()]
+    request: Request, service: TheService, who: Admin, name: people.UserName, disabled: Annotated[bool, Form()]
 ) -> Response:
     """Disable a user, or enable them again."""
-    change_user(request, service, who, name, UserChange(disabled=disabled))
+    people.change_user(request, service, who, name, people.UserChange(disabled=disabled))
     return RedirectResponse(ADMIN, 303)
 
 
 @router.post(f"{ADMIN}/users/{{name}}/access")
-def end_access_form(service: TheService, who: Admin, name: UserName) -> Response:
+def end_access_form(service: TheService, who: Admin, name: people.UserName) -> Response:
     """End all sessions, tokens, shared links and webhooks of a user."""
-    end_access(service, who, name)
+    people.end_access(service, who, name)
     return RedirectResponse(ADMIN, 303)
 
 
 @router.post(f"{ADMIN}/users/{{name}}/password")
 def set_password_form(
-    request: Request,
-    service: TheService,
-    who: Admin,
-    name: UserName,
-    password: Annotated[str, Form(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD)],
+    request: Request, service: TheService, who: Admin, name: people.UserName, password: NewPassword
 ) -> Response:
     """Set the password of a user."""
-    change_user(request, service, who, name, UserChange(password=password))
+    people.change_user(request, service, who, name, people.UserChange(password=password))
     return RedirectResponse(ADMIN, 303)
 
 
 @router.post(f"{ADMIN}/users/{{name}}/link")
-def link_form(request: Request, service: TheService, who: Admin, name: UserName) -> Response:
+def link_form(request: Request, service: TheService, who: Admin, name: people.UserName) -> Response:
     """Create a one-time login link for a user, and show it this once."""
-    link = make_login_link(service, who, name)
+    link = people.make_login_link(service, who, name)
     return _users_page(request, service, who.name, link_of=name, link=link)
 
 
 @router.get(f"{ADMIN}/tokens")
-def tokens_page(
-    request: Request,
-    service: TheService,
-    who: Admin,
-    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
-) -> Response:
+def tokens_page(request: Request, service: TheService, who: Admin, cursor: people.Cursor = None) -> Response:
     """Show the tokens of all users."""
-    return page(request, "admin_tokens", listing=list_tokens(service, who, True, cursor, ON_A_PAGE))
+    return page(request, "admin_tokens", listing=people.list_tokens(service, who, True, cursor, ON_A_PAGE))
 
 
 @router.post(f"{ADMIN}/tokens/{{token}}/revoke")
-def revoke_token_form(service: TheService, who: Admin, token: ListedId) -> Response:
+def revoke_token_form(service: TheService, who: Admin, token: people.ListedId) -> Response:
     """Revoke a token of any user."""
-    revoke_token(service, who, token)
+    people.revoke_token(service, who, token)
     return RedirectResponse(f"{ADMIN}/tokens", 303)
 
 
@@ -131,24 +103,18 @@ def audit_page(
     service: TheService,
     admin: Admin,
     object: Annotated[str, Query(max_length=200)] = "",
-    who: Annotated[str, Query(max_length=100)] = "",
-    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
-    check: Annotated[bool, Query()] = False,
+    who: QueryText = "",
+    cursor: people.Cursor = None,
+    check: Flag = False,
 ) -> Response:
     """Show the audit trail, and whether it is intact."""
-    listing = list_audit(service, admin, object, who, cursor, ON_A_PAGE)
+    listing = people.list_audit(service, admin, object, who, cursor, ON_A_PAGE)
     newest = service.audit.newest(count=1)
     is_checked = check or not newest or newest[0].number <= CHECKED_AT_ONCE
-    wholeness = check_audit(service, admin) if is_checked else None
+    wholeness = people.check_audit(service, admin) if is_checked else None
     further = f"object={quote(object)}&who={quote(who)}&cursor={listing.next}" if listing.next else ""
-    values: dict[str, Any] = {
-        "listing": listing,
-        "object": object,
-        "who": who,
-        "wholeness": wholeness,
-        "further": further,
-    }
-    return page(request, "admin_audit", **values)
+    values: dict[str, Any] = {"listing": listing, "object": object, "who": who, "wholeness": wholeness}
+    return page(request, "admin_audit", further=further, **values)
 
 
 @router.get(f"{ADMIN}/system")
@@ -165,7 +131,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         "work": None if fault else service.workload,
         "coordinate": service.settings.coordinate,
         "processes": service.settings.processes,
-        "jobs": service.pool.by_user,
+        "jobs": service.pool.turns.by_user,
         "followers": service.watcher.followers,
         "limits": asdict(service.settings.limits),
         "store": service.store.url,
@@ -176,7 +142,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         "broken": sorted(entry.campaign for entry in entries if entry.state == "broken"),
         "database": service.database.path.stat().st_size,
         "issuer": service.settings.oidc.issuer if service.settings.oidc else "",
-        "key": show_signing_key(service, who).fingerprint,
+        "key": signoffs.show_signing_key(service, who).fingerprint,
     }
     return page(request, "admin_system", **values)
 
@@ -187,10 +153,10 @@ def _users_page(
     own_name: str,
     cursor: str = "",
     link_of: str = "",
-    link: LoginLink | None = None,
+    link: people.LoginLink | None = None,
 ) -> Response:
     """Return the page of the users, with a login link that was just created."""
-    listing = list_users(service, request.state.principal, cursor, ON_A_PAGE)
+    listing = people.list_users(service, request.state.principal, cursor, ON_A_PAGE)
     values: dict[str, Any] = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
     values |= {"link_of": link_of, "link": link, "shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD}
     return page(request, "admin", **values)

@@ -22,31 +22,9 @@ from clearcap.web.http.authentication import (
     Viewer,
     owner_of,
 )
-from clearcap.web.operations.campaign_list import ORDERS, ListQuestion, listed
-from clearcap.web.operations.campaigns import (
-    FailedRows,
-    LabelRequest,
-    cancel,
-    delete,
-    label,
-    report_files,
-    rerun,
-    resume,
-    show_campaign,
-    write_report,
-)
-from clearcap.web.operations.people import ListedId, ListedShare, MadeShare, NewShare, add_share, revoke_share
-from clearcap.web.operations.signoffs import (
-    Signing,
-    Withdrawing,
-    list_signoffs,
-    show_content,
-    sign_campaign,
-    withdraw_signoff,
-)
-from clearcap.web.operations.submissions import extend
-from clearcap.web.pages.rendering import page
-from clearcap.web.watch.watcher import progress_of
+from clearcap.web.operations import campaigns, people, signoffs, submissions
+from clearcap.web.pages.rendering import Flag, page
+from clearcap.web.watcher import progress_of
 from clearcap.web.web_service import Service
 from clearcap.web.webhooks import REPORT_WITHIN
 
@@ -59,38 +37,30 @@ async def campaigns_page(
     request: Request,
     service: TheService,
     _: Viewer,
-    question: Annotated[ListQuestion, Query()],
+    question: campaigns.ListQuery,
     cursor: Annotated[int, Query(ge=0, le=10**9)] = 0,
 ) -> Response:
     """Show the list of campaigns."""
     await service.watcher.list_first()
     known = list(service.watcher.index.entries())
-    question = _chosen(question)
-    found = listed(known, question)
+    tags = [tag for tag in question.tag if tag]  # what a form sends empty stands for all
+    question = question.model_copy(update={"owner": question.owner or None, "tag": tags})
+    found = campaigns.listed(known, question)
     asked = question.model_dump(exclude_defaults=True)
     entries = [entry for entry, _ in found[cursor : cursor + ON_A_PAGE]]
     tags = sorted({tag for entry, _ in known for tag in entry.tags})
     owners = sorted({entry.owner for entry, _ in known if entry.owner})
     states = sorted({entry.state for entry, _ in known})
     following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
-    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": tuple(ORDERS)}
+    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "on_a_page": ON_A_PAGE}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
-    values |= {"unread": service.watcher.index.unread}
-    return page(request, "campaigns", asked=asked, fault=service.store_fault, on_a_page=ON_A_PAGE, **values)
-
-
-def _chosen(question: ListQuestion) -> ListQuestion:
-    """Return a question without the fields that a form sends empty, which stand for all."""
-    tags = [tag for tag in question.tag if tag]
-    return question.model_copy(update={"owner": question.owner or None, "tag": tags})
+    values |= {"sorts": tuple(campaigns.ORDERS), "unread": service.watcher.index.unread, "fault": service.store_fault}
+    return page(request, "campaigns", asked=asked, **values)
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Authenticated) -> dict[str, Any]:
-    """Return the values for the frame of a campaign's pages: its entry, whether the user may change it, and more.
-
-    `report_is_due` says that a campaign was completed just now and its report is still being written.
-    """
-    entry = await show_campaign(service, campaign)
+    """Return the values for the frame of a campaign's pages; `report_is_due`: it is still being written."""
+    entry = await campaigns.show_campaign(service, campaign)
     lacks_report = entry.state == "completed" and not entry.has_report and not entry.message
     report_is_due = lacks_report and entry.since is not None and time.time() - entry.since.timestamp() < REPORT_WITHIN
     is_own = who.may(Role.ENGINEER) and who.name == await run_in_threadpool(owner_of, service, campaign)
@@ -108,35 +78,35 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
 @router.get("/campaigns/{campaign}/report")
 async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
     """Show the report of a campaign in a frame, and its files."""
-    files = await run_in_threadpool(report_files, service, campaign, who)
+    files = await run_in_threadpool(campaigns.report_files, service, campaign, who)
     return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
 
 
 @router.post("/campaigns/{campaign}/report")
 async def report_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
     """Write the report of a campaign again."""
-    await write_report(service, campaign, who)
+    await campaigns.write_report(service, campaign, who)
     return RedirectResponse(f"/campaigns/{quote(campaign)}/report", 303)
 
 
 @router.post("/campaigns/{campaign}/cancel")
 async def cancel_form(service: TheService, campaign: OwnCampaign) -> Response:
     """End a campaign."""
-    await run_in_threadpool(cancel, service, campaign)
+    await run_in_threadpool(campaigns.cancel, service, campaign)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/resume")
 async def resume_form(service: TheService, campaign: OwnCampaign, who: Engineer) -> Response:
     """Continue a campaign."""
-    await resume(service, campaign, who)
+    await campaigns.resume(service, campaign, who)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/rerun")
 async def rerun_form(service: TheService, campaign: OwnCampaign, who: Engineer) -> Response:
     """Compute failed rows again."""
-    await rerun(service, campaign, who, FailedRows())
+    await campaigns.rerun(service, campaign, who, campaigns.FailedRows())
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
@@ -145,7 +115,7 @@ async def extend_form(
     service: TheService, campaign: TheCampaign, who: Engineer, samples: Annotated[int, Form(ge=1, le=100_000_000)]
 ) -> Response:
     """Submit a campaign with more samples."""
-    made = await extend(service, campaign, who, samples)
+    made = await submissions.extend(service, campaign, who, samples)
     return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
 
 
@@ -165,13 +135,13 @@ async def labels_form(
     service: TheService, campaign: TheCampaign, who: Engineer, sent: Annotated[LabelForm, Form()]
 ) -> Response:
     """Change the owner, tags and note of a campaign, or archive it."""
-    entry = await show_campaign(service, campaign)
+    entry = await campaigns.show_campaign(service, campaign)
     wanted = set(sent.tags.replace(",", " ").split())
     add, remove = sorted(wanted - set(entry.tags)), sorted(set(entry.tags) - wanted)
-    change = LabelRequest(add_tags=add, remove_tags=remove, note=sent.note, version=sent.version)
+    change = campaigns.LabelRequest(add_tags=add, remove_tags=remove, note=sent.note, version=sent.version)
     if sent.is_own:
         change = change.model_copy(update={"owner": sent.owner, "archived": sent.archived})
-    await label(service, campaign, who, change)
+    await campaigns.label(service, campaign, who, change)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
 
 
@@ -180,7 +150,7 @@ async def delete_form(
     service: TheService, campaign: OwnCampaign, confirm: Annotated[str, Form(max_length=200)] = ""
 ) -> Response:
     """Delete a campaign with all its rows."""
-    await run_in_threadpool(delete, service, campaign, confirm)
+    await run_in_threadpool(campaigns.delete, service, campaign, confirm)
     return RedirectResponse("/campaigns", 303)
 
 
@@ -200,46 +170,38 @@ async def share_form(
     note: Annotated[str, Form(max_length=200)] = "",
 ) -> Response:
     """Create a link, and show it this once."""
-    made = await run_in_threadpool(add_share, request, service, campaign, who, NewShare(days=days, note=note))
+    new = people.NewShare(days=days, note=note)
+    made = await run_in_threadpool(people.add_share, request, service, campaign, who, new)
     return await _share_page(request, service, campaign, who, made)
 
 
 @router.post("/campaigns/{campaign}/share/{share}/revoke")
-def revoke_share_form(service: TheService, campaign: TheCampaign, who: Engineer, share: ListedId) -> Response:
+def revoke_share_form(service: TheService, campaign: TheCampaign, who: Engineer, share: people.ListedId) -> Response:
     """Revoke a link."""
-    revoke_share(service, campaign, who, share)
+    people.revoke_share(service, campaign, who, share)
     return RedirectResponse(f"/campaigns/{quote(campaign)}/share", 303)
 
 
 async def _share_page(
-    request: Request, service: Service, campaign: str, who: Principal, made: MadeShare | None = None
+    request: Request, service: Service, campaign: str, who: Principal, made: people.MadeShare | None = None
 ) -> Response:
     """Return the page with the links, and one that was just created."""
     links = await run_in_threadpool(service.tokens.shares, campaign)
-    shown = await frame(request, service, campaign, who)
-    return page(request, "share", shares=[ListedShare.model_validate(link) for link in links], made=made, **shown)
+    shares = [people.ListedShare.model_validate(link) for link in links]
+    return page(request, "share", shares=shares, made=made, **await frame(request, service, campaign, who))
 
 
 @router.get("/campaigns/{campaign}/signoff")
 async def signoff_page(
-    request: Request,
-    service: TheService,
-    campaign: TheCampaign,
-    who: Authenticated,
-    check: Annotated[bool, Query()] = False,
+    request: Request, service: TheService, campaign: TheCampaign, who: Authenticated, check: Flag = False
 ) -> Response:
     """Show who signed a campaign, and to an approver the content that they would sign."""
     shown = await frame(request, service, campaign, who)
-    signoffs = await run_in_threadpool(list_signoffs, service, campaign, who, check)
+    signed = await run_in_threadpool(signoffs.list_signoffs, service, campaign, who, check)
     may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"
-    content = await run_in_threadpool(show_content, service, campaign, who) if may_sign else None
-    values: dict[str, Any] = {
-        "signoffs": signoffs,
-        "content": content,
-        "checked": check,
-        "longest_comment": LONGEST_COMMENT,
-    }
-    return page(request, "signoff", **values, **shown)
+    content = await run_in_threadpool(signoffs.show_content, service, campaign, who) if may_sign else None
+    values: dict[str, Any] = {"content": content, "checked": check, "longest_comment": LONGEST_COMMENT}
+    return page(request, "signoff", signoffs=signed, **values, **shown)
 
 
 @router.post("/campaigns/{campaign}/signoff")
@@ -252,7 +214,7 @@ async def sign_form(
     comment: Annotated[str, Form(max_length=LONGEST_COMMENT)] = "",
 ) -> Response:
     """Sign a campaign."""
-    await sign_campaign(request, service, campaign, who, Signing(content=content, comment=comment))
+    await signoffs.sign_campaign(request, service, campaign, who, signoffs.Signing(content=content, comment=comment))
     return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)
 
 
@@ -264,5 +226,5 @@ def withdraw_form(
     comment: Annotated[str, Form(min_length=1, max_length=LONGEST_COMMENT)],
 ) -> Response:
     """Withdraw the last sign-off of a campaign."""
-    withdraw_signoff(service, campaign, who, Withdrawing(comment=comment))
+    signoffs.withdraw_signoff(service, campaign, who, signoffs.Withdrawing(comment=comment))
     return RedirectResponse(f"/campaigns/{quote(campaign)}/signoff", 303)

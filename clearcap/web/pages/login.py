@@ -22,20 +22,9 @@ from clearcap.web.http.authentication import (
     checked_user,
     principal_of,
 )
-from clearcap.web.http.problems import Refusal
-from clearcap.web.operations.people import (
-    ListedId,
-    ListedToken,
-    NewToken,
-    PasswordChange,
-    RoleWord,
-    add_token,
-    end_sessions,
-    known_user,
-    revoke_token,
-    set_password,
-)
-from clearcap.web.pages.rendering import SITE, page
+from clearcap.web.http.responses import Refusal
+from clearcap.web.operations import people
+from clearcap.web.pages.rendering import SITE, FormText, NewPassword, page
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
 
@@ -69,8 +58,8 @@ def log_in(
     request: Request,
     service: TheService,
     name: Annotated[str, Form(max_length=100)],
-    password: Annotated[str, Form(max_length=2000)],
-    next: Annotated[str, Form(max_length=2000)] = HOME,
+    password: FormText,
+    next: FormText = HOME,
 ) -> Response:
     """Begin a session with a name and password."""
     check_origin(request)
@@ -99,12 +88,7 @@ def open_link(request: Request, service: TheService, key: str, next: str = HOME)
 
 
 @router.post("/login/link")
-def use_link(
-    request: Request,
-    service: TheService,
-    key: Annotated[str, Form(max_length=200)],
-    next: Annotated[str, Form(max_length=2000)] = HOME,
-) -> Response:
+def use_link(request: Request, service: TheService, key: FormText, next: FormText = HOME) -> Response:
     """Begin a session with a one-time link."""
     check_origin(request)
     return _by_link(request, service, key, next)
@@ -150,8 +134,7 @@ def log_out(request: Request, service: TheService, _: Annotated[Principal, Depen
 def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) -> Response:
     """Return the page that completes a login; it sets the session's cookie and goes on to the wanted page by itself.
 
-    It is a page and not a redirect, because a browser that followed a link on another site, such as a mail, does not
-    send a strict cookie to the target of a redirect.
+    A redirect will not do: after a link on another site a browser does not send a strict cookie to its target.
     """
     answer = page(request, "entered", wanted=own_path(wanted))
     answer.set_cookie(cookie, secret, path="/", secure=True, httponly=True, samesite="strict")
@@ -227,56 +210,46 @@ def token_form(
     service: TheService,
     who: Viewer,
     name: Annotated[str, Form(min_length=1, max_length=100)],
-    role: Annotated[RoleWord, Form()],
+    role: Annotated[people.RoleWord, Form()],
     days: Annotated[int, Form(ge=1, le=366)] = 90,
 ) -> Response:
     """Create a token, and show its secret this once."""
-    made = add_token(request, service, who, NewToken(name=name, role=role, days=days))
+    made = people.add_token(request, service, who, people.NewToken(name=name, role=role, days=days))
     return _account_page(request, service, who, secret=made.secret)
 
 
 @router.post(f"{ACCOUNT}/tokens/{{token}}/revoke")
-def revoke_form(service: TheService, who: Viewer, token: ListedId) -> Response:
+def revoke_form(service: TheService, who: Viewer, token: people.ListedId) -> Response:
     """Revoke a token."""
-    revoke_token(service, who, token)
+    people.revoke_token(service, who, token)
     return RedirectResponse(ACCOUNT, 303)
 
 
 @router.post(f"{ACCOUNT}/password")
 def password_form(
-    request: Request,
-    service: TheService,
-    who: Viewer,
-    password: Annotated[str, Form(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD)],
-    again: Annotated[str, Form(max_length=LONGEST_PASSWORD)],
-    present: Annotated[str, Form(max_length=2000)] = "",
+    request: Request, service: TheService, who: Viewer, password: NewPassword, again: FormText, present: FormText = ""
 ) -> Response:
     """Change the user's password; all sessions end, and this browser gets a new one."""
     if password != again:
         raise Refusal(422, "again: is not the same password; type it twice")
-    set_password(request, service, who, PasswordChange(present=present, password=password))
+    people.set_password(request, service, who, people.PasswordChange(present=present, password=password))
     return entered(request, service.sessions.begin(who.name), ACCOUNT)
 
 
 @router.post(f"{ACCOUNT}/sessions/end")
 def end_sessions_form(service: TheService, who: Viewer) -> Response:
     """End all sessions, including this one."""
-    end_sessions(service, who)
+    people.end_sessions(service, who)
     return RedirectResponse("/login", 303)
 
 
 def _account_page(request: Request, service: Service, who: Principal, secret: str = "") -> Response:
     """Return the page, with the secret of a token that was just created."""
-    values: dict[str, Any] = {
-        "user": known_user(service, who.name),
-        "tokens": [ListedToken.model_validate(token) for token in service.tokens.all(who.name) if token.is_valid],
-        "roles": [role.word for role in Role if who.may(role)],
-        "sessions": service.sessions.count(who.name),
-        "secret": secret,
-        "shortest": SHORTEST_PASSWORD,
-        "longest": LONGEST_PASSWORD,
-    }
-    return page(request, "account", **values)
+    tokens = [people.ListedToken.model_validate(token) for token in service.tokens.all(who.name) if token.is_valid]
+    values: dict[str, Any] = {"shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD, "secret": secret}
+    values |= {"user": people.known_user(service, who.name), "sessions": service.sessions.count(who.name)}
+    roles = [role.word for role in Role if who.may(role)]
+    return page(request, "account", tokens=tokens, roles=roles, **values)
 
 
 @router.get("/help")
@@ -286,14 +259,9 @@ def help_page(request: Request) -> Response:
         request.state.principal = principal_of(request)
     except Refusal:
         request.state.principal = None
-    return page(
-        request,
-        "help",
-        kinds=calls_by_kind(request.app.openapi()),
-        document=f"{PREFIX}/openapi.json",
-        address=request.app.state.service.settings.address,
-        has_documentation=SITE.is_dir(),
-    )
+    values: dict[str, Any] = {"kinds": calls_by_kind(request.app.openapi()), "document": f"{PREFIX}/openapi.json"}
+    address = request.app.state.service.settings.address
+    return page(request, "help", address=address, has_documentation=SITE.is_dir(), **values)
 
 
 def calls_by_kind(document: dict[str, Any]) -> dict[str, list[dict[str, str]]]:

@@ -16,19 +16,9 @@ from campaign.store.mechanism_library import SavedMechanism, read_mechanism, sav
 from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once, values_of
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
-from clearcap.web.http.problems import Refusal, refusal_of
-from clearcap.web.http.responses import etag_response
-from clearcap.web.operations.mechanisms import (
-    LONGEST_TEXT,
-    MOST_VALUES,
-    MechanismName,
-    MechanismText,
-    check_mechanism,
-    save,
-    shipped_text,
-    source_of,
-)
-from clearcap.web.pages.rendering import is_number, marked_lines, page, unix_lines
+from clearcap.web.http.responses import Refusal, etag_response, refusal_of
+from clearcap.web.operations import mechanisms
+from clearcap.web.pages.rendering import QueryText, is_number, marked_lines, page, unix_lines
 from clearcap.web.web_service import Service
 from engine import EngineError
 from engine.mechanism import library_names, mechanism_schema
@@ -45,9 +35,9 @@ MOST_LISTED = 2000  # keys that a field proposes
 async def mechanisms_page(request: Request, service: TheService, who: Viewer) -> Response:
     """Show the mechanisms that campaigns may name."""
     saved = await run_in_threadpool(_saved_texts, service)
-    shipped = [MechanismSource(name, shipped_text(name).decode()) for name in library_names()]
+    shipped = [MechanismSource(name, mechanisms.shipped_text(name).decode()) for name in library_names()]
     own = [MechanismSource(each.name, each.text) for each in saved]
-    found = await service.kept_data(who.name, titles, shipped + own)
+    found = json.loads(await service.answers.made(who.name, titles, shipped + own))
     return page(request, "mechanisms", shipped=library_names(), saved=saved, titles=found)
 
 
@@ -56,37 +46,28 @@ async def upload_form(
     request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
 ) -> Response:
     """Save an uploaded file as a mechanism; a file with faults is shown in the editor."""
-    content = await file.read(LONGEST_TEXT + 1)
+    content = await file.read(mechanisms.LONGEST_TEXT + 1)
     try:
         text = unix_lines(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise Refusal(422, f"file: is not UTF-8 text ({error.reason} at byte {error.start})") from error
-    if len(content) > LONGEST_TEXT:
-        raise Refusal(422, f"file: has more than {LONGEST_TEXT} bytes; a mechanism is a TOML file")
+    if len(content) > mechanisms.LONGEST_TEXT:
+        raise Refusal(422, f"file: has more than {mechanisms.LONGEST_TEXT} bytes; a mechanism is a TOML file")
     return await _edited(request, service, who, MechanismEdit(name, text, None, is_saved=True))
 
 
 @router.get("/mechanisms/{name}")
 async def mechanism_page(
-    request: Request,
-    service: TheService,
-    who: Viewer,
-    name: MechanismName,
-    keys: Annotated[str, Query(max_length=100)] = "",
+    request: Request, service: TheService, who: Viewer, name: mechanisms.MechanismName, keys: QueryText = ""
 ) -> Response:
     """Show a mechanism: picture, numbers, benches, presets; only keys that contain the text `keys` are listed."""
-    described = await described_mechanism(service, who, await source_of(service, name))
+    described = await described_mechanism(service, who, await mechanisms.source_of(service, name))
     listed = [each for each in described["keys"] if keys.lower() in each["key"].lower() or keys == each["short"]]
     if not keys:
         listed = [each for each in listed if each["short"] or each["key"].startswith("parameters.")]
     found = await run_in_threadpool(read_mechanism, service.store, name)
-    values: dict[str, Any] = {
-        "name": name,
-        "found": described,
-        "listed": listed[:MOST_KEYS],
-        "more": len(listed) - MOST_KEYS,
-    }
-    return page(request, "mechanism", keys=keys, saved=found, **values)
+    values: dict[str, Any] = {"found": described, "listed": listed[:MOST_KEYS], "more": len(listed) - MOST_KEYS}
+    return page(request, "mechanism", name=name, keys=keys, saved=found, **values)
 
 
 @router.get("/schemas/mechanism.json")
@@ -96,10 +77,10 @@ def schema_document(request: Request, _: Viewer) -> Response:
 
 
 @router.get("/mechanisms/{name}/edit")
-async def editor_page(request: Request, service: TheService, who: Engineer, name: MechanismName) -> Response:
+async def editor_page(request: Request, service: TheService, who: Engineer, name: mechanisms.MechanismName) -> Response:
     """Show the text of a mechanism in the editor; a shipped one must be saved under another name."""
     if name in library_names():
-        return _editor(request, name, MechanismEdit("", shipped_text(name).decode(), 0))
+        return _editor(request, name, MechanismEdit("", mechanisms.shipped_text(name).decode(), 0))
     found = await run_in_threadpool(read_mechanism, service.store, name)
     if found is None:
         raise Refusal(404, f"no mechanism {name}")
@@ -111,8 +92,8 @@ async def editor_form(
     request: Request,
     service: TheService,
     who: Engineer,
-    name: MechanismName,
-    text: Annotated[str, Form(max_length=2 * LONGEST_TEXT)],
+    name: mechanisms.MechanismName,
+    text: Annotated[str, Form(max_length=2 * mechanisms.LONGEST_TEXT)],
     action: Annotated[str, Form(pattern="^(check|save)$")] = "check",
     save_as: Annotated[str, Form(max_length=64)] = "",
     version: Annotated[int, Form(ge=0, lt=10**6)] = 0,
@@ -136,11 +117,11 @@ class MechanismEdit:
 async def _edited(request: Request, service: Service, who: Principal, edit: MechanismEdit, name: str = "") -> Response:
     """Save or check a text, and show the result."""
     try:
-        wanted = MechanismText(text=edit.text[:LONGEST_TEXT], version=edit.version)
+        wanted = mechanisms.MechanismText(text=edit.text[: mechanisms.LONGEST_TEXT], version=edit.version)
         if not edit.is_saved:
-            return _editor(request, name, edit, checked=await check_mechanism(service, who, wanted))
+            return _editor(request, name, edit, checked=await mechanisms.check_mechanism(service, who, wanted))
         check_name(edit.save_as)
-        await save(service, who, edit.save_as, wanted)
+        await mechanisms.save(service, who, edit.save_as, wanted)
     except (CampaignError, EngineError, Refusal) as error:
         refusal = refusal_of(error)
         assert refusal is not None
@@ -171,7 +152,7 @@ def _editor(
 
 async def described_mechanism(service: Service, who: Principal, source: MechanismSource) -> dict[str, Any]:
     """Return the description of a mechanism, see `clearcap.questions.mechanisms.describe`; recent ones are cached."""
-    content: dict[str, Any] = await service.kept_data(who.name, describe, source)
+    content: dict[str, Any] = json.loads(await service.answers.made(who.name, describe, source))
     return content
 
 
@@ -193,10 +174,10 @@ async def try_out_page(
     request: Request,
     service: TheService,
     who: Viewer,
-    name: MechanismName,
-    set: Annotated[list[str] | None, Query(max_length=MOST_VALUES)] = None,
-    bench: Annotated[str, Query(max_length=100)] = "",
-    preset: Annotated[str, Query(max_length=100)] = "",
+    name: mechanisms.MechanismName,
+    set: Annotated[list[str] | None, Query(max_length=mechanisms.MOST_VALUES)] = None,
+    bench: QueryText = "",
+    preset: QueryText = "",
     run: bool = False,
 ) -> Response:
     """Show the form and, with `run` or `set`, the results of the run, so that every run has its own URL."""
@@ -205,14 +186,14 @@ async def try_out_page(
         more = [("bench", bench), ("preset", preset), ("run", "true")]
         asked = urlencode([*typed, *((key, value) for key, value in more if value)])
         return RedirectResponse(f"/mechanisms/{quote(name)}/try?{asked}", 303)
-    found = await described_mechanism(service, who, await source_of(service, name))
+    found = await described_mechanism(service, who, await mechanisms.source_of(service, name))
     tried, refusal, values = None, None, {}
     try:
         values = values_of(set or [])
-        on_bench = await source_of(service, name, bench=bench or None, preset=preset or None)
+        on_bench = await mechanisms.source_of(service, name, bench=bench or None, preset=preset or None)
         found = await described_mechanism(service, who, on_bench)
         if (run or values) and who.may(Role.ENGINEER):
-            tried = await service.kept_data(who.name, try_once, replace(on_bench, values=values))
+            tried = json.loads(await service.answers.made(who.name, try_once, replace(on_bench, values=values)))
     except (CampaignError, EngineError, Refusal) as error:
         refusal = refusal_of(error)
         assert refusal is not None
@@ -220,7 +201,7 @@ async def try_out_page(
     question = urlencode([*settings, *((k, v) for k, v in (("bench", bench), ("preset", preset)) if v)])
     sliders = [_slider(each, values) for each in found["keys"] if each["short"]]
     named = {slider["key"] for slider in sliders}
-    others = [(key, value) for key, value in values.items() if key not in named][:MOST_VALUES]
+    others = [(key, value) for key, value in values.items() if key not in named][: mechanisms.MOST_VALUES]
     shown: dict[str, Any] = {"name": name, "found": found, "bench": bench, "preset": preset, "tried": tried}
     shown |= {"sliders": sliders, "others": [*others, *[("", "")] * FREE_KEYS], "question": question, "field": FIELD}
     proposed = [each["key"] for each in found["keys"]][:MOST_LISTED]
@@ -231,11 +212,13 @@ async def try_out_page(
 async def _typed(request: Request, service: Service, who: Principal, name: str) -> list[tuple[str, str]]:
     """Return the values typed into the form as pairs for the URL, without those that the form showed before."""
     asked = request.query_params
-    found = await described_mechanism(service, who, await source_of(service, name, preset=asked["was"] or None))
+    found = await described_mechanism(
+        service, who, await mechanisms.source_of(service, name, preset=asked["was"] or None)
+    )
     shown = {each["short"]: each["value"] for each in found["keys"] if each["short"]}
     pairs = [(key.removeprefix(FIELD), text) for key, text in asked.multi_items() if key.startswith(FIELD)]
     free = zip(asked.getlist("free-key"), asked.getlist("free-value"), strict=False)
-    typed = [(key.strip(), text.strip()) for key, text in [*pairs, *free][:MOST_VALUES]]
+    typed = [(key.strip(), text.strip()) for key, text in [*pairs, *free][: mechanisms.MOST_VALUES]]
     return [("set", f"{key}={text}") for key, text in typed if key and text and not is_number(text, shown.get(key))]
 
 

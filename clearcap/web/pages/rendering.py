@@ -5,21 +5,25 @@ from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
-from fastapi import Request
+from fastapi import Form, Query, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from campaign.errors import CampaignError, StoreError
 from clearcap.questions.plan_differences import shortened
 from clearcap.web.access import Principal, Role
-from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.query_service import Answer
-from clearcap.web.http.problems import Refusal
+from clearcap.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
+from clearcap.web.http.responses import Refusal
+from clearcap.web.jobs.pool import Busy
 from reporting.render.page_templates import page_environment
 
 SITE = Path(__file__).parent / "documentation"  # built by docs/build_site.py; a server may be without
+FormText = Annotated[str, Form(max_length=2000)]
+NewPassword = Annotated[str, Form(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD)]
+QueryText = Annotated[str, Query(max_length=100)]
+Flag = Annotated[bool, Query()]
 AROUND = 2  # lines shown before and after one with a fault
 _templates = page_environment("clearcap.web.pages")
 _templates.filters["briefly"] = shortened
@@ -29,10 +33,7 @@ _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 def page(
     request: Request, name: str, status: int = 200, /, *, refusal: Refusal | None = None, **values: Any
 ) -> HTMLResponse:
-    """Return a page from the template `name`, given without ``.html.j2``.
-
-    If the template shows a refusal, the answer has its status and headers.
-    """
+    """Return a page from the template `name`.html.j2; if it shows a refusal, with its status and headers."""
     principal: Principal | None = getattr(request.state, "principal", None)
     reloads = refusal.reload_after_s if refusal and request.method == "GET" else None  # a form would be lost
     html = _templates.get_template(f"{name}.html.j2").render(
@@ -89,10 +90,10 @@ def is_number(text: str, value: float | None) -> bool:
         return False
 
 
-async def or_fault(answer: Awaitable[Answer]) -> tuple[Any, str]:
+async def or_fault(answer: Awaitable[bytes]) -> tuple[Any, str]:
     """Return the document of an answer and an empty text, or None and the fault of the question."""
     try:
-        return json.loads((await answer).content), ""
+        return json.loads(await answer), ""
     except (Busy, StoreError):
         raise
     except CampaignError as error:

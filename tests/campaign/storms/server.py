@@ -4,9 +4,8 @@ from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from clearcap.questions.report import report
 from clearcap.web.access import Role
-from clearcap.web.access.credentials import Sessions
 from clearcap.web.access.database import Database
-from clearcap.web.access.users import Users
+from clearcap.web.access.users import Sessions, Users
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed

@@ -20,7 +20,7 @@ from tests.campaign.storms.visitors import Visitors
 
 COORDINATES = {"run", "resume", "coordinate"}
 COMMANDS = {"clearcap", "tests.campaign.storms.command"}
-JOBS = "clearcap.web.answers.job_process:compute"  # in the command line of the processes in which a server computes
+JOBS = "clearcap.web.jobs.process:compute"  # in the command line of the processes in which a server computes
 
 
 @dataclass

@@ -13,7 +13,7 @@ from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from clearcap.client.remote_server import connect
 from clearcap.web.access import Role
-from clearcap.web.app import make_app
+from clearcap.web.server import make_app
 from clearcap.web.settings import Settings
 from clearcap.web.web_service import open_service
 from tests.campaign.conftest import SPEC
@@ -41,7 +41,7 @@ def live(settings):
         try:
             yield service, f"http://127.0.0.1:{listening.getsockname()[1]}"
         finally:
-            service.end_streams()
+            service.watcher.end_streams()
             server.should_exit = True
             thread.join(PATIENCE)
             assert not thread.is_alive()

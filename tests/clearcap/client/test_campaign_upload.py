@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from campaign.spec.campaign_cautions import campaign_questions
-from clearcap.client.campaign_upload import campaign_upload
+from clearcap.client.remote_server import campaign_upload
 from engine import load_mechanism, load_mechanism_text
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
@@ -48,7 +48,7 @@ def campaign(tmp_path, monkeypatch):
 @pytest.mark.processes
 def test_geometry_is_sent_as_numbers(campaign):
     """A server opens no CAD file: it gets the mechanism that this machine reads, in plain numbers."""
-    [(name, content)] = campaign_upload(campaign).files.items()
+    [(name, content)] = campaign_upload(campaign)[1].items()
     assert name == "latch.toml"
     assert "cad" not in tomllib.loads(content.decode())
     here = load_mechanism(campaign.with_name("latch.toml"))
@@ -59,7 +59,7 @@ def test_other_mechanisms_are_sent_as_they_are(campaign):
     """Comments and all, sound or not: the server says what is wrong with them."""
     for text in ("format = 1  # as it is\n", "no TOML ["):
         campaign.with_name("latch.toml").write_text(text)
-        assert campaign_upload(campaign).files == {"latch.toml": text.encode()}
+        assert campaign_upload(campaign)[1] == {"latch.toml": text.encode()}
 
 
 def test_questions_of_both_files(campaign):

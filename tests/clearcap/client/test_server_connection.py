@@ -7,7 +7,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from clearcap.client.remote_server import events_in, progress_events
+from clearcap.client.remote_server import RemoteServer, events_in
 from clearcap.client.server_connection import ServerConnection, checked_address, checked_token
 from tests.each import each
 
@@ -117,7 +117,7 @@ def test_events_continue_after_the_last_one_seen(pauses):
     rest = b': still here\n\nid: b\nevent: progress\ndata: {"n":\ndata: 2}\n\nevent: end\ndata: {}\n\n'
     answers = [(CUT_OFF, {}, first), (502, {}, b""), (200, {}, rest)]
     with answering(answers) as (address, asked), ServerConnection(address, "t") as connection:
-        assert list(progress_events(connection, "c-1")) == [{"n": 1}, {"n": 2}]
+        assert list(RemoteServer(connection).events("c-1")) == [{"n": 1}, {"n": 2}]
     assert [headers.get("Last-Event-ID") for _, headers in asked] == [None, "a", "a"]
 
 

@@ -20,8 +20,8 @@ from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from clearcap.questions.report import report
 from clearcap.web.access import Role, users
-from clearcap.web.app import make_app
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
+from clearcap.web.server import make_app
 from clearcap.web.settings import Limits, Settings
 from clearcap.web.web_service import open_service
 from engine import simulate

@@ -16,9 +16,8 @@ from pathlib import Path
 import psutil
 
 from clearcap.web.access import Role
-from clearcap.web.access.credentials import Tokens
 from clearcap.web.access.database import Database
-from clearcap.web.access.users import Users
+from clearcap.web.access.users import Tokens, Users
 from clearcap.web.server import http_server
 from clearcap.web.web_service import open_service
 from tests.until import until

@@ -14,8 +14,8 @@ from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store.labels import LabelChange, change_labels, read_labels
 from clearcap.web.access import Role
-from clearcap.web.answers.job_limits import JobPostponed
 from clearcap.web.http.authentication import COOKIE
+from clearcap.web.jobs.process import JobPostponed
 from clearcap.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import PASSWORD, URL, copy_store, serving

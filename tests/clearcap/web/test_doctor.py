@@ -10,10 +10,9 @@ from typer.testing import CliRunner
 
 from campaign.coordinator.state import write_state
 from clearcap.cli import app
-from clearcap.web import doctor
-from clearcap.web.access.backup import KEY_FILE
+from clearcap.web import maintenance
 from clearcap.web.access.database import DATABASE, Database
-from clearcap.web.doctor import FAULT, OK, WARNING, examine
+from clearcap.web.maintenance import FAULT, KEY_FILE, OK, WARNING, examine
 from clearcap.web.settings import Settings
 from clearcap.web.web_service import open_service
 from tests.clearcap.web.conftest import only_in_a_folder
@@ -36,8 +35,8 @@ def found(store, data):
 
 
 def test_all_is_well(used, monkeypatch):
-    monkeypatch.setattr(doctor, "LEAST_FREE", 0)
-    monkeypatch.setattr(doctor, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(maintenance, "LEAST_FREE", 0)
+    monkeypatch.setattr(maintenance, "LEAST_SHARE", 0.0)
     before = {path.name: path.stat().st_size for path in used[1].iterdir() if path.suffix != ".sqlite"}
     assert set(found(*used).values()) == {OK}
     assert {path.name: path.stat().st_size for path in used[1].iterdir() if path.name in before} == before
@@ -50,17 +49,17 @@ def test_each_fault_is_found(used, monkeypatch, plan):
     (data / KEY_FILE).chmod(0o644)
     assert found(store, data)["folder"] == FAULT
     (data / KEY_FILE).chmod(0o600)
-    monkeypatch.setattr(doctor, "LEAST_SHARE", 1.1)
+    monkeypatch.setattr(maintenance, "LEAST_SHARE", 1.1)
     assert (found(store, data)["store"], found(store, data)["folder"]) == (WARNING, WARNING)
-    monkeypatch.setattr(doctor, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(maintenance, "LEAST_SHARE", 0.0)
     for off in (-60.0, 60.0):
         with monkeypatch.context() as patch:
-            patch.setattr(doctor.time, "time", lambda off=off, now=time.time: now() + off)
+            patch.setattr(maintenance.time, "time", lambda off=off, now=time.time: now() + off)
             assert found(store, data)["clock"] == FAULT
     write_state(store, plan.campaign_id, "queued")
     assert (found(store, data)["queue"], found(store, data)["versions"]) == (WARNING, OK)
     with monkeypatch.context() as patch:
-        patch.setattr(doctor, "row_build", lambda: "another")
+        patch.setattr(maintenance, "row_build", lambda: "another")
         assert found(store, data)["versions"] == WARNING
     with closing(Database(data / DATABASE)) as database:
         from clearcap.web.access.audit import AuditTrail

@@ -7,10 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from clearcap.web.access import Role, credentials
-from clearcap.web.access.credentials import Sessions, Tokens
+from clearcap.web.access import Role
 from clearcap.web.access.database import Database
-from clearcap.web.access.users import Users, hash_password
+from clearcap.web.access.users import IDLE, LINK_LIVES, LONGEST_SESSION, Sessions, Tokens, Users, hash_password
 
 PASSWORD = "correct horse battery"
 
@@ -34,7 +33,7 @@ def users(database):
 def clock(monkeypatch):
     """Return what moves the time of sessions and tokens on."""
     now = [1e9]
-    monkeypatch.setattr(credentials.time, "time", lambda: now[0])
+    monkeypatch.setattr("clearcap.web.access.users.time.time", lambda: now[0])
 
     def move(seconds):
         now[0] += seconds
@@ -196,9 +195,9 @@ def test_idle_session_ends(users, database, clock):
     made = Sessions(database)
     secret = made.begin("eva")
     for _ in range(5):
-        clock(credentials.IDLE - 1.0)
+        clock(IDLE - 1.0)
         assert made.principal(secret) is not None
-    clock(credentials.IDLE + 1.0)
+    clock(IDLE + 1.0)
     assert made.principal(secret) is None
 
 
@@ -209,7 +208,7 @@ def test_session_ends_after_a_week(users, database, clock):
     while made.principal(secret) is not None:
         clock(3600.0)
         ended += 3600.0
-    assert ended == pytest.approx(credentials.LONGEST_SESSION, abs=3600.0)
+    assert ended == pytest.approx(LONGEST_SESSION, abs=3600.0)
 
 
 def test_disabled_user_is_nobody(users, database):
@@ -232,7 +231,7 @@ def test_link_is_used_once(users, database, clock):
     assert made.use_link(secret) == "eva"
     assert made.use_link(secret) is None
     late = made.new_link("eva")
-    clock(credentials.LINK_LIVES + 1.0)
+    clock(LINK_LIVES + 1.0)
     assert made.use_link(late) is None
 
 

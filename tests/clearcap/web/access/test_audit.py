@@ -47,13 +47,13 @@ def test_throttle():
     throttle = Throttle(3, 60.0, lambda: now[0])
     for _ in range(3):
         assert throttle.wait("eva") == 0.0
-        throttle.failed("eva")
+        throttle.attempt("eva")
         now[0] += 1.0
     assert throttle.wait("eva", "ada") == 57.0
     assert throttle.wait("ada") == 0.0
     now[0] += 57.0
     assert throttle.wait("eva") == 0.0
-    throttle.failed("eva")
+    throttle.attempt("eva")
     throttle.succeeded("eva")
     assert throttle.wait("eva") == 0.0
 
@@ -61,7 +61,7 @@ def test_throttle():
 def test_throttle_forgets_the_oldest():
     throttle = Throttle(1, 60.0, lambda: 0.0)
     for i in range(MOST_KEYS + 1):
-        throttle.failed(str(i))
+        throttle.attempt(str(i))
     assert throttle.wait("0") == 0.0
     assert throttle.wait("1") == 60.0
 

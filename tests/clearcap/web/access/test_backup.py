@@ -14,9 +14,9 @@ import pytest
 from campaign.errors import SpecError
 from clearcap.web.access import Role
 from clearcap.web.access.audit import AuditTrail
-from clearcap.web.access.backup import KEY_FILE, back_up, check_backup, restore
 from clearcap.web.access.database import DATABASE, SCHEMA, VERSIONS, Database
 from clearcap.web.access.users import Users
+from clearcap.web.maintenance import KEY_FILE, back_up, check_backup, restore
 from tests.counts import some
 from tests.until import until
 
@@ -117,7 +117,7 @@ def test_backup_while_others_write(data, tmp_path):
 KILLED = """
 import sys
 from pathlib import Path
-from clearcap.web.access.backup import back_up, restore
+from clearcap.web.maintenance import back_up, restore
 data, file, target = map(Path, sys.argv[1:])
 print("ready", flush=True)
 for number in range(10**6):

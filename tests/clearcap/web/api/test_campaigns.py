@@ -6,8 +6,8 @@ import pytest
 
 from campaign.coordinator.state import state_of, write_state
 from campaign.plan import make_plan
-from clearcap.web.operations.campaign_list import ListQuestion, listed
-from clearcap.web.watch.entry import CampaignEntry, Weakest
+from clearcap.web.index import CampaignEntry, Weakest
+from clearcap.web.operations.campaigns import ListQuestion, listed
 from tests.clearcap.web.conftest import serving
 from tests.each import each
 

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 import pytest
 
 from campaign.errors import SpecError
-from clearcap.web.operations.campaign_list import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
-from clearcap.web.watch.entry import CampaignEntry, Weakest
+from clearcap.web.index import CampaignEntry, Weakest
+from clearcap.web.operations.campaigns import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
 
 ON_A_PAGE = 3
 

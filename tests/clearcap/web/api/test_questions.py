@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from clearcap.cli import app
-from clearcap.web.answers.query_service import MOST_SETTINGS
+from clearcap.web.jobs.queries import MOST_SETTINGS
 
 pytestmark = [pytest.mark.processes, pytest.mark.bits]
 

@@ -19,8 +19,8 @@ from clearcap.cli import app
 from clearcap.questions.report import report
 from clearcap.questions.signing import open_archive
 from clearcap.questions.verification import verify_export
-from clearcap.web.access.backup import back_up
 from clearcap.web.access.database import Database
+from clearcap.web.maintenance import back_up
 from clearcap.web.signing_service import KEY_FILE
 from clearcap.web.web_service import open_service
 from tests.clearcap.web.conftest import only_in_a_folder, write_real_report

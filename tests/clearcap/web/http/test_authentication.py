@@ -7,7 +7,7 @@ from inspect import isasyncgenfunction, iscoroutinefunction
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import authenticated, the_service
 from clearcap.web.http.monitoring import MOST_OF_STRANGERS
-from clearcap.web.http.problems import MEDIA_TYPE
+from clearcap.web.http.responses import MEDIA_TYPE
 from tests.clearcap.web.conftest import PASSWORD, URL, serving
 from tests.clearcap.web.routes import all_ways
 

@@ -7,8 +7,8 @@ import pytest
 
 from campaign.coordinator.submit import submit
 from campaign.store import open_store
+from clearcap.web import watcher
 from clearcap.web.settings import Limits, Settings
-from clearcap.web.watch import watcher
 from tests.clearcap.web.running import PATIENCE, in_a_thread
 from tests.until import until
 

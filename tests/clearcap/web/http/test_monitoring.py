@@ -5,6 +5,7 @@ import io
 import json
 import logging
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 
 import pytest
 from prometheus_client import CollectorRegistry
@@ -13,12 +14,11 @@ from prometheus_client.parser import text_string_to_metric_families
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
 from campaign.store.store import change_tokens
-from clearcap.web.answers.fair_queue import Quota
-from clearcap.web.answers.job_pool import JobPool
 from clearcap.web.http.monitoring import ServiceGauges, logger, show_requests
-from clearcap.web.watch.index import CampaignIndex
-from clearcap.web.watch.watcher import Watcher
-from tests.clearcap.web.answers import strange_jobs
+from clearcap.web.index import CampaignIndex
+from clearcap.web.jobs.pool import JobPool, Quota
+from clearcap.web.watcher import Watcher
+from tests.clearcap.web.jobs import strange_jobs
 from tests.clearcap.web.running import until_true
 
 
@@ -80,7 +80,9 @@ def counted(store, tmp_path):
         index, registry = CampaignIndex(tmp_path / "index.sqlite"), CollectorRegistry()
         watcher = Watcher(store, index)
         async with JobPool(1, quota=Quota(at_once=1)) as pool:
-            registry.register(ServiceGauges(watcher, pool))
+            registry.register(
+                ServiceGauges(SimpleNamespace(watcher=watcher, pool=pool, workload=None, free_space=lambda: None))
+            )
             yield watcher, pool, lambda name, **state: registry.get_sample_value(name, state)
         index.close()
 

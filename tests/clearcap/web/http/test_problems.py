@@ -5,12 +5,12 @@ import json
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from clearcap.web.answers import query_service
-from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
-from clearcap.web.http.problems import problem, refusal_of
+from clearcap.web.http.responses import problem, refusal_of
+from clearcap.web.jobs import queries
+from clearcap.web.jobs.pool import Busy
+from clearcap.web.jobs.process import JobFailed, JobPostponed, JobTooLarge
 from engine import EngineError
-from tests.clearcap.web.answers import strange_jobs
+from tests.clearcap.web.jobs import strange_jobs
 from tests.each import each
 
 
@@ -53,7 +53,7 @@ def test_bug_is_no_refusal():
 def test_question_whose_job_goes_wrong(computing, explored, monkeypatch, job, status, words):
     """The answer is problem details, with the reason and without its details."""
     client, headers = computing
-    monkeypatch.setattr(query_service, "what_if_answer", job)
+    monkeypatch.setattr(queries, "what_if_answer", job)
     asked = f"/api/v1/campaigns/{explored[1]}/whatif"
     answer = client.get(asked, params={"set": "J1.std=0.018"}, headers=headers("viewer"))
     assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")

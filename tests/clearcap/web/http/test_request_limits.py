@@ -6,7 +6,6 @@ from inspect import getsource
 import pytest
 from starlette.testclient import TestClient
 
-from clearcap.web.http.problems import MEDIA_TYPE, Refusal
 from clearcap.web.http.request_limits import (
     LARGEST_DOCUMENT,
     LARGEST_OPEN_FORM,
@@ -15,6 +14,7 @@ from clearcap.web.http.request_limits import (
     RequestLimits,
     check_values,
 )
+from clearcap.web.http.responses import MEDIA_TYPE, Refusal
 from clearcap.web.settings import Limits
 from tests.clearcap.web.routes import all_ways
 
@@ -111,7 +111,7 @@ def test_bodies_at_work_are_bounded_together():
 
     for _ in range(3):
         assert [asked(10, 1), asked(11, 1), asked(100, 2), asked(101, 2)] == [200, 503, 200, 413]
-    limits._bodies.most = 189
+    limits._limits = Limits(body=100, bodies=189)
     assert asked(100, 2) == 503
 
 

@@ -10,7 +10,7 @@ from campaign.coordinator.lease import beating, hold_lease
 from campaign.coordinator.state import write_state
 from campaign.store import open_store
 from campaign.store.layout import HEARTBEAT, SERVICE
-from clearcap.web.answers.job_pool import JobPool
+from clearcap.web.jobs.pool import FairQueue
 from tests.clearcap.web.conftest import only_in_a_folder
 from tests.clearcap.web.pages.forms import Page
 
@@ -61,7 +61,7 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
 
 
 def test_jobs_by_user(show, monkeypatch):
-    monkeypatch.setattr(JobPool, "by_user", {"eva": (1, 2), "bob": (1, 0)})
+    monkeypatch.setattr(FairQueue, "by_user", {"eva": (1, 2), "bob": (1, 0)})
     text = show()
     assert "2 at work, 2 waiting" in text
     assert '<th scope="row">eva</th><td class="number">1</td><td class="number">2</td>' in text

@@ -5,7 +5,7 @@ import re
 import pytest
 from fastapi.testclient import TestClient
 
-from clearcap.web import app
+from clearcap.web import server
 from clearcap.web.pages import login
 from tests.clearcap.web.conftest import URL
 from tests.clearcap.web.pages.forms import Page
@@ -40,12 +40,12 @@ def test_who_may_is_what_is_checked(client, method, path, who):
 def test_documentation_where_it_is_built(service, tmp_path, monkeypatch):
     """A server that has the site links to it and shows it; one that has none does neither."""
     site = tmp_path / "site"
-    monkeypatch.setattr(app, "SITE", site)
+    monkeypatch.setattr(server, "SITE", site)
     monkeypatch.setattr(login, "SITE", site)
-    assert "/help/documentation" not in TestClient(app.make_app(service), base_url=URL).get("/help").text
+    assert "/help/documentation" not in TestClient(server.make_app(service), base_url=URL).get("/help").text
     site.mkdir()
     (site / "index.html").write_text("<h1>Tutorials</h1>")
-    client = TestClient(app.make_app(service), base_url=URL)
+    client = TestClient(server.make_app(service), base_url=URL)
     [address] = re.findall(r'href="(/help/documentation[^"]*)"', client.get("/help").text)
     shown = client.get(address)
     assert shown.text == "<h1>Tutorials</h1>"

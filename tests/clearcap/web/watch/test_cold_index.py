@@ -16,12 +16,11 @@ from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import SUBMISSION
 from campaign.store.store import change_tokens
 from clearcap.client import remote_server
-from clearcap.client.remote_server import listed_campaigns
+from clearcap.client.remote_server import RemoteServer
+from clearcap.web import index as indexing
 from clearcap.web.access import Role
-from clearcap.web.watch import index as indexing
-from clearcap.web.watch.entry import REPORT_DOCUMENT, Weakest, entry_of
-from clearcap.web.watch.index import CampaignIndex
-from clearcap.web.watch.watcher import Watcher
+from clearcap.web.index import REPORT_DOCUMENT, CampaignIndex, Weakest, entry_of
+from clearcap.web.watcher import Watcher
 from tests.clearcap.web.conftest import serving
 from tests.clearcap.web.running import until_true
 
@@ -199,7 +198,7 @@ def test_a_program_gets_all_campaigns(monkeypatch):
     """It waits until the server has read them, also if that begins anew between two pages."""
     monkeypatch.setattr(remote_server.time, "sleep", lambda _: None)
     server = Listing(900, 450, 0, 3, 0)
-    assert [each["campaign"] for each in listed_campaigns(server, {})] == ["after ", "after 500"]
+    assert [each["campaign"] for each in RemoteServer(server).campaigns()] == ["after ", "after 500"]
     assert server.asked == ["", "", "", "500", "500"]
 
 
@@ -207,7 +206,7 @@ def test_a_program_does_not_wait_for_ever(monkeypatch):
     now = iter(range(0, 10_000, 20))
     monkeypatch.setattr(remote_server, "time", SimpleNamespace(sleep=lambda _: None, monotonic=lambda: next(now)))
     with pytest.raises(UnreachableError, match=r"\b7 campaigns"):
-        list(listed_campaigns(Listing(9, 8, 7), {}))
+        list(RemoteServer(Listing(9, 8, 7)).campaigns())
 
 
 def test_few_requests_a_campaign(full_store, monkeypatch):

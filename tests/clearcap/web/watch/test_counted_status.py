@@ -12,8 +12,8 @@ from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
 from campaign.store.files import local
 from campaign.store.layout import HEARTBEAT, LEASE
-from clearcap.web.watch import index
-from clearcap.web.watch.index import CountedStatuses
+from clearcap.web import index
+from clearcap.web.index import CountedStatuses
 from tests.campaign.driving import computed
 from tests.clearcap.web.conftest import only_in_a_folder
 

@@ -19,10 +19,9 @@ from campaign.store.files import local
 from campaign.store.labels import LabelChange, change_labels
 from campaign.store.layout import DELETED, PLAN
 from campaign.store.store import change_tokens
-from clearcap.web.watch import watcher as watching
-from clearcap.web.watch.entry import entry_of
-from clearcap.web.watch.index import CampaignIndex
-from clearcap.web.watch.watcher import Watcher
+from clearcap.web import watcher as watching
+from clearcap.web.index import CampaignIndex, entry_of
+from clearcap.web.watcher import Watcher
 from tests.clearcap.web.running import PATIENCE, until_true
 from tests.until import until
 
@@ -61,7 +60,7 @@ def exact(monkeypatch):
 
 def test_index_reads_only_what_changed(store, plan, index, exact, monkeypatch):
     read = []
-    monkeypatch.setattr("clearcap.web.watch.index.entry_of", lambda s, c: (read.append(c), entry_of(s, c))[1])
+    monkeypatch.setattr("clearcap.web.index.entry_of", lambda s, c: (read.append(c), entry_of(s, c))[1])
     for _ in range(2):
         index.refresh(store, change_tokens(store))
         assert read == [plan.campaign_id]
@@ -137,7 +136,7 @@ def test_index_is_closed_when_no_thread_writes(store, plan, index):
 def test_reader_that_ends_after_the_index_was_closed(store, plan, index, monkeypatch):
     reading, go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "clearcap.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
+        "clearcap.web.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
     )
     with ThreadPoolExecutor(1) as thread:
         late = thread.submit(index.refresh, store, change_tokens(store))
@@ -152,7 +151,7 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
     """Who ends the watcher waits for the look that is under way; a change that comes later is no error."""
     reading, go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(
-        "clearcap.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
+        "clearcap.web.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
     )
 
     others = set(threading.enumerate())  # of watchers of other tests, idle

@@ -16,8 +16,8 @@ from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
-from clearcap.web.watch.entry import entry_of
-from clearcap.web.watch.workload import look_at_work
+from clearcap.web.index import entry_of
+from clearcap.web.watcher import look_at_work
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.running import PATIENCE, Served
 from tests.until import until

@@ -18,7 +18,7 @@ from clearcap.web import webhooks as targets
 from clearcap.web.access import Role
 from clearcap.web.access.database import SCHEMA, Database
 from clearcap.web.access.users import Users
-from clearcap.web.watch.entry import BelowTarget, CampaignEntry
+from clearcap.web.index import BelowTarget, CampaignEntry
 from clearcap.web.webhooks import (
     MOST_ATTEMPTS,
     WebhookRepository,

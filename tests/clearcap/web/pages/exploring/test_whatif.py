@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from clearcap.cli import app
-from clearcap.web.pages.whatif import other_settings, settings_of, variable_fields
+from clearcap.web.pages.rows import other_settings, settings_of, variable_fields
 from reporting import format_numbers
 from reporting.capability.intervals import cpk_half_width
 from tests.clearcap.web.pages.forms import Page

@@ -8,9 +8,9 @@ import pytest
 
 from campaign.errors import CampaignError, SpecError
 from campaign.samples import independent_samples
-from clearcap.web.answers import column_cache
-from clearcap.web.answers.column_cache import ColumnCache, columns_folder, map_columns
-from clearcap.web.answers.query_service import rows_version
+from clearcap.web.jobs import column_cache
+from clearcap.web.jobs.column_cache import ColumnCache, columns_folder, map_columns
+from clearcap.web.jobs.queries import rows_version
 
 pytestmark = pytest.mark.bits
 

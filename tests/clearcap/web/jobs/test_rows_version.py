@@ -6,7 +6,7 @@ import pytest
 
 from campaign.errors import StoreError
 from campaign.store.layout import STOPPED
-from clearcap.web.answers.query_service import rows_version
+from clearcap.web.jobs.queries import rows_version
 
 
 def test_it_changes_with_rows_and_with_nothing_else(growing):

@@ -7,12 +7,12 @@ from functools import partial
 import pytest
 
 from clearcap.web import web_service
-from clearcap.web.answers.engine_warm_up import EngineCompiling
-from clearcap.web.answers.job_limits import JobPostponed
+from clearcap.web.jobs.pool import EngineCompiling
+from clearcap.web.jobs.process import JobPostponed
 from clearcap.web.settings import Settings
-from tests.clearcap.web.answers import strange_jobs
-from tests.clearcap.web.answers.test_job_pool import in_pool
 from tests.clearcap.web.conftest import serving
+from tests.clearcap.web.jobs import strange_jobs
+from tests.clearcap.web.jobs.test_job_pool import in_pool
 from tests.clearcap.web.running import until_true
 from tests.until import until
 
@@ -35,10 +35,10 @@ def test_one_process_compiles_while_jobs_are_refused(tmp_path, caplog):
         with pytest.raises(EngineCompiling, match=r"\d+ s\b") as refused:
             await pool.run("u", strange_jobs.add, 1, 2)
         assert 5 <= refused.value.retry_after_s <= 30
-        assert pool.compiling_s >= 0.0
-        assert (pool.running, pool.waiting) == (0, 0)
+        assert pool.compilation.seconds >= 0.0
+        assert (pool.turns.running, pool.turns.waiting) == (0, 0)
         (tmp_path / "go").touch()
-        await until_true(lambda: pool.compiling_s is None)
+        await until_true(lambda: pool.compilation.seconds is None)
         for _ in range(3):
             assert (await pool.data("u", strange_jobs.add, 1, 2))["sum"] == 3
         await until_true(lambda: len((tmp_path / "calls").read_text()) == 3)
@@ -54,7 +54,7 @@ def test_compiled_engine_is_waited_for(tmp_path):
 
     async def ask(pool):
         answers = await asyncio.gather(*(pool.data("u", strange_jobs.add, 1, n) for n in range(3)))
-        assert pool.compiling_s is None
+        assert pool.compilation.seconds is None
         return [answer["sum"] for answer in answers]
 
     assert in_pool(ask, processes=2, **compiled_in(tmp_path)) == [1, 2, 3]
@@ -72,7 +72,7 @@ def test_next_process_compiles_if_the_first_one_dies(tmp_path):
                 sums.append((await pool.data("u", strange_jobs.add, 1, 2))["sum"])
             except JobPostponed:
                 await asyncio.sleep(0.05)
-        assert pool.compiling_s is None
+        assert pool.compilation.seconds is None
         return sums
 
     assert in_pool(ask, **compiled_in(tmp_path, strange_jobs.compile_and_die)) == [3]

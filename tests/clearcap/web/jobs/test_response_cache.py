@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from clearcap.web.answers.fair_queue import Busy
-from clearcap.web.answers.query_service import ResponseCache, SingleFlight
+from clearcap.web.jobs.pool import Busy
+from clearcap.web.jobs.queries import ResponseCache, SingleFlight
 
 
 def test_answers_stay_within_their_size():

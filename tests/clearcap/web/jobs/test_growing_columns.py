@@ -15,11 +15,11 @@ from campaign.store.files import local
 from campaign.store.layout import STOPPED
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
-from clearcap.web.answers.column_cache import ColumnCache
-from clearcap.web.answers.query_service import rows_version
+from clearcap.web.jobs.column_cache import ColumnCache
+from clearcap.web.jobs.queries import rows_version
 from engine.platform.private_folder import private_folder
-from tests.clearcap.web.answers.conftest import fails_where_wide
 from tests.clearcap.web.conftest import only_in_a_folder
+from tests.clearcap.web.jobs.conftest import fails_where_wide
 
 pytestmark = pytest.mark.bits
 

@@ -7,8 +7,8 @@ import logging
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,32 +56,30 @@ def columns_folder() -> Path:
 
 
 class ColumnCache:
-    """Cache of the columns of campaigns that questions read, in a folder that only this user can access.
-
-    Beyond `at_most` bytes the least recently used files are removed.
-    """
+    """Columns of campaigns in a private folder; beyond `at_most` bytes the least recently used go."""
 
     def __init__(self, folder: Path, at_most: int = USUAL_SIZE) -> None:
         self._folder, self._at_most = folder, at_most
 
     def columns(self, store: Store, plan: Plan, version: str) -> SampleColumns:
-        """Return the columns of a campaign, from their file if there is an intact one, otherwise from the store.
-
-        `version` is that of its rows; see `clearcap.web.answers.query_service`. The file of an earlier version is
-        replaced; rows whose parts have not changed are taken from it. Raises CampaignError if there are no rows.
-        """
+        """Return the columns of a `rows_version`; only rows whose parts have changed are read from the store."""
         place = hashlib.sha256(f"{store.url}\n{plan.campaign_id}".encode()).hexdigest()[:16]
         path = self._folder / f"{place}-{version[:32]}{_ENDING}"
-        with self._only_one(place):  # if several processes need the same columns, one of them builds them
+        # if several processes need the same columns, one of them builds them; there are only sixteen locks, which stay
+        with open(self._folder / f"{place[0]}.lock", "wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
             if (kept := self._kept(path, version)) is not None:
                 return kept.columns
-            sourced = grown_columns(store, plan, self._earlier(place))
+            others = [other for other in self._folder.glob(f"{place}-*{_ENDING}") if other != path]
+            earlier = next(filter(None, (self._kept(other, None) for other in (*others, path))), None)
+            sourced = grown_columns(store, plan, earlier)
             try:
                 write_columns(path, version, sourced)
             except OSError as error:
                 logger.warning("the columns of %s are not kept: %s", plan.campaign_id, error.strerror or error)
                 return sourced.columns
-            self._remove_superseded(path, place)
+            for other in others:  # a process that has mapped one can still read it
+                other.unlink(missing_ok=True)
             self._remove_oldest()
             # mapped columns take no memory of this process, so that of the columns read from the store is freed
             return map_columns(path, version, just_written=True).columns if path.exists() else sourced.columns
@@ -97,23 +95,6 @@ class ColumnCache:
             logger.warning("the columns are built again: %s", error)
             return None
         return sourced
-
-    def _earlier(self, place: str) -> SourcedColumns | None:
-        """Return the columns of an earlier version of the rows; None if there is no intact file of them."""
-        return next(filter(None, (self._kept(path, None) for path in self._folder.glob(f"{place}-*{_ENDING}"))), None)
-
-    @contextmanager
-    def _only_one(self, place: str) -> Iterator[None]:
-        """Hold a lock on the columns of a campaign; there are only sixteen lock files, so they are never removed."""
-        with open(self._folder / f"{place[0]}.lock", "wb") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            yield
-
-    def _remove_superseded(self, path: Path, place: str) -> None:
-        """Remove the files of earlier versions; a process that has mapped one can still read it."""
-        for other in self._folder.glob(f"{place}-*{_ENDING}"):
-            if other != path:
-                other.unlink(missing_ok=True)
 
     def _remove_oldest(self) -> None:
         """Remove the least recently used files until the rest is small enough, and leftovers of killed processes."""
@@ -162,15 +143,11 @@ def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
 
 
 def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> SourcedColumns:
-    """Map a file of columns into memory and return them; the arrays are read-only.
-
-    The key None accepts any columns. The digest of a file that this process has `just_written` is not checked. Raises
-    ValueError if the file is damaged or holds other columns, OSError if it cannot be opened.
-    """
+    """Map a file of columns into memory, read-only; ValueError if it is damaged or has another key (None: any)."""
     with pa.memory_map(str(path)) as source:
         content = source.read_buffer()
-    end = content.size - _DIGEST
-    if end <= 0 or not (just_written or _is_sound(memoryview(content), end)):
+    end, view = content.size - _DIGEST, memoryview(content)
+    if end <= 0 or not (just_written or hashlib.sha256(view[:end]).digest() == view[end:].tobytes()):
         raise ValueError(f"{path} is damaged")
     try:
         with pa.ipc.open_file(pa.BufferReader(content.slice(0, end))) as reader:
@@ -183,11 +160,6 @@ def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> S
         raise ValueError(f"{path} cannot be read: {error}") from error
     sources = {int(number): source for number, source in json.loads(metadata.get(_SOURCES, b"{}")).items()}
     return SourcedColumns(SampleColumns(arrays.pop(_NUMBER), arrays), sources)
-
-
-def _is_sound(content: memoryview, end: int) -> bool:
-    """Return whether a file is intact; its digest begins at byte ``end``."""
-    return hashlib.sha256(content[:end]).digest() == content[end:].tobytes()
 
 
 def _as_it_is(kind: pa.DataType, values: NDArray[np.generic]) -> pa.Array:

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from campaign.errors import SpecError, StoreError
-from clearcap.web.answers.fair_queue import Busy, Quota
-from clearcap.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
-from clearcap.web.answers.job_pool import JobPool
-from tests.clearcap.web.answers import strange_jobs
+from clearcap.web.jobs.pool import Busy, JobPool, Quota
+from clearcap.web.jobs.process import JobFailed, JobLimits, JobPostponed, JobTooLarge
+from tests.clearcap.web.jobs import strange_jobs
 from tests.clearcap.web.running import until_true
 from tests.until import until
 
@@ -133,7 +132,7 @@ def test_a_job_cancelled_before_its_process_has_started_costs_none():
         with pytest.raises(asyncio.CancelledError):
             await job
         assert (await pool.data("u", strange_jobs.add, 1, 2))["sum"] == 3
-        assert (pool.running, pool.waiting) == (0, 0)
+        assert (pool.turns.running, pool.turns.waiting) == (0, 0)
 
     in_pool(ask)
 
@@ -156,13 +155,13 @@ def test_two_jobs_run_at_a_time_and_more_wait_or_are_refused(tmp_path):
 
     async def ask(pool):
         two = [asyncio.create_task(pool.data("u", strange_jobs.hold, str(tmp_path))) for _ in range(2)]
-        await until_true(lambda: pool.running == 2)
+        await until_true(lambda: pool.turns.running == 2)
         third = asyncio.create_task(pool.data("u", strange_jobs.add, 1, 2))
-        await until_true(lambda: pool.waiting == 1)
+        await until_true(lambda: pool.turns.waiting == 1)
         with pytest.raises(Busy) as refused:
             await pool.run("u", strange_jobs.add, 1, 2)
         assert refused.value.retry_after_s >= 1
-        assert (pool.running, pool.waiting) == (2, 1)
+        assert (pool.turns.running, pool.turns.waiting) == (2, 1)
         (tmp_path / "go").touch()
         assert await asyncio.gather(*two) == ["held", "held"]
         assert (await third)["sum"] == 3
@@ -211,7 +210,7 @@ def test_jobs_end_with_the_pool():
         async with JobPool(1, quota=Quota(at_once=1), limits=LIMITS) as pool:
             await pool.run("u", strange_jobs.add, 1, 2)  # its process has started
             jobs = [asyncio.create_task(pool.run("u", strange_jobs.sleep, 600)) for _ in range(2)]
-            await until_true(lambda: (pool.running, pool.waiting) == (1, 1))
+            await until_true(lambda: (pool.turns.running, pool.turns.waiting) == (1, 1))
         return await asyncio.gather(*jobs, return_exceptions=True)
 
     running, waiting = asyncio.run(leave())
@@ -226,7 +225,7 @@ def test_a_pool_that_ends_while_a_process_starts():
     async def leave():
         async with JobPool(1, limits=LIMITS, warm_up=partial(strange_jobs.sleep, 600)) as pool:
             job = asyncio.create_task(pool.run("u", strange_jobs.add, 1, 2))
-            await until_true(lambda: pool.running == 1)
+            await until_true(lambda: pool.turns.running == 1)
             await asyncio.sleep(0)
         return (await asyncio.gather(job, return_exceptions=True))[0]
 
@@ -242,7 +241,7 @@ def test_nothing_is_left_of_a_pool():
     async def ask(pool):
         pids.append(json.loads(await pool.run("u", strange_jobs.add, 1, 2))["process"])
         job = asyncio.create_task(pool.run("u", strange_jobs.sleep, 600))
-        await until_true(lambda: pool.running == 1)
+        await until_true(lambda: pool.turns.running == 1)
         job.cancel()
 
     in_pool(ask)

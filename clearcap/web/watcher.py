@@ -1,11 +1,11 @@
-"""The watcher: the one reader of the store for all users who follow it, and what they see of a campaign."""
+"""The watcher: the one reader of the store for all users, what they see of a campaign, and of all work in the store."""
 
 import asyncio
 import json
 import logging
 import math
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,12 +13,13 @@ from hashlib import sha256
 from typing import Any, TypeVar
 
 from campaign.coordinator.heartbeat import Observation, observe
-from campaign.coordinator.lease import LeaseHeld
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, SignOfLife, holder, judge_life
 from campaign.coordinator.requests import finish_deletion, unfinished_deletions
 from campaign.errors import CampaignError
 from campaign.store import Store
+from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.store.store import change_token, change_tokens
-from clearcap.web.watch.index import CampaignIndex
+from clearcap.web.index import CampaignEntry, CampaignIndex
 from reporting.capability.intervals import cpk_interval
 
 CONFIDENCE = 0.95
@@ -28,7 +29,6 @@ LIST_EVERY = 5.0  # s between two looks at the change tokens of all campaigns
 KEEP_ALIVE = 15.0  # s without news after which a stream sends a comment, so that proxies keep it open
 COMMENT = b": still here\n\n"
 RETRY = b"retry: 2000\n\n"  # ms after which a browser reconnects
-
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
@@ -120,8 +120,7 @@ class Watcher:
     async def list_campaigns(self, changed: str | None = None) -> None:
         """Update the index now with the campaigns that this server has changed, and every five seconds with all.
 
-        `changed` is added to the campaigns passed to `hurry`. If many have changed, only the first ones are read; `run`
-        continues with the others, and `CampaignIndex.unread` counts the campaigns that have no entry yet.
+        If many have changed, only the first ones are read; `run` goes on.
         """
         campaigns, hurries = {*self._changed, *([changed] if changed else [])}, self._hurries
         is_whole = not campaigns or self._is_whole_due()
@@ -187,10 +186,7 @@ class Watcher:
         return sum(feed.followers for feed in self._feeds.values())
 
     async def follow(self, campaign: str, last: str = "") -> AsyncGenerator[bytes]:
-        """Yield the events of a campaign until nothing more happens, the follower leaves, or the server ends.
-
-        The event with the id `last`, which the follower has seen, is not sent again.
-        """
+        """Yield the events of a campaign after that with the id `last`, until nothing more happens, or the end."""
         feed = self._feeds.setdefault(campaign, Feed(is_served=self.is_served))
         feed.followers += 1
         try:
@@ -238,9 +234,7 @@ def snapshot(seen: Observation, *, is_served: bool) -> Snapshot:
 def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     """Return the progress that an observation shows, as plain data; counts are None before the first heartbeat.
 
-    Each Cpk has an interval by normal theory, which narrows as rows arrive and may differ from that of the report.
-    `is_served` says that a coordinator of the store is kept alive, so that interrupted campaigns are continued and
-    reports are still written.
+    With a coordinator kept alive (`is_served`) interrupted campaigns go on, and reports are still written.
     """
     beat = seen.heartbeat
     document: dict[str, Any] = {"campaign": seen.campaign, "state": seen.state, "message": seen.message}
@@ -262,3 +256,71 @@ def _interval(response: dict[str, float | None]) -> tuple[float, float] | None:
     """Return the interval of a Cpk; None if there is no Cpk or there are fewer than three values."""
     cpk, n = response["cpk"], response["n"]
     return None if cpk is None or not n or n < 3 else cpk_interval(cpk, int(n), CONFIDENCE)
+
+
+UNSETTLED = ("queued", "running", "interrupted")  # states from which a campaign may continue
+
+
+@dataclass(frozen=True)
+class ServingProcess:
+    """The process that coordinates the queued campaigns of a store."""
+
+    pid: str
+    machine: str
+    seconds: float | None  # time that it has served, by its heartbeats; None before the first
+    sign: SignOfLife  # whether the process is alive
+
+
+@dataclass(frozen=True)
+class UnsettledCampaign:
+    """A campaign that runs or waits for a coordinator."""
+
+    entry: CampaignEntry  # in the list of campaigns
+    seen: Observation  # current state by its own files
+    pid: str  # of the process on `machine` that coordinates it; both empty if there is none
+    machine: str
+
+
+@dataclass(frozen=True)
+class Workload:
+    """The running and waiting campaigns of a store, and the process that serves it."""
+
+    serving: ServingProcess | None  # None if there is none, or it has shut down properly
+    running: list[UnsettledCampaign]
+    waiting: list[UnsettledCampaign]  # in the order in which the serving process takes them
+
+    @property
+    def workers(self) -> int:
+        """Number of workers of all running campaigns."""
+        return sum(each.seen.heartbeat.workers for each in self.running if each.seen.heartbeat)
+
+
+def look_at_work(store: Store, entries: Iterable[CampaignEntry], earlier: Workload | None = None) -> Workload:
+    """Return the current workload of a store that does not wait (`Store.hasty`); the files are read once.
+
+    `earlier` is the result of the previous look: two are needed to tell whether a process on another machine is alive.
+    """
+    before = {} if earlier is None else {each.entry.campaign: each.seen for each in earlier.running}
+    found = []
+    for entry in sorted(entries, key=lambda each: each.campaign):
+        if entry.state in UNSETTLED:
+            seen, lease = observe(store, entry.campaign, before.get(entry.campaign)), None
+            if seen.state == "running":
+                lease = store.read_json(entry.campaign, LEASE)
+            found.append(UnsettledCampaign(entry, seen, *holder(lease)))
+    return Workload(
+        serving=_serving(store, earlier.serving if earlier else None),
+        running=[each for each in found if each.seen.state == "running"],
+        waiting=[each for each in found if each.seen.state != "running" and each.seen.is_open],
+    )
+
+
+def _serving(store: Store, earlier: ServingProcess | None) -> ServingProcess | None:
+    """Return the process that serves the store; None if no process holds its lease."""
+    lease, heartbeat = store.read_json(SERVICE, LEASE), store.read_json(SERVICE, HEARTBEAT)
+    if lease is None:
+        return None
+    sign = judge_life(lease, heartbeat, earlier.sign if earlier else None, time.monotonic())
+    beats = (heartbeat or {}).get("beat")
+    seconds = beats * HEARTBEAT_INTERVAL if isinstance(beats, int) else None
+    return ServingProcess(*holder(lease), seconds, sign)

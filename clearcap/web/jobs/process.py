@@ -9,16 +9,16 @@ import logging
 import pickle
 import re
 import signal
+import sys
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from campaign import errors
 from campaign.errors import CampaignError, SpecError, error_named
 from campaign.json_values import json_values
 from campaign.processes import numerical
-from clearcap.web.answers import job_limits
-from clearcap.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 from engine.platform.child import (
     FAILED,
     LARGEST_HEAD,
@@ -32,6 +32,29 @@ from engine.platform.child import (
     python_environment,
     request_of,
 )
+
+
+@dataclass(frozen=True)
+class JobLimits:
+    """Resource limits of one job."""
+
+    processor_s: float = 60.0
+    wall_s: float = 180.0  # since its start
+    memory_gib: float = 4.0  # of its process, without mapped files
+    answer_mib: float = 64.0
+
+
+class JobFailed(CampaignError):
+    """A job ended without an answer for an internal reason: its process ended, or it has a bug."""
+
+
+class JobTooLarge(JobFailed):
+    """A job exceeded its processor time, memory or answer size, because its user asked for too much."""
+
+
+class JobPostponed(JobFailed):
+    """A job cannot be computed now: no process could be started, or it waited too long for the machine or the store."""
+
 
 # Environment variables that a job process needs; it does not get the others, some of which are secrets of the service.
 _PASSED_ON = re.compile(
@@ -85,22 +108,12 @@ class JobProcess:
         return cls(process)
 
     @property
-    def pid(self) -> int:
-        """Number of the process."""
-        return self._process.pid
-
-    @property
     def alive(self) -> bool:
         """Whether the process is not known to have ended."""
         return self._process.returncode is None
 
     async def ask(self, job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimits) -> bytes:
-        """Compute a job and return its answer: bytes, or plain data as JSON.
-
-        After `JobFailed`, TimeoutError or a cancellation the process must be ended. The job's own error is raised as
-        CampaignError, whose ``faults`` is None or the faults of an input as data. Raises JobFailed if the process
-        ended, JobTooLarge if the job exceeded its limits, JobPostponed if it waited too long.
-        """
+        """Return what `compute` returns for a job; after `JobFailed` or a cancellation the process must be ended."""
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None
@@ -117,7 +130,12 @@ class JobProcess:
             ) from None
         except (EOFError, ConnectionError, ValueError, asyncio.LimitOverrunError):  # ended, or spoiled its answers
             kill_session(self._process.pid)
-            raise _why_ended(ChildEnded(await self._process.wait()), limits) from None
+            ended = ChildEnded(await self._process.wait())
+            if ended.status == -signal.SIGXCPU:
+                words = f"it takes more than {limits.processor_s:g} s of processor time; ask for less"
+                raise JobTooLarge(words) from None
+            words = f"its process ended ({ended}); it was replaced, and the server's log may say more"
+            raise JobFailed(words) from None
         if kind == FAILED:
             raise _error(ChildRaised(content), limits)
         return content
@@ -131,18 +149,11 @@ class JobProcess:
             self._process.stdin.close()
 
 
-def _why_ended(ended: ChildEnded, limits: JobLimits) -> JobFailed:
-    """Return the error for a job whose process has ended."""
-    if ended.status == -signal.SIGXCPU:
-        return JobTooLarge(f"it takes more than {limits.processor_s:g} s of processor time; ask for less")
-    return JobFailed(f"its process ended ({ended}); it was replaced, and the server's log may say more")
-
-
 def _error(raised: ChildRaised, limits: JobLimits) -> CampaignError:
     """Return the error for a job that raised one."""
     if "MemoryError" in raised.kinds:
         return JobTooLarge(f"it takes more than {limits.memory_gib:g} GiB of memory; ask for less")
-    kind = SpecError if "EngineError" in raised.kinds else error_named(raised.kinds, job_limits, errors)
+    kind = SpecError if "EngineError" in raised.kinds else error_named(raised.kinds, sys.modules[__name__], errors)
     if kind is None:
         logger.error("a job has failed:\n%s", raised.trace)
         return JobFailed(f"it failed because of a bug in the program ({raised.kinds[0]}); the server's log says more")
