@@ -20,11 +20,8 @@ if TYPE_CHECKING:
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
-    from clearcap.questions.gauge import gauge_study
-    from clearcap.questions.measured import capability_report
-    from clearcap.questions.validation import validate_campaign
-    from clearcap.results import Results, open_campaign, report
-    from clearcap.running import run_campaign
+    from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
+    from clearcap.results import Results, open_campaign, report, run_campaign
     from engine import (
         Certificate,
         EngineError,
@@ -47,53 +44,18 @@ if TYPE_CHECKING:
     )
     from reporting import Capability, ReportError, capability
 
+# fmt: off
 __all__ = [
-    "Campaign",
-    "CampaignError",
-    "Capability",
-    "Certificate",
-    "Cluster",
-    "EngineError",
-    "Fault",
-    "Heartbeat",
-    "Mechanism",
-    "MechanismError",
-    "NotAssemblable",
-    "Recording",
-    "RemoteServer",
-    "ReportError",
-    "Results",
-    "Run",
-    "SpecError",
-    "Store",
-    "StoreError",
-    "TextPosition",
-    "Tls",
-    "Trajectory",
-    "UnreachableError",
-    "campaign_text",
-    "capability",
-    "capability_report",
-    "check",
-    "connect",
-    "gauge_study",
-    "library_names",
-    "load_campaign",
-    "load_campaign_text",
-    "load_mechanism",
-    "load_mechanism_text",
-    "open_campaign",
-    "open_store",
-    "position_of",
-    "read_trajectory",
-    "report",
-    "run_campaign",
-    "set_values",
-    "simulate",
-    "validate_campaign",
+    "Campaign", "CampaignError", "Capability", "Certificate", "Cluster", "EngineError", "Fault", "Heartbeat",
+    "Mechanism", "MechanismError", "NotAssemblable", "Recording", "RemoteServer", "ReportError", "Results", "Run",
+    "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory", "UnreachableError", "campaign_text",
+    "capability", "capability_report", "check", "connect", "gauge_study", "library_names", "load_campaign",
+    "load_campaign_text", "load_mechanism", "load_mechanism_text", "open_campaign", "open_store", "position_of",
+    "read_trajectory", "report", "run_campaign", "set_values", "simulate", "validate_campaign",
 ]
+# fmt: on
 
-# Where each name is imported from.
+# Where each name is imported from, if not from `engine`.
 _HOMES = {
     "clearcap.client.remote_server": ("RemoteServer", "connect"),
     "campaign.cluster.cluster": ("Cluster", "Tls"),
@@ -102,18 +64,8 @@ _HOMES = {
     "campaign.spec.campaign_file": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
-    "clearcap.questions.gauge": ("gauge_study",),
-    "clearcap.questions.measured": ("capability_report",),
-    "clearcap.questions.validation": ("validate_campaign",),
-    "clearcap.results": ("Results", "open_campaign", "report"),
-    "clearcap.running": ("run_campaign",),
-    "engine": (
-        *("Certificate", "EngineError", "Fault", "Mechanism", "MechanismError", "NotAssemblable"),
-        *("Recording", "TextPosition"),
-        *("Run", "Trajectory"),
-        *("check", "library_names", "load_mechanism", "load_mechanism_text", "read_trajectory"),
-        *("position_of", "set_values", "simulate"),
-    ),
+    "clearcap.questions.measured": ("capability_report", "gauge_study", "validate_campaign"),
+    "clearcap.results": ("Results", "open_campaign", "report", "run_campaign"),
     "reporting": ("Capability", "ReportError", "capability"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -125,9 +77,9 @@ def __getattr__(name: str) -> object:
         from campaign.row_build import clearcap_version
 
         return clearcap_version()
-    if name not in _HOME:
+    if name not in __all__:
         raise AttributeError(f"module 'clearcap' has no attribute {name!r}; it has {', '.join(__all__)}")
-    globals()[name] = value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value = getattr(import_module(_HOME.get(name, "engine")), name)
     return value
 
 

@@ -93,7 +93,6 @@ class Plots:
         return drawn
 
     def _response(self, name: str) -> ResponseAnalysis:
-        """Return the analysis of a response."""
         known = {each.spec.name: each for each in self._analysis().responses}
         if name not in known:
             raise SpecError(f"no response {name!r:.80}; allowed: {', '.join(known)}{did_you_mean(name, known)}")
@@ -101,7 +100,6 @@ class Plots:
 
 
 def _axes(axes: "Axes | None") -> "Axes":
-    """Return the axes to draw on."""
     if axes is not None:
         return axes
     from matplotlib import pyplot
@@ -110,7 +108,6 @@ def _axes(axes: "Axes | None") -> "Axes":
 
 
 def _limits(axes: "Axes", response: ResponseAnalysis) -> None:
-    """Draw the limits of a response, with their names."""
     for limit, name in ((response.spec.lsl, "LSL"), (response.spec.usl, "USL")):
         if limit is not None:
             axes.axvline(limit, color=LIMIT, linestyle="--")

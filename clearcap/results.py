@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from campaign.cluster.cluster import Cluster
-    from clearcap.command_process import Progress
+    from campaign.spec.load import Campaign, Source
     from clearcap.questions.samples import ReplayedSample
     from clearcap.result_plots import Plots
+    from clearcap.running import Progress
     from reporting.analysis import Analysis
     from reporting.comparison import ResponseComparison
-    from reporting.tolerance.advice import Advice
     from reporting.tolerance.allocation import Allocation
     from reporting.tolerance.whatif import WhatIf
 
@@ -129,7 +129,6 @@ class Results:
 
     @cached_property
     def _analysis(self) -> "Analysis":
-        """The content of the report."""
         from clearcap.questions.report import analysis
 
         return analysis(self.store, self.plan)
@@ -184,14 +183,15 @@ class Results:
 
         from clearcap.questions.tolerances import advice_of
 
-        found = advice_of(self.store, self.plan)
-        rows = [
-            _advice(short.response, each)
-            for short in found.shortfalls
-            for each in (*short.alone, *((short.together,) if short.together else ()))
-        ]
-        rows += [_advice("", each) for each in found.growth]
-        frame = _numeric(pd.DataFrame(rows, columns=_ADVICE).set_index(["lifts", "variable"]))
+        found, rows = advice_of(self.store, self.plan), []
+        advised = [(s.response, (*s.alone, *((s.together,) if s.together else ()))) for s in found.shortfalls]
+        for lifts, of_variables in [*advised, ("", found.growth)]:
+            for each in of_variables:
+                write, method = " ".join(each.written or each.settings), each.refusal or each.method
+                ends = (each.factor, *each.interval, each.binding, each.cpk, write, method)
+                rows.append((lifts, each.variable, *ends))
+        columns = ["lifts", "variable", "factor", "factor_low", "factor_high", "limited_by", "cpk", "write", "method"]
+        frame = _numeric(pd.DataFrame(rows, columns=columns).set_index(columns[:2]))
         frame.attrs |= {"remedies": {each.response: each.text for each in found.shortfalls}, "note": found.note}
         return frame
 
@@ -283,7 +283,7 @@ class Results:
         SpecError, CampaignError
             If no response has limits, or the rows do not show where rejects lie.
         """
-        from clearcap.questions.aimed_campaign import aimed_campaign
+        from clearcap.questions.decision import aimed_campaign
 
         tables = aimed_campaign(self.store, self.plan, samples, list(responses)).tables
         if self.plan.spec.mechanism in library_names():
@@ -314,7 +314,7 @@ class Results:
             The results, read again.
         """
         from campaign.cluster.cluster import Cluster
-        from clearcap.command_process import compute
+        from clearcap.running import compute
 
         if not 0 <= share <= 1:
             raise SpecError(f"share = {share!r:.40}; allowed: from 0 to 1")
@@ -331,10 +331,77 @@ class Results:
         return f"<Results {self.id}: {self.plan.spec.samples} samples in {self.store.url}>"
 
     def _repr_html_(self) -> str:
-        """Return the HTML that a notebook shows."""
         counts = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         lines = (self.plan.title, f"campaign {self.id} in {self.store.url}", f"runs: {counts or 'none yet'}")
         return "<br>".join(map(escape, lines))
+
+
+def run_campaign(
+    campaign: "Source | Campaign",
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+    store: str | Path = "runs",
+    workers: int | None = None,
+    cluster: "Cluster | Client | None" = None,
+    progress: "Progress" = True,
+    decide: bool = True,
+) -> Results:
+    """Run a campaign until it is complete and return its results.
+
+    A second call continues where an earlier one stopped, and computes nothing if the campaign is complete. The campaign
+    runs in a separate process, as with ``clearcap run``, so a script needs no ``__main__`` guard.
+
+    Parameters
+    ----------
+    campaign : str, Path, mapping or Campaign
+        Name of a shipped campaign, path of a campaign file, its tables as a dict, whose ``mechanism`` may be a
+        `Mechanism`, or the return value of `load_campaign`.
+    samples, seed : int, optional
+        Number of samples and seed, instead of the campaign's own.
+    store : str or Path
+        Folder or URL of the store.
+    workers : int, optional
+        Number of worker processes on this machine; by default one per core.
+    cluster : Cluster or distributed.Client, optional
+        Where to compute instead of on this machine: it has workers of its own.
+    progress : bool or callable
+        Write a line to `sys.stderr` every ten seconds; or a function, called here with each `Heartbeat`, every two
+        seconds. What it raises ends the run.
+    decide : bool
+        Compute further runs for verdicts that the samples leave open, as many as the campaign's ``decide`` allows.
+
+    Returns
+    -------
+    Results
+        One row per sample. A warning is issued if too few runs are ok, or none.
+
+    Raises
+    ------
+    SpecError
+        If the campaign, the address of the store or the cluster is wrong; nothing was computed.
+    UnreachableError, StoreError
+        If the cluster or the store keeps failing. Stored rows are kept, and the same call continues.
+    CampaignError
+        If the campaign cannot be completed, for instance because too many runs fail.
+    KeyboardInterrupt
+        On Ctrl-C. The same call continues the campaign.
+    """
+    from campaign.cluster.cluster import Cluster
+    from campaign.coordinator.submit import plan_campaign
+    from campaign.spec.load import Campaign
+    from campaign.store.layout import CANCEL
+    from clearcap.running import compute
+
+    if cluster is not None and workers is not None:
+        raise SpecError(f"workers = {workers} and a cluster are given; name the workers in the cluster")
+    if isinstance(campaign, Campaign) and (samples is not None or seed is not None):
+        raise SpecError("samples and seed belong to load_campaign where the campaign is loaded already")
+    where = Cluster.of(cluster, workers)
+    opened, plan = plan_campaign(campaign, str(store), samples, seed)
+    opened.remove(plan.campaign_id, CANCEL)
+    compute(opened, plan, "resume", [*where.options(), "--decide" if decide else "--no-decide"], progress)
+    return Results(opened, plan)
 
 
 def open_campaign(campaign_id: str | None = None, store: str | Path = "runs") -> Results:
@@ -393,12 +460,10 @@ def _frame(table: "pa.Table", index: str) -> "pd.DataFrame":
 
 
 def _units(schema: "pa.Schema") -> dict[str, str]:
-    """Return the units from the metadata of the columns."""
     return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
 
 
 def _answer(answer: "WhatIf") -> dict[str, Any]:
-    """Return the numbers of a what-if answer by column name."""
     row: dict[str, Any] = {}
     for name in _ESTIMATES:
         estimate = getattr(answer, name)
@@ -415,18 +480,7 @@ def _numeric(frame: "pd.DataFrame") -> "pd.DataFrame":
     return frame
 
 
-_ADVICE = ["lifts", "variable", "factor", "factor_low", "factor_high", "limited_by", "cpk", "write", "method"]
-
-
-def _advice(lifts: str, advice: "Advice") -> tuple[Any, ...]:
-    """Return the row of a variable, with the columns `_ADVICE`."""
-    write = " ".join(advice.written or advice.settings)
-    found = (advice.factor, *advice.interval, advice.binding, advice.cpk, write, advice.refusal or advice.method)
-    return (lifts, advice.variable, *found)
-
-
 def _compared(compared: "ResponseComparison") -> dict[str, Any]:
-    """Return the numbers of a compared response by column name."""
     here, there = compared.capability, compared.capability_other
     own = {"mean": here.mean, "mean_other": there.mean, "cpk": here.cpk, "cpk_other": there.cpk}
     left_out = ("response", "capability", "capability_other", "histogram", "histogram_other", "notes")

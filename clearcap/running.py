@@ -1,77 +1,84 @@
-"""Run a campaign from Python until it is complete."""
+"""Have a verb of the command compute a campaign, in a process of its own, and follow it from Python to its end."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+import signal
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from threading import Thread
+from typing import TextIO
 
-from campaign.cluster.cluster import Cluster
-from campaign.coordinator.submit import plan_campaign
-from campaign.errors import SpecError
-from campaign.spec.load import Campaign, Source
-from campaign.store.layout import CANCEL
-from clearcap.command_process import Progress, compute
-from clearcap.results import Results
+from campaign.coordinator.heartbeat import Heartbeat, observe
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL
+from campaign.errors import CampaignError, SpecError, UnreachableError
+from campaign.plan_header import PlanHeader
+from campaign.processes import STORE
+from campaign.store import Store
+from engine.platform.child import python_environment
 
-if TYPE_CHECKING:
-    from distributed import Client
+INTERRUPTED = 130  # exit status of the command after Ctrl-C
+ENDS_WITHIN = 60.0  # s, time for an interrupted coordinator to release its lease and its workers
+_ERRORS: dict[int, type[CampaignError]] = {2: SpecError, 4: UnreachableError}
+_PREFIX = "clearcap: "
+
+Progress = bool | Callable[[Heartbeat], None]
 
 
-def run_campaign(
-    campaign: Source | Campaign,
-    *,
-    samples: int | None = None,
-    seed: int | None = None,
-    store: str | Path = "runs",
-    workers: int | None = None,
-    cluster: "Cluster | Client | None" = None,
-    progress: Progress = True,
-    decide: bool = True,
-) -> Results:
-    """Run a campaign until it is complete and return its results.
+def compute(store: Store, plan: PlanHeader, verb: str, options: list[str], progress: Progress) -> None:
+    """Compute a planned campaign with a verb of the command; raises the errors of `clearcap.run_campaign`."""
+    command = [sys.executable, "-P", "-m", "clearcap", verb, plan.campaign_id, "--no-report", "--json"]
+    environment = {**python_environment(), STORE: store.files.full_url}  # unlike arguments, hidden from other users
+    nothing, pipe = subprocess.DEVNULL, subprocess.PIPE
+    process = subprocess.Popen(
+        [*command, *options], stdin=nothing, stdout=nothing, stderr=pipe, env=environment, text=True, errors="replace"
+    )
+    with process:
+        try:
+            if callable(progress):
+                message = _observed(process, store, plan.campaign_id, progress)
+            else:
+                message = _follow(process, sys.stderr if progress else None)
+        except BaseException:  # of a progress function, too
+            # end cleanly: a Ctrl-C in a terminal reached the process too, a notebook's interrupt did not
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(ENDS_WITHIN)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            raise
+    if process.returncode == INTERRUPTED:
+        raise KeyboardInterrupt
+    if process.returncode == 1 and not store.survey(plan).missing:
+        warnings.warn(message, stacklevel=3)
+    elif process.returncode:
+        raise _ERRORS.get(process.returncode, CampaignError)(message)
 
-    A second call continues where an earlier one stopped, and computes nothing if the campaign is complete. The campaign
-    runs in a separate process, as with ``clearcap run``, so a script needs no ``__main__`` guard.
 
-    Parameters
-    ----------
-    campaign : str, Path, mapping or Campaign
-        Name of a shipped campaign, path of a campaign file, its tables as a dict, whose ``mechanism`` may be a
-        `Mechanism`, or the return value of `load_campaign`.
-    samples, seed : int, optional
-        Number of samples and seed, instead of the campaign's own.
-    store : str or Path
-        Folder or URL of the store.
-    workers : int, optional
-        Number of worker processes on this machine; by default one per core.
-    cluster : Cluster or distributed.Client, optional
-        Where to compute instead of on this machine: it has workers of its own.
-    progress : bool or callable
-        Write a line to `sys.stderr` every ten seconds; or a function, called here with each `Heartbeat`, every two
-        seconds. What it raises ends the run.
-    decide : bool
-        Compute further runs for verdicts that the samples leave open, as many as the campaign's ``decide`` allows.
+def _observed(process: "subprocess.Popen[str]", store: Store, campaign: str, show: Callable[[Heartbeat], None]) -> str:
+    """Call a function with each heartbeat, in this thread, until the process ends; return its last message."""
+    said: list[str] = []
+    reader = Thread(target=lambda: said.append(_follow(process, None)), daemon=True)
+    reader.start()
+    before: Heartbeat | None = None
+    has_ended = False
+    while not has_ended:
+        reader.join(HEARTBEAT_INTERVAL / 2)
+        has_ended = not reader.is_alive()
+        beat = observe(store, campaign).heartbeat
+        if beat is not None and beat != before:
+            show(beat)
+        before = beat
+    return said[0]
 
-    Returns
-    -------
-    Results
-        One row per sample. A warning is issued if too few runs are ok, or none.
 
-    Raises
-    ------
-    SpecError
-        If the campaign, the address of the store or the cluster is wrong; nothing was computed.
-    UnreachableError, StoreError
-        If the cluster or the store keeps failing. Stored rows are kept, and the same call continues.
-    CampaignError
-        If the campaign cannot be completed, for instance because too many runs fail.
-    KeyboardInterrupt
-        On Ctrl-C. The same call continues the campaign.
-    """
-    if cluster is not None and workers is not None:
-        raise SpecError(f"workers = {workers} and a cluster are given; name the workers in the cluster")
-    if isinstance(campaign, Campaign) and (samples is not None or seed is not None):
-        raise SpecError("samples and seed belong to load_campaign where the campaign is loaded already")
-    where = Cluster.of(cluster, workers)
-    opened, plan = plan_campaign(campaign, str(store), samples, seed)
-    opened.remove(plan.campaign_id, CANCEL)
-    compute(opened, plan, "resume", [*where.options(), "--decide" if decide else "--no-decide"], progress)
-    return Results(opened, plan)
+def _follow(process: "subprocess.Popen[str]", progress: TextIO | None) -> str:
+    """Forward the output of the process until it ends; return its last message, or everything after its last error."""
+    message = ""
+    for line in process.stderr or ():
+        if progress is not None:
+            progress.write(line)
+            progress.flush()
+        is_new = line.startswith(_PREFIX) or not line.startswith(" ")
+        message = line.removeprefix(_PREFIX) if is_new else message + line
+    process.wait()
+    return message.removeprefix("error: ").strip() or f"the coordinator ended with status {process.returncode}"

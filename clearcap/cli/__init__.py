@@ -12,17 +12,15 @@ from typer.core import TyperGroup
 
 from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
+from clearcap.cli.campaigns import compact, delete, label, list_campaigns, status, watch
 from clearcap.cli.computing import cancel, repeat, rerun, resume, run, submit
 from clearcap.cli.mechanism import mechanism_app, schema_app
-from clearcap.cli.operating import backup, doctor, restore
 from clearcap.cli.output import print_text, say, show_logs, visible
-from clearcap.cli.overview import list_campaigns, status, watch
 from clearcap.cli.predictions import advise, design, whatif
 from clearcap.cli.reports import capability, gauge, report, validate, verify
-from clearcap.cli.servers import certificates, coordinate, serve
+from clearcap.cli.servers import backup, certificates, coordinate, doctor, restore, serve
 from clearcap.cli.single_runs import bench, polarisation, replay, simulate
 from clearcap.cli.termination import terminated_in_order
-from clearcap.cli.upkeep import compact, delete, label
 
 
 class _Verbs(TyperGroup):
@@ -47,42 +45,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-app.command()(run)
-app.command()(submit)
-app.command()(coordinate)
-app.command()(status)
-app.command()(watch)
-app.command()(resume)
-app.command()(cancel)
-app.command("list")(list_campaigns)
-app.command()(label)
-app.command()(compact)
-app.command()(delete)
-app.command()(repeat)
-app.command()(rerun)
-app.command()(replay)
-app.command()(report)
-app.command()(capability)
-app.command()(gauge)
-app.command()(validate)
-app.command()(whatif)
-app.command()(advise)
-app.command()(design)
-app.command()(verify)
-app.command()(simulate)
-app.command()(polarisation)
-app.command()(bench)
-app.command()(certificates)
-app.command()(serve)
-app.command()(backup)
-app.command()(restore)
-app.command()(doctor)
+for verb in (
+    *(run, submit, coordinate, status, watch, resume, cancel, list_campaigns, label, compact, delete),
+    *(repeat, rerun, replay, report, capability, gauge, validate, whatif, advise, design, verify),
+    *(simulate, polarisation, bench, certificates, serve, backup, restore, doctor),
+):
+    app.command("list" if verb is list_campaigns else None)(verb)
 app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and the build, and exit."""
     if wanted:
         from campaign.row_build import clearcap_version, short_build
 
@@ -125,7 +98,6 @@ def _check_words(words: list[str]) -> None:
 
 
 def _exit_code(error: Exception) -> int | None:
-    """Return the exit status of an error whose message is for the user; None for a bug."""
     from campaign.errors import CampaignError, unwritable
     from engine import CadError, EngineError, FolderError, MechanismError
 

@@ -1,12 +1,13 @@
 """Verbs that compute campaigns: ``run``, ``resume``, ``rerun``, ``repeat``, ``submit`` and ``cancel``."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.errors import FailedStatus
+from campaign.errors import FailedStatus, SpecError
 from campaign.waits import counted
-from clearcap.cli.drive import drive, fail_without_enough_ok
 from clearcap.cli.options import (
     AT_SERVER,
     BatchSize,
@@ -23,12 +24,27 @@ from clearcap.cli.options import (
     command_at,
     on_cluster,
     opened_campaign,
+    opened_store,
 )
-from clearcap.cli.output import Json, print_json, print_text, say
+from clearcap.cli.output import (
+    Json,
+    console,
+    display,
+    labelled,
+    mean_number,
+    number,
+    print_json,
+    print_table,
+    print_text,
+    say,
+)
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
-    from campaign.coordinator.rerun import RerunResult
+    from campaign.cluster.workers import PrestartedWorkers
+    from campaign.coordinator.coordinate import Outcome
+    from campaign.plan import Plan
+    from campaign.store import Store
 
 
 @on_cluster
@@ -57,28 +73,22 @@ def run(
     from campaign.store.layout import CANCEL
 
     if dry_run:
-        _print_submission(where, campaign, samples, seed)
+        from campaign.cluster.batch_systems import submission
+        from campaign.spec.load import load_campaign
+
+        if where.starts_here or where.scheduler:
+            raise SpecError(
+                "--dry-run: submits nothing in any case without --cluster slurm, oar, pbs or kubernetes; add it"
+            )
+        loaded = load_campaign(campaign, samples=samples, seed=seed)
+        say(f"{counted(loaded.spec.samples, 'sample')}; nothing is submitted")
+        print_text(submission(where), lines=True)
         return
     with PrestartedWorkers(where) as early:
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
         say(f"campaign {plan.campaign_id}: {counted(plan.spec.samples, 'sample')}, store {opened.url}")
         drive(opened, plan, where, with_report=not no_report, as_json=json, early=early, decide=decide)
-
-
-def _print_submission(where: "Cluster", campaign: str, samples: int | None, seed: int | None) -> None:
-    """Print what would be submitted for a campaign, after its file has been checked."""
-    from campaign.cluster.batch_systems import submission
-    from campaign.errors import SpecError
-    from campaign.spec.load import load_campaign
-
-    if where.starts_here or where.scheduler:
-        raise SpecError(
-            "--dry-run: submits nothing in any case without --cluster slurm, oar, pbs or kubernetes; add it"
-        )
-    loaded = load_campaign(campaign, samples=samples, seed=seed)
-    say(f"{counted(loaded.spec.samples, 'sample')}; nothing is submitted")
-    print_text(submission(where), lines=True)
 
 
 @on_cluster
@@ -157,18 +167,17 @@ def rerun(
     if json:
         print_json({**document, **result.to_json()})
     else:
-        _print_rerun(result)
+        said = _counts(result.after) or "none"
+        if result.repeats:
+            repeats = sum(result.repeats.values())
+            said += f"; {repeats} repeats with half the step: {_counts(result.repeats)}"
+        print_text(f"{counted(result.samples, 'row')} computed again: {said}")
         print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")
     fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
 
 
-def _print_rerun(result: "RerunResult") -> None:
-    """Print the number of rows computed again, and their statuses."""
-    counts = ", ".join(f"{count} {status}" for status, count in result.after.items()) or "none"
-    if result.repeats:
-        counts += f"; {sum(result.repeats.values())} repeats with half the step: "
-        counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
-    print_text(f"{counted(result.samples, 'row')} computed again: {counts}")
+def _counts(statuses: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {status}" for status, count in statuses.items())
 
 
 @on_cluster
@@ -228,8 +237,6 @@ def submit(
     """
     if remote := asked_server(context, server):
         if batch_size is not None or where.options():
-            from campaign.errors import SpecError
-
             raise SpecError("--server: decides where and in which batches it computes; leave those options out")
         from campaign.spec.campaign_cautions import campaign_questions
 
@@ -237,37 +244,32 @@ def submit(
             say(question)
         with remote:
             made = remote.submit(campaign, samples=samples, seed=seed, owner=owner, tags=tag)
-        words = "; ".join(filter(None, (made["cost"]["text"], made["note"])))
-        say(f"campaign {made['campaign']}: {counted(made['samples'], 'sample')}, server {remote.address}; {words}")
-        document = {"campaign": made["campaign"], "store": remote.address, "samples": made["samples"]}
-        _print_submitted(document | AT_SERVER, json)
-        return
-    from campaign.coordinator.submit import assign_coordinator, plan_campaign
-    from campaign.store.labels import LabelChange
+        campaign_id, number, place, driver = (
+            made["campaign"],
+            made["samples"],
+            remote.address,
+            dict[str, Any](AT_SERVER),
+        )
+        words = f"server {place}; {'; '.join(filter(None, (made['cost']['text'], made['note'])))}"
+    else:
+        from campaign.coordinator.submit import assign_coordinator, plan_campaign
+        from campaign.store.labels import LabelChange
 
-    labels = LabelChange(owner, tuple(tag))
-    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, labels)
-    assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
-    number = counted(plan.spec.samples, "sample")
-    say(f"campaign {plan.campaign_id}: {number}, store {opened.url}; {assignment.text(opened)}")
-    document = {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples}
-    _print_submitted(document | assignment.to_json(), json)
-
-
-def _print_submitted(document: dict[str, Any], as_json: bool) -> None:
-    """Print the id, or the whole document as JSON."""
-    if as_json:
+        labels = LabelChange(owner, tuple(tag))
+        opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, labels)
+        assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
+        campaign_id, number, place, driver = plan.campaign_id, plan.spec.samples, opened.url, assignment.to_json()
+        words = f"store {place}; {assignment.text(opened)}"
+    say(f"campaign {campaign_id}: {counted(number, 'sample')}, {words}")
+    document = {"campaign": campaign_id, "store": place, "samples": number, **driver}
+    if json:
         print_json(document)
     else:
         print_text(document["campaign"])
 
 
 def cancel(
-    context: typer.Context,
-    campaign: Id = None,
-    store: StoreUrl = "runs",
-    server: ServerUrl = None,
-    json: Json = False,
+    context: typer.Context, campaign: Id = None, store: StoreUrl = "runs", server: ServerUrl = None, json: Json = False
 ) -> None:
     """Stop a campaign; unfinished runs are given up, finished rows stay, and "clearcap resume" continues it."""
     if remote := asked_server(context, server):
@@ -278,23 +280,163 @@ def cancel(
     else:
         from campaign.coordinator.requests import cancel_campaign
         from campaign.coordinator.state import resume_command
-        from campaign.store import open_store
 
-        opened = open_store(store)
+        opened = opened_store(store, is_patient=True)
         campaign_id = opened.find(campaign)
         before = cancel_campaign(opened, campaign_id)
         place, command = opened.url, resume_command(opened, campaign_id)
     if json:
         print_json({"campaign": campaign_id, "store": place, "before": before})
     else:
-        print_text(f"{campaign_id} {_what_happens(before, command)}")
+        happens = "is completed; there is nothing to cancel"
+        if before == "running":
+            happens = f"is running and stops within seconds; its finished rows stay. Continue it with: {command}"
+        elif before != "completed":
+            happens = "was cancelled before" if before == "cancelled" else f"is cancelled; it was {before}"
+            happens += f". Continue it with: {command}"
+        print_text(f"{campaign_id} {happens}")
 
 
-def _what_happens(before: str, command: str) -> str:
-    """Describe what happens to a campaign that was in a state, and how to continue it."""
-    if before == "completed":
-        return "is completed; there is nothing to cancel"
-    if before == "running":
-        return f"is running and stops within seconds; its finished rows stay. Continue it with: {command}"
-    words = "was cancelled before" if before == "cancelled" else f"is cancelled; it was {before}"
-    return f"{words}. Continue it with: {command}"
+@dataclass(frozen=True)
+class Verdicts:
+    """The conclusions of a report."""
+
+    headline: str = ""  # a sentence or two; empty if no report was written and enough runs are ok
+    words: dict[str, str] = field(default_factory=dict)  # by response, as "capable, not certain"; empty if not known
+    indices: dict[str, str] = field(default_factory=dict)  # those that decide, by response
+
+
+def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
+    """Return the verdicts of the report just written."""
+    from campaign.store.files.files import LARGEST
+    from campaign.store.layout import REPORT
+    from reporting.format_numbers import index
+    from reporting.write import NAMES
+
+    content = store.read_json(plan.campaign_id, f"{REPORT}/{NAMES['json']}", LARGEST) or {}
+    responses = {response["spec"]["name"]: response for response in content["responses"]}
+    words = {name: r["verdict"] + (", not certain" if r["certain"] is False else "") for name, r in responses.items()}
+    indices = {name: index(r["index"]) for name, r in responses.items() if r["index"] is not None}
+    return Verdicts(content["headline"], words, indices)
+
+
+def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
+    """Return the verdicts known without a report: no verdict on any response if too few runs are ok."""
+    from campaign.coordinator.coordinate import lack_of_ok
+
+    lack = lack_of_ok(plan, statuses)
+    if not lack:
+        return Verdicts()
+    limits = {name: response.limits()[:2] for name, response in plan.spec.responses.items()}
+    return Verdicts(lack, {name: "no verdict" for name, ends in limits.items() if ends != (None, None)})
+
+
+def drive(
+    store: "Store",
+    plan: "Plan",
+    cluster: "Cluster",
+    *,
+    with_report: bool,
+    as_json: bool,
+    early: "PrestartedWorkers | None" = None,
+    decide: bool | None = False,
+) -> None:
+    """Compute a campaign to its end, write its report, and print the results.
+
+    With ``decide``, further runs that aim at rejects decide the verdicts that the samples leave open; None means with a
+    report. ``early`` are workers of the cluster that have already been started. Raises TooManyFailed, after the report
+    of the finished rows is written, if more runs failed than the campaign allows. Exits with 1 if no run succeeded, or
+    fewer than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+    """
+    from campaign.cluster.workers import PrestartedWorkers
+    from campaign.coordinator.coordinate import TooManyFailed, coordinate
+
+    def computed(plan: "Plan") -> "Outcome":
+        with display(console(stderr=True)) as show:
+            return coordinate(store, plan, cluster, show, connect=workers.connect)
+
+    try:
+        with early or PrestartedWorkers(cluster) as workers:
+            outcome = computed(plan)
+            if with_report if decide is None else decide:
+                from clearcap.questions.decision import decide as decided  # loads reporting, after the runs
+
+                decided(store, plan, computed, say)
+    except (KeyboardInterrupt, SystemExit) as ending:
+        command = store.command("resume", plan.campaign_id, *cluster.options())
+        say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
+        raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
+    except TooManyFailed:
+        if with_report:
+            say(f"report of the runs so far: {_report(store, plan)['html']}")
+        raise
+    plan, statuses = outcome.plan, outcome.survey.statuses
+    files = _report(store, plan) if with_report else {}
+    verdicts = reported_verdicts(store, plan) if with_report else verdicts_without_report(plan, statuses)
+    if as_json:
+        print_json(_summary(store, outcome, files, verdicts))
+    else:
+        _print_results(store, outcome, verdicts)
+        if files:
+            print_text(f"report: {files['html']}")
+    fail_without_enough_ok(store, plan, statuses)
+
+
+def _report(store: "Store", plan: "Plan") -> dict[str, str]:
+    """Write the report; return the path of each file by kind. That of a signed campaign stays as it is."""
+    from campaign.coordinator.requests import SignedCampaign
+    from campaign.store.store import report_folder
+    from clearcap.questions.report import report
+    from reporting.write import NAMES
+
+    try:
+        return report(store, plan)
+    except SignedCampaign as signed:
+        say(str(signed))
+        folder = report_folder(plan.campaign_id)
+        files = {kind: f"{folder}/{name}" for kind, name in NAMES.items()}
+        return {kind: store.files.address(name) for kind, name in files.items() if store.files.exists(name)}
+
+
+def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
+    """If too few runs of a campaign are ok, print the reason and the remedy, and end with exit status 1."""
+    from campaign.coordinator.coordinate import lack_of_ok, what_to_do
+
+    if lack := lack_of_ok(plan, statuses):
+        say(f"error: {lack}\n{what_to_do(store, plan)}")
+        raise typer.Exit(1)
+
+
+def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts: Verdicts) -> dict[str, Any]:
+    statuses = outcome.survey.statuses
+    counts = {"samples": outcome.samples, "ok": statuses.get("ok", 0), "failed": outcome.plan.failed(statuses)}
+    return {
+        **{"campaign": outcome.plan.campaign_id, "store": store.url, **counts},
+        **{"computed": outcome.computed, "wall_s": outcome.wall_s, "statuses": statuses},
+        **{"headline": verdicts.headline, "verdicts": verdicts.words},
+        "stop": outcome.verdict.to_json() if outcome.verdict else None,
+        "report": files,
+    }
+
+
+def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> None:
+    """Print the outcome in a sentence, the runs by status, and the capability of each response."""
+    from clearcap.questions.report import brief_indices
+    from reporting.format_numbers import index
+
+    plan, table = outcome.plan, []
+    for each in brief_indices(store, plan):
+        limits = number(each.lsl), number(each.usl)
+        ppm = "-" if each.ppm is None else f"{each.ppm:.3g}" if each.is_weighted else f"{each.ppm:.0f}"
+        cells = (mean_number(each.mean, each.std), number(each.std, 3), *limits, index(each.cpk), ppm)
+        found = (known.get(each.response, "-") for known in (verdicts.words, verdicts.indices))
+        table.append((labelled(each.response, each.unit), *found, *cells))
+    heads = ("response", "verdict", "index", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+    if verdicts.headline:
+        print_text(verdicts.headline)
+    print_table(plan.spec.title or plan.spec.name, heads, table, texts=2, bold="index")
+    counts = _counts(outcome.survey.statuses)
+    print_text(f"{counted(outcome.samples, 'run')}: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
+    if outcome.verdict:
+        precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
+        print_text(f"{precision}: {outcome.verdict.text()}")

@@ -1,19 +1,104 @@
-"""``clearcap mechanism``: list, show and check mechanisms, write them with plain numbers; ``clearcap schema``."""
+"""``clearcap mechanism``: import from STEP files, list, show, check, write plain numbers; ``clearcap schema``."""
 
+import os
 from dataclasses import asdict
+from difflib import unified_diff
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from clearcap.cli.import_step import import_step
+from campaign.errors import SpecError
+from campaign.waits import counted
 from clearcap.cli.options import named_mechanism
-from clearcap.cli.output import Json, print_json, print_text, say
+from clearcap.cli.output import PLOTS, Json, check_output, labelled, print_json, print_text, replacing, say
+
+if TYPE_CHECKING:
+    from engine.cad import CadAssembly
+    from engine.cad_import.found_geometry import FoundGeometry
+    from engine.cad_import.updated_proposal import UpdatedProposal
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
-mechanism_app.command("import")(import_step)
-
 MechanismName = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
+
+
+@mechanism_app.command("import")
+def import_step(
+    step_file: Annotated[str, typer.Argument(metavar="STEP", help="A STEP file: .step or .stp.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="A mechanism file of an earlier revision: say what moved, keep what you wrote.")
+    ] = None,
+    recognition: Annotated[
+        float | None,
+        typer.Option(
+            help="How far a spline may be from the plane or cylinder it is taken for, in mm; default: 1e-4, with"
+            " --update that of the mechanism file.",
+            show_default=False,
+        ),
+    ] = None,
+    pictures: Annotated[
+        bool | None,
+        typer.Option(
+            help="Draw what was found beside the mechanism file, as .svg and in 3D as .html: with --output unless you"
+            " say no, with --update only if you say so, over earlier ones.",
+            show_default=False,
+        ),
+    ] = None,
+    accept_damage: Annotated[
+        bool, typer.Option("--accept-damage", help="Take what can be read of a damaged STEP file.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
+    from campaign.spec.campaign_file import proposed_campaign
+    from engine.cad import RECOGNITION
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.proposed_joints import all_diameters
+    from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
+    from engine.cad_import.proposed_text import open_questions
+
+    if (output is None) == (update is None):
+        raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
+    if update is not None:
+        with_pictures = pictures is True
+        _update(update, step_file, recognition, accept_damage=accept_damage, pictures=with_pictures, json=json)
+        return
+    assert output is not None
+    campaign = campaign_file(output)
+    check_output("--output", output, (".toml",))
+    _refuse_existing(output, "may hold answers")
+    drawn = [] if pictures is False else picture_files(output)
+    for each in drawn:
+        _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
+    asked = RECOGNITION if recognition is None else recognition
+    found = find_geometry(assembly_in_step(step_file, asked, accept_damage=accept_damage))
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "-" for c in output.stem).strip("-_")
+    name = name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
+    file = os.path.relpath(step_file, output.parent)
+    text = proposed_mechanism(found, file, name)
+    diameters = all_diameters(found)
+    if diameters:
+        _refuse_existing(campaign, "may hold answers")
+        _write(campaign, proposed_campaign(diameters, output.name, f"{name}-limits"))
+    _write(output, text)
+    if drawn:
+        draw_found(found, text, step_file, output)
+    # only now, because it may take long: the text above is the mechanism in which motions are sought that no load acts
+    # on, and the second one asks about them
+    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
+    _write(output, text)
+    if drawn:
+        draw_page(found, text, step_file, output)
+    written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
+    questions = open_questions(text)
+    if json:
+        print_json({**_document(found), "questions": [each.text for each in questions], "written": written})
+        return
+    _print_found(found)
+    for question in questions:
+        print_text(f"question, line {question.line}: {question.text}")
+    print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
 
 
 @mechanism_app.command("list")
@@ -49,7 +134,6 @@ def show(
     json: Json = False,
 ) -> None:
     """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
-    from campaign.errors import SpecError
     from clearcap.questions.mechanisms import mechanism_summary
     from engine.mechanism import settable_keys
 
@@ -58,7 +142,11 @@ def show(
     loaded = named_mechanism(mechanism)
     loaded = loaded.on_bench(bench) if bench else loaded
     if picture:
-        _draw(loaded, picture)
+        from clearcap.pictures.sketch import plot_measurements
+
+        check_output("--picture", picture, PLOTS)
+        with replacing(picture) as temporary:
+            plot_measurements(loaded, temporary)
         say(f"picture: {picture}")
     if keys:
         _print_keys(loaded, pattern, json)
@@ -70,27 +158,24 @@ def show(
     print_text(f"{document['name']}: {document['title']}")
     if document["description"]:
         print_text(document["description"], lines=True)
-    moving = _counted(document["moving_bodies"], "moving body", "moving bodies")
-    parts = (moving, _counted(document["joints"], "joint"), _counted(document["contacts"], "contact"))
-    print_text(f"\nunits {document['units']}; {', '.join(parts)} besides those of joints\n", lines=True)
-    if document["parameters"]:
-        print_text("parameters:")
-    for name, entry in document["parameters"].items():
-        print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
-    if document["clearances"]:
-        print_text("clearances:")
-    for name, entry in document["clearances"].items():
-        print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
+    moving = document["moving_bodies"]
+    parts = f"{moving} moving bod{'y' if moving == 1 else 'ies'}, {counted(document['joints'], 'joint')}"
+    parts += f", {counted(document['contacts'], 'contact')} besides those of joints"
+    print_text(f"\nunits {document['units']}; {parts}\n", lines=True)
+    for kind in ("parameters", "clearances"):
+        if document[kind]:
+            print_text(f"{kind}:")
+        for name, entry in document[kind].items():
+            print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
     print_text("responses:")
     for name, entry in document["responses"].items():
-        unit = "" if entry["unit"] == "1" else f" [{entry['unit']}]"
-        print_text(f"  {name}{unit}  {entry['title']}")
+        print_text(f"  {labelled(name, entry['unit'])}  {entry['title']}")
     for condition in document["validity"]:
         print_text(f"valid only if {condition}")
     print_text(f"{len(settable_keys(loaded))} numbers can be set: --keys lists them")
-    for kind in ("benches", "presets"):
+    for kind, option in (("benches", "bench"), ("presets", "preset")):
         for name, title in document[kind].items():
-            print_text(f"--{kind.removesuffix('es' if kind == 'benches' else 's')} {name}  {title}")
+            print_text(f"--{option} {name}  {title}")
 
 
 @mechanism_app.command()
@@ -119,8 +204,8 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
         print_text(f"contacts.{name}: {entry['patches']} bicubic patches, no farther than {error} from the B-spline")
     for entry in warnings:
         print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{entry['text']}")
-    count = f", {_counted(len(warnings), 'warning')}" if warnings else ""
-    count += f", {_counted(len(questions), 'open question')}" if questions else ""
+    count = f", {counted(len(warnings), 'warning')}" if warnings else ""
+    count += f", {counted(len(questions), 'open question')}" if questions else ""
     print_text(f"{mechanism}: no errors{count}")
 
 
@@ -131,7 +216,6 @@ def plain(
     json: Json = False,
 ) -> None:
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
-    from clearcap.cli.output_files import check_output, replacing
     from engine.cad_import.proposed_text import questions_of_file
 
     loaded = named_mechanism(mechanism)
@@ -139,8 +223,7 @@ def plain(
         say(f"question: {mechanism}, line {question.line}: {question.text}")
     if output is not None:
         check_output("--output", output, (".toml",))
-        with replacing(output) as temporary:
-            temporary.write_text(loaded.to_toml(), "utf-8")
+        _write(output, loaded.to_toml())
         if not json:
             return
     if json:
@@ -151,7 +234,6 @@ def plain(
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     """Print the settable numbers with value, unit, limits and meaning."""
-    from campaign.errors import SpecError
     from engine.mechanism.keys.values import meant_key, settable_numbers
 
     entries = settable_numbers(mechanism, pattern)
@@ -165,29 +247,16 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     width = max(len(entry.key) for entry in entries)
     for entry in entries:
         unit = "" if entry.unit == "1" else f" {entry.unit}"
-        notes = [
-            f"= {entry.expression}" if entry.expression else "",
-            f"also called {entry.short}" if entry.short else "",
-            entry.limits,
-            entry.description,
-            "" if entry.varies else "not by variables of a campaign",
-        ]
+        origin = f"= {entry.expression}" if entry.expression else ""
+        short = f"also called {entry.short}" if entry.short else ""
+        fixed = "" if entry.varies else "not by variables of a campaign"
+        notes = (origin, short, entry.limits, entry.description, fixed)
         print_text(f"{entry.key:{width}}  {entry.value:.10g}{unit}  {'; '.join(filter(None, notes))}")
 
 
-def _draw(mechanism: Any, picture: Path) -> None:
-    """Draw the mechanism at its start with what its responses measure."""
-    from clearcap.cli.output_files import PLOTS, check_output, replacing
-    from clearcap.pictures.sketches.sketch import plot_measurements
-
-    check_output("--picture", picture, PLOTS)
-    with replacing(picture) as temporary:
-        plot_measurements(mechanism, temporary)
-
-
-def _counted(count: int, one: str, many: str = "") -> str:
-    """Return a count with its noun in singular or plural."""
-    return f"{count} {one if count == 1 else many or one + 's'}"
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, "utf-8")
 
 
 schema_app = typer.Typer(help="Print the JSON Schema of a file format.", no_args_is_help=True)
@@ -215,3 +284,234 @@ def report(json: Json = False) -> None:
     from reporting.render.json import report_schema
 
     print_json(report_schema())
+
+
+def _refuse_existing(path: Path, why: str) -> None:
+    if path.exists():
+        raise SpecError(f"{path}: exists already, and {why}; name another file with --output, or move it")
+
+
+def _document(found: "FoundGeometry") -> dict[str, Any]:
+    """Return the found geometry as plain data; lengths in mm."""
+    from engine.cad_import.found_features import pivot_text
+
+    face = {f.number: f for f in found.assembly.faces}
+    return {
+        "parts": [
+            {
+                "name": part.name,
+                "body": found.bodies.get(found.whole(part.name)),
+                "path": list(part.path),
+                "volume": sum(solid.volume for solid in part.solids),
+                "material": part.material.name if part.material else None,
+            }
+            for part in found.drawn.parts
+        ],
+        "standard": [{"part": each.part, "kind": each.kind, "by": each.said} for each in found.standard],
+        "springs": [{"name": each.name, "part": each.part, "ends": list(each.ends)} for each in found.springs],
+        "groups": [
+            {"body": found.bodies[group.name], "parts": list(group.parts), "why": group.why} for group in found.groups
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "bearing": joint.pin.bearing,
+                "journal": joint.pin.journal,
+                "hole_radius": joint.pin.seats[0].hole_radius,
+                "pin_radius": joint.pin.seats[0].pin_radius,
+                "radial_clearance": joint.pin.radial_clearance,
+                "axial_plays": {flange.side: flange.play for flange in joint.flanges},
+                "point": joint.pin.point.tolist(),
+                "axis": joint.pin.axis.tolist(),
+            }
+            for joint in found.joints
+        ],
+        "balls": [
+            {
+                "name": each.name,
+                "socket": each.ball.socket_part,
+                "ball": each.ball.ball_part,
+                "socket_radius": each.ball.socket_radius,
+                "ball_radius": each.ball.ball_radius,
+                "radial_clearance": each.ball.radial_clearance,
+                "centre": each.ball.centre.tolist(),
+            }
+            for each in found.balls
+        ],
+        "stops": [
+            {
+                "name": stop.name,
+                "parts": list(stop.pair.parts),
+                "kinds": [face[number].kind for number in stop.pair.faces],
+                "gap": stop.pair.gap,
+                "area": getattr(stop.pair, "area", None),
+            }
+            for stop in found.stops
+        ],
+        "pivots": [{"name": each.name, "text": pivot_text(found, each)} for each in found.pivots],
+        "refused": [
+            {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}
+            for miss in found.refused
+        ],
+        "left_out": list(found.assembly.cautions),
+    }
+
+
+def _print_found(found: "FoundGeometry") -> None:
+    from engine.cad_import.found_features import (
+        folded_features,
+        found_features,
+        group_text,
+        part_text,
+        pivot_text,
+        spring_text,
+        standard_texts,
+    )
+
+    listed = {each.part for each in found.standard}
+    for text in (
+        *(part_text(part) for part in found.drawn.parts if part.name not in listed),
+        *standard_texts(found),
+        *map(spring_text, found.springs),
+        *(group_text(found, group) for group in found.groups),
+        *folded_features(found, found_features(found)),
+        *(pivot_text(found, pivot) for pivot in found.pivots),
+        *(f"left out: {text}" for text in found.assembly.cautions),
+    ):
+        print_text(text)
+
+
+def assembly_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "CadAssembly":
+    """Read a STEP file; SpecError if it yields no mechanism, or if it is damaged."""
+    from engine.cad import read_step
+
+    assembly = read_step(step_file, recognition)
+    if assembly.damage and not accept_damage:
+        raise SpecError(f"{step_file}: {assembly.damage}, or take what is left with --accept-damage")
+    if (parts := len(assembly.parts)) < 2:
+        raise SpecError(
+            f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
+            " the assembly, not a single part"
+        )
+    return assembly
+
+
+def picture_files(mechanism: Path) -> list[Path]:
+    """Return the files of the drawing and of the page beside a mechanism file."""
+    return [mechanism.with_suffix(".svg"), mechanism.with_suffix(".html")]
+
+
+def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
+    """Write the pictures of the found geometry, with the questions of a mechanism file."""
+    from clearcap.import_page import sketch_found
+    from clearcap.pictures.sketch import plot_sketch
+    from engine.cad_import.found_features import found_features
+
+    drawing, _ = picture_files(mechanism)
+    places = found_features(found)
+    said = "; ".join(place.text for place in places)
+    with replacing(drawing) as temporary:
+        plot_sketch(sketch_found(found, places), f"{Path(step_file).name}: what was found", said, temporary)
+    draw_page(found, text, step_file, mechanism)
+
+
+def draw_page(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
+    """Write the page of the found geometry, with its drawing and the questions of a mechanism file."""
+    from clearcap.import_page import ImportFiles, import_page
+    from engine.cad_import.found_features import found_features
+    from engine.cad_import.proposed_text import open_questions
+
+    drawing, page = picture_files(mechanism)
+    files = ImportFiles(Path(step_file).name, mechanism.name, drawing.read_bytes())
+    _write(page, import_page(found, found_features(found), open_questions(text), files))
+
+
+def _update(
+    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
+) -> None:
+    """Update a mechanism file, and the campaign file of its limits, to a new STEP file, and print the changes.
+
+    `recognition` is the largest distance of a spline from the plane or cylinder it is recognized as [mm]; None keeps
+    that of the mechanism file. `accept_damage` uses the readable part of a damaged file, `pictures` draws both pictures
+    anew.
+    """
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.proposed_groups import groups_of_bodies, listed_groups
+    from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.proposed_text import open_questions
+    from engine.cad_import.updated_proposal import (
+        earlier_revision,
+        named_as_before,
+        named_as_written,
+        renamed_parts,
+        revised_groups,
+        updated_proposal,
+    )
+
+    check_output("--update", path, (".toml",))
+    earlier = earlier_revision(path)
+    written_for, listed = groups_of_bodies(earlier.text), listed_groups(earlier.text)
+    before = named_as_written(find_geometry(earlier.assembly, written_for), earlier.text)
+    asked = earlier.assembly.recognition if recognition is None else recognition
+    assembly = assembly_in_step(step_file, asked, accept_damage=accept_damage)
+    groups = revised_groups(listed or [], earlier.assembly, assembly)
+    found = named_as_before(find_geometry(assembly, groups), before)
+    proposed = (
+        proposed_mechanism(before, earlier.file, earlier.name, listed=listed or []),
+        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name, listed=groups),
+    )
+    files = {path: (earlier.text, updated_proposal(earlier.text, *proposed))} | _campaign_texts(path, before, found)
+    changes = {}
+    for file, (text, updated) in files.items():
+        lines = text.splitlines(), updated.text.splitlines()
+        changes[file] = list(unified_diff(*lines, str(file), str(file), lineterm="", n=1))
+        if changes[file]:
+            _write(file, updated.text)
+    diff = [line for lines in changes.values() for line in lines]
+    drawn = picture_files(path) if pictures else []
+    if drawn:
+        draw_found(found, files[path][1].text, step_file, path)
+    written = [str(each) for each in (*(file for file in files if changes[file]), *drawn)]
+    renamed = [f"{old} is now {new}; body {body} stays" for body, old, new in renamed_parts(found, before)]
+    said = {key: [x for _, u in files.values() for x in getattr(u, key)] for key in ("kept", "gone", "added")}
+    if json:
+        print_json({"changes": diff, "renamed": renamed, **said, "written": written})
+        return
+    for line in diff:
+        print_text(line)
+    for text in renamed:
+        print_text(f"renamed in the STEP file: {text}")
+    for text in said["kept"]:
+        print_text(f"kept as you wrote it: {text}")
+    for table in said["gone"]:
+        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
+    if not diff:
+        print_text(f"{path}: nothing has changed")
+    count = sum(len(open_questions(updated.text)) for _, updated in files.values())
+    open_now = f"{count} {'question is' if count == 1 else 'questions are'} open"
+    if written:
+        print_text(f"written: {', '.join(written)}{f'; {open_now}' if count and diff else ''}")
+
+
+def _campaign_texts(
+    mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
+) -> dict[Path, tuple[str, "UpdatedProposal"]]:
+    """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
+    from campaign.spec.campaign_file import proposed_campaign
+    from engine.cad_import.proposed_joints import all_diameters
+    from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
+    from engine.platform.regular_file import read_regular_file
+    from engine.platform.toml_file import LARGEST
+
+    path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
+    diameters = all_diameters(before), all_diameters(found)
+    old, new = (proposed_campaign(each, mechanism.name, name) for each in diameters)
+    if path.exists() and diameters[0]:
+        text = read_regular_file(path, LARGEST).decode("utf-8-sig")
+        return {path: (text, updated_proposal(text, old, new))}
+    return {path: ("", UpdatedProposal(new))} if diameters[1] and not path.exists() and not diameters[0] else {}
+
+
+def campaign_file(mechanism: Path) -> Path:
+    """Return the campaign file of the limits of size beside a mechanism file."""
+    return mechanism.with_name(f"{mechanism.stem}-campaign.toml")

@@ -3,12 +3,13 @@
 import inspect
 import shlex
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.errors import SpecError
 from campaign.processes import SERVER, STORE
 from clearcap.cli.output import say
 
@@ -50,12 +51,7 @@ def _warn_of_secret(context: typer.Context, url: str) -> str:
 
 StoreUrl = Annotated[
     str,
-    typer.Option(
-        "--store",
-        envvar=STORE,
-        help="Folder or URL where the results are kept.",
-        callback=_warn_of_secret,
-    ),
+    typer.Option("--store", envvar=STORE, help="Folder or URL where the results are kept.", callback=_warn_of_secret),
 ]
 
 Campaign = Annotated[str, typer.Argument(help="A shipped campaign (c60) or a campaign file.")]
@@ -74,78 +70,46 @@ Decide = Annotated[
     ),
 ]
 
-_PANEL = "Where to compute"
-
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Use this dask scheduler and its workers: tls://host:port, tcp://host:port, or its scheduler file.",
-        rich_help_panel=_PANEL,
-    ),
-]
-ClusterKind = Annotated[
-    str,
-    typer.Option(
-        "--cluster",
-        metavar="KIND",
-        help="Where to start workers: local (this machine), or as jobs: slurm, oar, pbs, kubernetes.",
-        rich_help_panel=_PANEL,
-    ),
-]
-Workers = Annotated[
-    str | None,
-    typer.Option(
-        metavar="N",
-        help="Number of worker processes to start; by default one per core. MIN:MAX lets the jobs of a batch system"
-        " follow the work.",
-        rich_help_panel=_PANEL,
-    ),
-]
-TlsCa = Annotated[
-    Path | None,
-    typer.Option(
-        "--tls-ca",
-        metavar="FILE",
-        help="Certificate of the authority that signed the cluster's certificates.",
-        rich_help_panel=_PANEL,
-    ),
-]
-TlsCert = Annotated[
-    Path | None,
-    typer.Option("--tls-cert", metavar="FILE", help="Certificate of this process.", rich_help_panel=_PANEL),
-]
-TlsKey = Annotated[
-    Path | None,
-    typer.Option(
-        "--tls-key",
-        metavar="FILE",
-        help="Private key of that certificate; only you may read the file (mode 0600).",
-        rich_help_panel=_PANEL,
-    ),
-]
-Insecure = Annotated[
-    bool,
-    typer.Option("--insecure", help="Allow a cluster on other machines without TLS.", rich_help_panel=_PANEL),
-]
+_where = partial(typer.Option, rich_help_panel="Where to compute")
 
 
 def cluster_from(
-    scheduler: Scheduler = None,
-    cluster: ClusterKind = "local",
-    workers: Workers = None,
-    tls_ca: TlsCa = None,
-    tls_cert: TlsCert = None,
-    tls_key: TlsKey = None,
-    insecure: Insecure = False,
+    scheduler: Annotated[
+        str | None,
+        _where(
+            metavar="ADDRESS",
+            help="Use this dask scheduler and its workers: tls://host:port, tcp://host:port, or its scheduler file.",
+        ),
+    ] = None,
+    cluster: Annotated[
+        str,
+        _where(
+            metavar="KIND",
+            help="Where to start workers: local (this machine), or as jobs: slurm, oar, pbs, kubernetes.",
+        ),
+    ] = "local",
+    workers: Annotated[
+        str | None,
+        _where(
+            metavar="N",
+            help="Number of worker processes to start; by default one per core. MIN:MAX lets the jobs of a batch system"
+            " follow the work.",
+        ),
+    ] = None,
+    tls_ca: Annotated[
+        Path | None,
+        _where(metavar="FILE", help="Certificate of the authority that signed the cluster's certificates."),
+    ] = None,
+    tls_cert: Annotated[Path | None, _where(metavar="FILE", help="Certificate of this process.")] = None,
+    tls_key: Annotated[
+        Path | None,
+        _where(metavar="FILE", help="Private key of that certificate; only you may read the file (mode 0600)."),
+    ] = None,
+    insecure: Annotated[bool, _where("--insecure", help="Allow a cluster on other machines without TLS.")] = False,
 ) -> "Cluster":
-    """Return the cluster that the options describe, after all checks that need no connection.
-
-    Raises SpecError if options contradict each other, name files that cannot be used, or would send data unencrypted.
-    """
+    """Return the cluster that the options describe, after all checks that need no connection; SpecError."""
     from campaign.cluster.cluster import Cluster, Tls, security, workers_in
     from campaign.cluster.connect import check_cluster
-    from campaign.errors import SpecError
 
     files = {"--tls-ca": tls_ca, "--tls-cert": tls_cert, "--tls-key": tls_key}
     missing = [option for option, path in files.items() if path is None]
@@ -178,13 +142,7 @@ def on_cluster(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | None":
-    """Return the server that a verb uses; None if it uses a store.
-
-    An option on the command line takes precedence over an environment variable. Raises SpecError if both a server and a
-    store are named, or the server cannot be used.
-    """
-    from campaign.errors import SpecError
-
+    """Return the server that a verb uses; None if it uses a store. The command line precedes the environment."""
     if server is None:
         return None
     sources = map(context.get_parameter_source, ("server", "store"))
@@ -200,12 +158,17 @@ def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | 
     return connect(server)
 
 
-def opened_campaign(store: str, campaign: str | None, *, is_patient: bool = False) -> "tuple[Store, Plan]":
-    """Return a store and the plan of one of its campaigns; only if `is_patient`, a store that is away is waited for."""
+def opened_store(store: str, *, is_patient: bool = False) -> "Store":
+    """Return a store; only if `is_patient`, one that is away is waited for."""
     from campaign.store import open_store
     from campaign.store.files.retry_policy import QUICK
 
-    opened = open_store(store) if is_patient else open_store(store, QUICK)
+    return open_store(store) if is_patient else open_store(store, QUICK)
+
+
+def opened_campaign(store: str, campaign: str | None, *, is_patient: bool = False) -> "tuple[Store, Plan]":
+    """Return a store, as `opened_store` does, and the plan of one of its campaigns."""
+    opened = opened_store(store, is_patient=is_patient)
     return opened, opened.plan(opened.find(campaign))
 
 
@@ -215,11 +178,7 @@ def command_at(remote: "RemoteServer", verb: str, *words: str) -> str:
 
 
 def named_mechanism(name: str) -> "Mechanism":
-    """Load a shipped mechanism or a mechanism file; raise SpecError if the name is that of a shipped campaign.
-
-    Raises MechanismError if it cannot be found or read, or, with one line for each fault, if the file has faults.
-    """
-    from campaign.errors import SpecError
+    """Load a shipped mechanism or a mechanism file; SpecError if the name is that of a shipped campaign."""
     from campaign.spec.named_files import campaign_names
     from engine import library_names, load_mechanism
 

@@ -1,38 +1,50 @@
 """Verbs that answer from the samples of a campaign, without new runs: ``whatif``, ``advise`` and ``design``."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from campaign.errors import SpecError
 from clearcap.cli.options import Id, StoreUrl, opened_campaign
-from clearcap.cli.output import Json, number, print_json, print_table, print_text, say
+from clearcap.cli.output import (
+    Json,
+    check_output,
+    labelled,
+    number,
+    print_json,
+    print_table,
+    print_text,
+    replacing,
+    say,
+)
 
 if TYPE_CHECKING:
-    from clearcap.questions.aimed_campaign import AimedCampaign
     from reporting.tolerance.advice import Advice, ToleranceAdvice
     from reporting.tolerance.allocation import Allocation
     from reporting.tolerance.whatif import Estimate, WhatIf
 
 
-Settings = Annotated[
-    list[str],
-    typer.Option(
-        "--set",
-        metavar="VARIABLE.KEY=VALUE",
-        help="Change a key of a distribution, for example J1.std=0.01; may be repeated.",
-    ),
-]
-
-
-def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs", json: Json = False) -> None:  # noqa: B006
+def whatif(
+    campaign: Id = None,
+    settings: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="VARIABLE.KEY=VALUE",
+            help="Change a key of a distribution, for example J1.std=0.01; may be repeated.",
+        ),
+    ] = [],  # noqa: B006
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
     """Estimate the capability under other distributions by weighting the computed samples, without new runs.
 
     Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
     answers of the other responses are printed all the same.
     """
-    from campaign.errors import SpecError
     from clearcap.questions.whatif import refusals, what_if, what_if_document
 
     if not settings:
@@ -43,7 +55,12 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     if json:
         print_json(document)
     else:
-        _print_estimates(answers, plan.mechanism.response_units())
+        units, rows = plan.mechanism.response_units(), []
+        for name, answer in answers.items():
+            cells = ["-"] * 3 if answer.refusal else map(_cell, (answer.mean, answer.std, answer.cpk))
+            rows.append((labelled(name, units[name]), *cells, _ppm(answer), f"{answer.effective:.0f}"))
+        heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
+        print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
     for assumption in document["assumed"]:
         say(assumption)
     for words in _failures(answers):
@@ -72,19 +89,7 @@ def _failures(answers: "dict[str, WhatIf]") -> list[str]:
     return [f"{', '.join(names)}: {words}; the numbers describe the others" for words, names in by_words.items()]
 
 
-def _print_estimates(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
-    """Print a table with one row per response."""
-    rows = []
-    for name, answer in answers.items():
-        label = name if units[name] == "1" else f"{name} [{units[name]}]"
-        estimates = [None] * 3 if answer.refusal else [answer.mean, answer.std, answer.cpk]
-        rows.append((label, *map(_cell, estimates), _ppm(answer), f"{answer.effective:.0f}"))
-    heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
-    print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
-
-
 def _cell(estimate: "Estimate | None") -> str:
-    """Return a number with its interval."""
     if estimate is None:
         return "-"
     low, high = estimate.interval
@@ -146,7 +151,7 @@ def advise(
     proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
     if json:
         print_json(allocation_document(plan, opened.url, proposal))
-    else:
+    elif not proposal.refusal:
         _print_allocation(proposal)
     if proposal.refusal:
         say(f"no proposal: {proposal.refusal}")
@@ -189,31 +194,24 @@ def _print_advice(advised: "ToleranceAdvice") -> None:
 
 
 def _advice_row(advice: "Advice") -> tuple[str, ...]:
-    """Return the cells of one variable."""
     if advice.refusal:
         return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
     ends = number(advice.cpk, 4), " ".join(advice.written or advice.settings) or "-", advice.method
     if advice.factor is None:
         return advice.variable, f"not reachable (checked down to {advice.reach:.3g})", "-", advice.binding or "-", *ends
     low, high = advice.interval
+    words = {"samples": "the samples, which reach no farther", "search": "nothing that was tried so far"}
+    end = "" if advice.bounded else advice.limit or words[advice.ended_by]  # no response limits it
     if not advice.bounded and advice.factor == 1:
-        return advice.variable, "1", "-", _end_of(advice), *ends
+        return advice.variable, "1", "-", end, *ends
     if not advice.bounded:
-        return advice.variable, f"at least {advice.factor:.3g}", "-", _end_of(advice), *ends
+        return advice.variable, f"at least {advice.factor:.3g}", "-", end, *ends
     interval = f"{number(low, 3)} {'or more' if high is None else f'to {high:.3g}'}"
     return advice.variable, f"{advice.factor:.3g}", interval, advice.binding or "-", *ends
 
 
-def _end_of(advice: "Advice") -> str:
-    """Return why an advice ends if no response limits it."""
-    words = {"samples": "the samples, which reach no farther", "search": "nothing that was tried so far"}
-    return advice.limit or words[advice.ended_by]
-
-
 def _print_allocation(proposal: "Allocation") -> None:
     """Print the proposal: sigmas, cost, Cpk of each response, and the campaign to confirm it."""
-    if proposal.refusal:
-        return
     heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma", "write")
     rows: list[tuple[str, ...]] = [
         (name, number(sigma, 4), f"{proposal.factors[name]:.3g}", " ".join(proposal.written.get(name, ())) or "-")
@@ -248,8 +246,7 @@ def design(
     """Write a campaign file with importance sampling that aims where the rows of a campaign expect rejects."""
     import tomli_w
 
-    from clearcap.cli.output_files import check_output, replacing
-    from clearcap.questions.aimed_campaign import aimed_campaign
+    from clearcap.questions.decision import aimed_campaign
 
     opened, plan = opened_campaign(store, campaign)
     aimed = aimed_campaign(opened, plan, samples, response)
@@ -260,37 +257,22 @@ def design(
             f"# Aims at the rejects that {plan.campaign_id} shows or predicts.\n{tomli_w.dumps(aimed.tables)}"
         )
     if json:
-        print_json({"campaign": plan.campaign_id, "store": opened.url, "file": str(path), **_plain(aimed)})
+        found = {"targets": list(map(asdict, aimed.targets)), "components": aimed.tables["importance"]["components"]}
+        print_json({"campaign": plan.campaign_id, "store": opened.url, "file": str(path), **found})
     else:
-        _print_aim(aimed)
+        rows = [(t.name, f"{t.ppm:.3g}", t.by, "yes" if t.centres else "no need") for t in aimed.targets]
+        print_table("rejects expected beyond each limit", ("limit", "ppm, roughly", "by", "aimed at"), rows, texts=1)
+        rows = [
+            (f"{100 * aim.share:.1f} %", f"{aim.scale:g}", _centre(aim.centre, aimed.variables), aim.source)
+            for aim in aimed.aims
+        ]
+        rest = 1.0 - sum(aim.share for aim in aimed.aims)
+        rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "nothing: production itself"))
+        print_table("components, in standard scores", ("share", "scale", "centre", "aims at"), rows)
         print_text(f"wrote {path}; compute it with: {opened.command('run', str(path))}")
     if not any(target.centres for target in aimed.targets):
         say("no limit needs a separate component: one wide component bounds what no run has shown")
 
 
-def _plain(aimed: "AimedCampaign") -> dict[str, object]:
-    """Return targets and components as plain data."""
-    from dataclasses import asdict
-
-    return {
-        "targets": [asdict(target) for target in aimed.targets],
-        "components": aimed.tables["importance"]["components"],
-    }
-
-
-def _print_aim(aimed: "AimedCampaign") -> None:
-    """Print the expected rejects beyond each limit, and where the components draw."""
-    rows = [(t.name, f"{t.ppm:.3g}", t.by, "yes" if t.centres else "no need") for t in aimed.targets]
-    print_table("rejects expected beyond each limit", ("limit", "ppm, roughly", "by", "aimed at"), rows, texts=1)
-    rows = [
-        (f"{100 * aim.share:.1f} %", f"{aim.scale:g}", _centre(aim.centre, aimed.variables), aim.source)
-        for aim in aimed.aims
-    ]
-    rest = 1.0 - sum(aim.share for aim in aimed.aims)
-    rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "nothing: production itself"))
-    print_table("components, in standard scores", ("share", "scale", "centre", "aims at"), rows)
-
-
 def _centre(centre: tuple[float, ...], names: tuple[str, ...]) -> str:
-    """Return a centre in words."""
     return ", ".join(f"{name} {z:+.2f}" for name, z in zip(names, centre, strict=True) if z) or "that of production"

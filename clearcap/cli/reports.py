@@ -1,6 +1,5 @@
 """Verbs for the documents of a campaign: ``report`` writes or fetches them, ``verify`` checks what was signed."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from json import loads
 from pathlib import Path
@@ -8,13 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from clearcap.cli.drive import fail_without_enough_ok
+from campaign.errors import CampaignError, SpecError
+from clearcap.cli.computing import fail_without_enough_ok
 from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_campaign
-from clearcap.cli.output import Json, mean_number, number, print_json, print_table, print_text, say
+from clearcap.cli.output import Json, labelled, mean_number, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from clearcap.questions.verification import VerifiedSignoff
     from reporting.gauge import Component
+
+
+Summary = Annotated[
+    bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
+]
+Excel = Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")]
+Parts = Annotated[Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")]
 
 
 def report(
@@ -32,10 +39,8 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
     ] = False,
-    summary: Annotated[
-        bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
-    ] = False,
-    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
+    summary: Summary = False,
+    excel: Excel = True,
     json: Json = False,
 ) -> None:
     """Write the report of a campaign from the rows computed so far; the campaign may be running.
@@ -43,7 +48,7 @@ def report(
     The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
     server has are fetched.
     """
-    from campaign.errors import SpecError
+    from reporting.write import NAMES
 
     if remote := asked_server(context, server):
         if against is not None or pdf or summary:
@@ -51,31 +56,35 @@ def report(
         with remote:
             campaign_id = remote.find(campaign)
             fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
-        _print_files({"campaign": campaign_id, "store": remote.address, "against": None}, _by_kind(fetched), json)
-        return
-    if folder is not None:
-        raise SpecError("--folder: is for --server; a store has a folder for each report")
-    from clearcap.questions.report import report as write_report
+        kinds = {name: kind for kind, name in NAMES.items()}
+        files = {kinds.get(name, name): str(path) for name, path in fetched.items()}
+        document = {"campaign": campaign_id, "store": remote.address, "against": None}
+    else:
+        if folder is not None:
+            raise SpecError("--folder: is for --server; a store has a folder for each report")
+        from clearcap.questions.report import report as write_report
 
-    kinds = _kinds(pdf=pdf, excel=excel, summary=summary)
-    opened, plan = opened_campaign(store, campaign)
-    files = write_report(opened, plan, kinds=kinds, against=against)
-    other = None if against is None else opened.find(against)
-    _print_files({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
-    fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+        asked = _kinds(pdf=pdf, excel=excel, summary=summary)
+        opened, plan = opened_campaign(store, campaign)
+        files = write_report(opened, plan, kinds=asked, against=against)
+        other = None if against is None else opened.find(against)
+        document = {"campaign": plan.campaign_id, "store": opened.url, "against": other}
+    if json:
+        print_json({**document, "report": files})
+    else:
+        for path in files.values():
+            print_text(f"{'report' if against is None else 'comparison'}: {path}")
+    if remote is None:
+        fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
 
 
 def capability(
-    parts: Annotated[
-        Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")
-    ],
+    parts: Parts,
     limits: Annotated[Path, typer.Option(metavar="FILE", help="TOML file with the characteristics and their limits.")],
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Where the report is written.")] = Path("capability"),
     pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf.")] = False,
-    summary: Annotated[
-        bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
-    ] = False,
-    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
+    summary: Summary = False,
+    excel: Excel = True,
     json: Json = False,
 ) -> None:
     """Write the capability report of measured parts, and print it in short."""
@@ -86,9 +95,8 @@ def capability(
     document = loads((folder / NAMES["json"]).read_text("utf-8"))
     if json:
         verdicts = {r["spec"]["name"]: r["verdict"] for r in document["responses"]}
-        print_json(
-            {"parts": document["finished"], "headline": document["headline"], "verdicts": verdicts, "report": files}
-        )
+        headline = document["headline"]
+        print_json({"parts": document["finished"], "headline": headline, "verdicts": verdicts, "report": files})
         return
     print_text(document["headline"])
     heads = ("characteristic", "verdict", "index", "n", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
@@ -101,9 +109,7 @@ def capability(
 
 def validate(
     campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
-    parts: Annotated[
-        Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")
-    ],
+    parts: Parts,
     store: StoreUrl = "runs",
     limits: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Limits file of the parts, if columns have other names.")
@@ -111,7 +117,7 @@ def validate(
     json: Json = False,
 ) -> None:
     """Compare measured parts with the samples of a campaign, and say within what it predicts them."""
-    from clearcap.questions.validation import validated
+    from clearcap.questions.measured import validated
 
     found = validated(*opened_campaign(store, campaign), parts, limits)
     if json:
@@ -151,7 +157,7 @@ def gauge(
     json: Json = False,
 ) -> None:
     """Say how well a gauge measures: repeatability and reproducibility, and bias where reference values are known."""
-    from clearcap.questions.gauge import gauge_study
+    from clearcap.questions.measured import gauge_study
 
     found = gauge_study(table, value, part, operator, reference, nested=nested, tolerance=tolerance)
     if json:
@@ -162,8 +168,10 @@ def gauge(
         heads = ("source", "sigma", "95 % interval", "% contribution", "% study", "% tolerance")
         title = f"{study.parts} parts, operators: {study.operators}, trials: {study.trials}, {study.design}"
         print_table(title, heads, (_source(each) for each in study.components), texts=1)
-        rows = ((a.source, str(a.freedom), number(a.squares), number(a.mean_square), number(a.f), number(a.p, 3))
-                for a in study.anova)  # fmt: skip
+        rows = [
+            (a.source, str(a.freedom), *map(number, (a.squares, a.mean_square, a.f)), number(a.p, 3))
+            for a in study.anova
+        ]
         print_table("analysis of variance", ("source", "freedom", "squares", "mean square", "F", "p"), rows, texts=1)
         ends = f"{study.ndc_interval[0]} to {study.ndc_interval[1]}"
         print_text(f"distinct categories: {study.ndc} ({ends}); for limits files: gauge_sigma = "
@@ -171,10 +179,8 @@ def gauge(
         for note in study.notes:
             print_text(note)
     if (bias := found.bias) is not None:
-        found_at = (
-            (number(b.reference), str(b.n), number(b.bias), _ends(b.interval), number(b.p, 3)) for b in bias.values
-        )
-        print_table("bias", ("reference", "n", "bias", "95 % interval", "p"), found_at, texts=0)
+        rows = [(number(b.reference), str(b.n), number(b.bias), _ends(b.interval), number(b.p, 3)) for b in bias.values]
+        print_table("bias", ("reference", "n", "bias", "95 % interval", "p"), rows, texts=0)
         if (line := bias.linearity) is not None:
             print_text(
                 f"linearity: bias = {number(line.intercept)} + {number(line.slope)} reference; slope "
@@ -185,26 +191,17 @@ def gauge(
 
 
 def _source(each: "Component") -> tuple[str, ...]:
-    """Return the row of a source of variation."""
-    tolerance = "-" if each.tolerance is None else f"{100 * each.tolerance:.1f}"
-    return (
-        each.name,
-        number(each.std),
-        _ends(each.std_interval),
-        f"{100 * each.contribution:.1f}",
-        f"{100 * each.study:.1f}",
-        tolerance,
-    )
+    parts = (each.contribution, each.study, each.tolerance)
+    shares = ("-" if part is None else f"{100 * part:.1f}" for part in parts)
+    return (each.name, number(each.std), _ends(each.std_interval), *shares)
 
 
 def _ends(interval: tuple[float, float] | None) -> str:
-    """Return an interval for a table."""
     return "-" if interval is None else f"{number(interval[0], 4)} to {number(interval[1], 4)}"
 
 
 def _kinds(*, pdf: bool, excel: bool, summary: bool) -> list[str]:
     """Return the kinds of files that the options ask for; CampaignError if what writes the PDF is not installed."""
-    from campaign.errors import CampaignError
     from reporting.write import lacks_package
 
     if pdf and lacks_package("pdf"):
@@ -216,34 +213,15 @@ def _kinds(*, pdf: bool, excel: bool, summary: bool) -> list[str]:
 
 
 def _cells(response: dict[str, Any]) -> tuple[str, ...]:
-    """Return the row of a characteristic."""
     from reporting.format_numbers import index
 
     spec, found = response["spec"], response["capability"]
-    name = spec["name"] if spec["unit"] in ("", "1") else f"{spec['name']} [{spec['unit']}]"
     verdict = response["verdict"] + (", not certain" if response["certain"] is False else "")
     decides = "-" if response["index"] is None else index(response["index"])
     ppm = "-" if found["ppm_observed"] is None else f"{found['ppm_observed']:.0f}"
     mean = mean_number(found["mean"], found["std"])
     numbers = mean, number(found["std"], 3), number(spec["lsl"]), number(spec["usl"])
-    return (name, verdict, decides, str(found["n"]), *numbers, index(found["cpk"]), ppm)
-
-
-def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
-    """Return the files of a report by the verb's names of their kinds; other files by their own names."""
-    from reporting.write import NAMES
-
-    kinds = {name: kind for kind, name in NAMES.items()}
-    return {kinds.get(name, name): str(path) for name, path in fetched.items()}
-
-
-def _print_files(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
-    """Print the paths of a report's files."""
-    if as_json:
-        print_json({**document, "report": files})
-        return
-    for path in files.values():
-        print_text(f"{'report' if document['against'] is None else 'comparison'}: {path}")
+    return (labelled(spec["name"], spec["unit"]), verdict, decides, str(found["n"]), *numbers, index(found["cpk"]), ppm)
 
 
 def verify(
@@ -273,9 +251,8 @@ def verify(
             for each in proof.signoffs
         ]
         head = proof.head and proof.head.model_dump()
-        print_json(
-            {"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "head": head, "faults": proof.faults}
-        )
+        found = {"campaign": proof.campaign, "key": proof.key, "signoffs": signoffs, "head": head}
+        print_json({**found, "faults": proof.faults})
     else:
         print_text(f"{proof.campaign}, signed with the key {proof.key}")
         for signed in proof.signoffs:
@@ -298,7 +275,6 @@ def verify(
 
 
 def _print_signoff(signed: "VerifiedSignoff") -> None:
-    """Print who signed what and when."""
     from clearcap.questions.signing import Withdrawal
 
     signoff = signed.signoff
@@ -306,9 +282,8 @@ def _print_signoff(signed: "VerifiedSignoff") -> None:
         print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) withdrew the sign-off")
         print_text(f"     {signoff.comment}")
         return
-    eyes = (
-        "who also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'an unknown user'}"
-    )
+    submitter = f"submitted by {signoff.submitted_by or 'an unknown user'}"
+    eyes = "who also submitted it" if signoff.is_submitter else submitter
     covered = "another version" if signed.differences else "plan, rows and report"
     print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) signed {covered}; {eyes}")
     if signoff.comment:

@@ -1,55 +1,51 @@
-"""Verbs that serve other processes: ``serve``, ``coordinate``, and ``certificates`` for the TLS of a cluster."""
+"""Verbs of who operates a server: ``serve``, ``backup``, ``restore``, ``doctor``; ``coordinate``, ``certificates``."""
 
 import hashlib
 import os
 import sys
-from contextlib import suppress
+import time
+from contextlib import closing, suppress
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from clearcap.cli.drive import drive
-from clearcap.cli.options import Decide, NoReport, StoreUrl, on_cluster
+from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.waits import counted
+from clearcap.cli.computing import drive
+from clearcap.cli.options import Decide, NoReport, StoreUrl, on_cluster, opened_store
 from clearcap.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
+    from clearcap.web.maintenance import Contents
 
-
-_PANEL = "Where to listen"
+_listen = partial(typer.Option, rich_help_panel="Where to listen")
 
 
 @on_cluster
 def serve(
     where: "Cluster",
     store: StoreUrl = "runs",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port.", rich_help_panel=_PANEL)] = 8700,
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; any but loopback needs TLS.", rich_help_panel=_PANEL)
-    ] = "127.0.0.1",
+    port: Annotated[int, _listen(min=0, max=65535, help="Port.")] = 8700,
+    host: Annotated[str, _listen(help="Address to listen on; any but loopback needs TLS.")] = "127.0.0.1",
     name: Annotated[
-        list[str] | None,
-        typer.Option(help="Host name by which browsers address the server; may be repeated.", rich_help_panel=_PANEL),
+        list[str] | None, _listen(help="Host name by which browsers address the server; may be repeated.")
     ] = None,
-    https_cert: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Certificate for HTTPS, PEM.", rich_help_panel=_PANEL)
-    ] = None,
-    https_key: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Its private key.", rich_help_panel=_PANEL)
-    ] = None,
+    https_cert: Annotated[Path | None, _listen(metavar="FILE", help="Certificate for HTTPS, PEM.")] = None,
+    https_key: Annotated[Path | None, _listen(metavar="FILE", help="Its private key.")] = None,
     behind_proxy: Annotated[
-        bool,
-        typer.Option("--behind-proxy", help="A proxy in front of the server terminates TLS.", rich_help_panel=_PANEL),
+        bool, _listen("--behind-proxy", help="A proxy in front of the server terminates TLS.")
     ] = False,
     proxy: Annotated[
         list[str] | None,
-        typer.Option(
+        _listen(
             metavar="ADDRESS",
             help="With --behind-proxy: address or network of the proxy, by default loopback; may be repeated.",
-            rich_help_panel=_PANEL,
         ),
     ] = None,
     data: Annotated[
@@ -74,10 +70,6 @@ def serve(
     At its first start it prints a link by which you log in once. It answers this machine only, unless it has a
     certificate or runs behind a proxy.
     """
-    from campaign.errors import SpecError, StoreError
-    from campaign.store import open_store
-    from campaign.store.files.retry_policy import QUICK
-
     try:
         from clearcap.web.server import check_settings, first_login, instance_lock, read_configuration, serve_http
         from clearcap.web.server import login_link as new_link
@@ -91,7 +83,7 @@ def serve(
     if proxy and not behind_proxy:
         raise SpecError("--proxy: works only with --behind-proxy; add that, or leave --proxy out")
     https = (https_cert, https_key) if https_cert and https_key else None
-    files = open_store(store, QUICK).files
+    files = opened_store(store).files
     if not no_drive and login_link is None:
         with suppress(StoreError):  # an unreachable disk or server may come back: the coordinator waits
             files.check_writable()
@@ -123,17 +115,14 @@ def serve(
             print_json({"address": settings.address, **login, **where_data})
         else:
             say(f"serving store {service.store.url} at {settings.address}; Ctrl-C ends it")
-            say(_how_to_log_in(settings.data, link, file))
+            hint = "log in there; without a password use: clearcap serve --login-link USER"
+            how = f"{hint} --data {settings.data}, with these options"
+            if link is not None:
+                how = f"log in once, within 15 minutes: {link}"
+            elif file is not None:
+                how = f"the link by which admin logs in once, within 15 minutes, is in {file}"
+            say(how)
         serve_http(service)
-
-
-def _how_to_log_in(data: Path, link: str | None, file: Path | None) -> str:
-    """Return what the operator of a server reads at its start."""
-    if link is not None:
-        return f"log in once, within 15 minutes: {link}"
-    if file is not None:
-        return f"the link by which admin logs in once, within 15 minutes, is in {file}"
-    return f"log in there; without a password use: clearcap serve --login-link USER --data {data}, with these options"
 
 
 def data_folder(url: str) -> Path:
@@ -161,12 +150,11 @@ def coordinate(
 
     A process supervisor may kill and restart it at any time.
     """
-    from campaign.store import open_store
     from clearcap.cli.termination import terminate_with_parent
 
     if parent is not None:
         terminate_with_parent(parent)
-    opened = open_store(store)
+    opened = opened_store(store, is_patient=True)
     if campaign is None:
         from campaign.coordinator.service import serve
 
@@ -179,9 +167,6 @@ def coordinate(
 
 
 def _decide(store: "Store", plan: "Plan", cluster: "Cluster") -> None:
-    """Compute the aimed campaigns that a completed campaign needs."""
-    from functools import partial
-
     from campaign.coordinator.coordinate import coordinate as computed
     from clearcap.questions.decision import decide
 
@@ -222,3 +207,113 @@ def certificates(
         return
     for path in paths.values():
         print_text(path)
+
+
+PASSPHRASE = "CLEARCAP_BACKUP_PASSPHRASE"  # environment variable
+Data = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Folder of the server; by default the one of this store.")
+]
+Encrypted = Annotated[bool, typer.Option("--encrypted", help=f"The passphrase is in the variable {PASSPHRASE}.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="The backup.")]
+
+
+def backup(
+    file: File, store: StoreUrl = "runs", data: Data = None, encrypted: Encrypted = False, json: Json = False
+) -> None:
+    """Back up accounts, audit trail, sign-offs and signing key of a server, which may run meanwhile.
+
+    Copy the store afterwards, as you copy other files: what is signed was there before it was signed.
+    """
+    from clearcap.web.maintenance import audit_fault, back_up
+
+    folder = data or _folder_of(store)
+    contents = back_up(folder, file, time.time(), _passphrase(encrypted))
+    if json:
+        print_json({"file": str(file), **asdict(contents)})
+        return
+    print_text(f"{file}: {_words(contents)}")
+    if (entry := audit_fault(folder)) is not None:
+        say(f"warning: entry {entry} of the audit trail was changed, or is missing")
+
+
+def restore(
+    file: File,
+    store: StoreUrl = "runs",
+    data: Data = None,
+    check: Annotated[bool, typer.Option("--check", help="Only check the backup; write nothing.")] = False,
+    encrypted: Encrypted = False,
+    json: Json = False,
+) -> None:
+    """Make the folder of a server from a backup, and compare its sign-offs with the store.
+
+    Restore the store first. A folder that holds anything is refused: move it away.
+    """
+    from clearcap.web.maintenance import check_backup
+    from clearcap.web.maintenance import restore as restored
+
+    folder = data or _folder_of(store)
+    contents = check_backup(file, _passphrase(encrypted)) if check else restored(file, folder, _passphrase(encrypted))
+    differing = [] if check else _differing(store, folder)
+    if json:
+        where = None if check else str(folder)
+        print_json({"file": str(file), "data": where, **asdict(contents), "differing": differing})
+    else:
+        print_text(f"{file}: {'whole' if check else f'restored to {folder}'}: {_words(contents)}")
+        for campaign in differing:
+            say(f"warning: {campaign} is signed, and the store has not what was signed; restore the store too")
+    if differing:
+        raise typer.Exit(1)
+
+
+def _differing(store: str, folder: Path) -> list[str]:
+    """Return the signed campaigns that are not in the store as they were signed."""
+    from clearcap.web.access.database import DATABASE, Database
+    from clearcap.web.signing_service import SigningService
+
+    opened, found = opened_store(store), []
+    with closing(Database(folder / DATABASE)) as database:
+        signing, stored = SigningService(database, opened), set(opened.campaigns())
+        for row in database.rows("SELECT DISTINCT campaign FROM signoffs ORDER BY campaign"):
+            campaign = row["campaign"]
+            try:
+                is_same = not signing.is_signed(campaign) or (
+                    campaign in stored and not signing.signoffs(campaign, anew=True)[-1].differences
+                )
+            except CampaignError:
+                is_same = False
+            found += [] if is_same else [campaign]
+    return found
+
+
+def doctor(store: StoreUrl = "runs", data: Data = None, json: Json = False) -> None:
+    """Look at a store and at the folder of its server: versions, access, room, clocks, queue, database.
+
+    Exit status 1 if anything is at fault; nothing is changed.
+    """
+    from clearcap.web.maintenance import FAULT, examine
+
+    findings = examine(opened_store(store), data or _folder_of(store))
+    if json:
+        print_json([asdict(each) for each in findings])
+    else:
+        for each in findings:
+            print_text(f"{each.status:8}{each.what:10}{each.text}")
+    if any(each.status == FAULT for each in findings):
+        raise typer.Exit(1)
+
+
+def _folder_of(store: str) -> Path:
+    return data_folder(opened_store(store).files.full_url)
+
+
+def _passphrase(encrypted: bool) -> str | None:
+    if not encrypted:
+        return None
+    if not (passphrase := os.environ.get(PASSPHRASE)):
+        raise SpecError(f"--encrypted: the environment variable {PASSPHRASE} is missing; set the passphrase")
+    return passphrase
+
+
+def _words(contents: "Contents") -> str:
+    has = f"{counted(contents.users, 'user')}, {counted(contents.signoffs, 'signed document')}"
+    return f"{has}, {contents.audit} entries of the audit trail, the newest {contents.newest[:12] or 'none'}"

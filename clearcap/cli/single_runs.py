@@ -1,20 +1,85 @@
 """Verbs that simulate apart from a campaign: ``simulate``, ``replay``, ``polarisation`` and ``bench``."""
 
-from dataclasses import asdict, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from math import isnan
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.errors import CampaignError, SpecError
 from clearcap.cli.options import CampaignId, StoreUrl, named_mechanism, opened_campaign
-from clearcap.cli.output import Json, print_json, print_table, print_text, say
-from clearcap.cli.output_files import RunFiles
+from clearcap.cli.output import (
+    PLOTS,
+    Json,
+    check_output,
+    print_json,
+    print_table,
+    print_text,
+    replacing,
+    say,
+)
 
 if TYPE_CHECKING:
     from campaign.plan import Plan
-    from engine import Mechanism, Run
+    from engine import Run
     from engine.profile.step_times import StepTimes
+
+TRAJECTORIES, ANIMATIONS = (".h5", ".hdf5"), (".gif", ".html", ".mp4")
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """The files that a user requests for one run."""
+
+    trajectory: Path | None  # HDF5 file with the motion
+    plot: Path | None  # curves over time, or hysteresis on a test bench
+    animation: Path | None
+
+    def named(self) -> dict[str, str]:
+        """Return the path of each file by its kind."""
+        return {kind: str(path) for kind, path in vars(self).items() if path}
+
+    def check(self) -> None:
+        """Check, before the work begins, that the files can be written.
+
+        Raises the errors of `check_output`, and SpecError if an animation needs ffmpeg, which is not installed.
+        """
+        for option, path, endings in (
+            ("--trajectory", self.trajectory, TRAJECTORIES),
+            ("--plot", self.plot, PLOTS),
+            ("--animate", self.animation, ANIMATIONS),
+        ):
+            if path:
+                check_output(option, path, endings)
+        if self.animation:
+            from clearcap.pictures.animation import can_write
+
+            if not can_write(self.animation.suffix):
+                raise SpecError(
+                    f"--animate {self.animation}: needs ffmpeg, which is not found; install it, or write .gif or .html"
+                )
+
+    @contextmanager
+    def recording(self) -> Iterator[Path | None]:
+        """Yield the path for the run's trajectory, or None; draw the pictures at the end of the block."""
+        with TemporaryDirectory(prefix="clearcap-") as folder:
+            trajectory = self.trajectory or (Path(folder) / "motion.h5" if self.plot or self.animation else None)
+            yield trajectory
+            if trajectory and (self.plot or self.animation):
+                from clearcap.pictures.animation import animate
+                from clearcap.pictures.run_figure import plot_run
+                from engine import read_trajectory
+
+                recorded = read_trajectory(trajectory)
+                for path, draw in ((self.plot, plot_run), (self.animation, animate)):
+                    if path:
+                        say(f"drawing {path}")
+                        with replacing(path) as temporary:
+                            draw(recorded, temporary)
 
 
 def simulate(
@@ -64,7 +129,10 @@ def simulate(
         plot = Path(f"{loaded.name}-{bench}.png" if bench else f"{loaded.name}.png")
     files = RunFiles(trajectory, plot, animation)
     files.check()
-    _check_every(every, files)
+    if every and not files.named():
+        raise SpecError(
+            "--every: no motion is recorded; give --trajectory, --plot or --animate too, or leave --every out"
+        )
     compile_engine()
     with files.recording() as motion:
         run = simulate_once(
@@ -77,7 +145,10 @@ def simulate(
             indeterminacy=True,
         )
     if step is not None and run.status in ("not_at_rest", "diverged"):
-        run = _with_longest_step(run, set_values(loaded, values), step, horizon)
+        from engine.preflight.cautions import step_caution
+
+        if (slower := step_caution(set_values(loaded, values), step, horizon)) is not None:  # has the longest step
+            run = replace(run, message=f"{run.message}; but the step is too long: {slower.remedy}")
     _print_run(run, files.named(), json)
     for doubt in run.certificate.doubts():
         say(f"warning: {doubt}")
@@ -87,28 +158,7 @@ def simulate(
         raise typer.Exit(1)
 
 
-def _with_longest_step(run: "Run", mechanism: "Mechanism", step: float, horizon: float | None) -> "Run":
-    """Return the run; if its step is to blame, its message also names the longest step that comes to rest."""
-    from engine.preflight.cautions import step_caution
-
-    caution = step_caution(mechanism, step, horizon)
-    if caution is None:
-        return run
-    return replace(run, message=f"{run.message}; but the step is too long: {caution.remedy}")
-
-
-def _check_every(every: int | None, files: RunFiles) -> None:
-    """Raise SpecError if ``--every`` is given but no motion is recorded."""
-    from campaign.errors import SpecError
-
-    if every and not files.named():
-        raise SpecError(
-            "--every: no motion is recorded; give --trajectory, --plot or --animate too, or leave --every out"
-        )
-
-
 def _print_run(run: "Run", files: dict[str, str], json: bool) -> None:
-    """Print the results of the run and the written files."""
     if json:
         from clearcap.questions.mechanisms import run_document
 
@@ -189,10 +239,8 @@ def polarisation(
     json: Json = False,
 ) -> None:
     """Draw where each journal lies in its bearing at the end of the runs, and the direction in which it presses."""
-    from campaign.errors import CampaignError
     from campaign.processes import cores
     from campaign.spec.load import load_campaign
-    from clearcap.cli.output_files import PLOTS, check_output, replacing
     from clearcap.pictures.play import plot_polarisation
     from clearcap.questions.mechanisms import campaign_journal_positions
 
@@ -245,7 +293,6 @@ def bench(
 
 
 def _print_step_times(measured: "list[StepTimes]") -> None:
-    """Print three tables with one mechanism per row."""
     for title, columns in TABLES.items():
         rows = [[entry.mechanism, *(_cell(getattr(entry, c)) for c in columns)] for entry in measured]
         print_table(title, ("mechanism", *columns.values()), rows, texts=1)
@@ -276,5 +323,4 @@ TABLES = {
 
 
 def _cell(value: object) -> str:
-    """Return a value for a table; numbers have three digits."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)

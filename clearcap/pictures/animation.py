@@ -1,29 +1,28 @@
 """Animation of a run: bodies and contact forces on one plane, and beside them the magnified play of each joint."""
 
 import re
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from PIL import Image
 
 from clearcap.pictures.play import Play
 from clearcap.pictures.run_figure import heading
-from clearcap.pictures.scene import BodyFrames, Scene, scene_of
+from clearcap.pictures.scene import CUT, HOLD, PER_SECOND, TRAIL, BodyFrames, Scene, scene_of, zigzag
 from clearcap.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, hide_axes, styled
 from engine import Trajectory
 from engine.arrays import Array
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-COMMON = 95  # percentile of the nonzero forces that gives the common force
-ARROW = 0.1  # length of the arrow of the common force, in diagonals of the box
-CUT = 2.0  # longer arrows are cut at this multiple of that length
 SIZE, DPI = (10.0, 6.2), 90
-TRAIL = 12  # frames for which the path of a journal stays visible
-FRAMES, PER_SECOND = 90, 15
-HOLD = 20  # frames for which the last one stays before the animation begins again
+FRAMES = 90
 LARGEST_PAGE = 100.0  # MB; matplotlib leaves out the frames beyond
 SYMBOLS = {
     "minus": "slower",
@@ -39,37 +38,23 @@ SYMBOLS = {
 
 
 def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> None:
-    """Write an animation of a run: ``.gif``, ``.html``, or with ffmpeg ``.mp4``.
-
-    It has at most `frames` frames, by default 90; they are dense where much moves, see `poses.progress`.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    """Write an animation of a run: ``.gif``, ``.html``, or with ffmpeg ``.mp4``; see `view.progress` for its frames."""
     scene = scene_of(trajectory, frames or FRAMES)
     with styled(**{"axes.titley": 1.02}):  # fixed, because otherwise every frame measures the titles
         figure = Figure(figsize=SIZE, dpi=DPI)
         FigureCanvasAgg(figure)
-        drawing = AnimationFigure(figure, scene, trajectory)
+        drawing = AnimationFigure(figure, scene)
         with (writer := _writer(path.suffix)).saving(figure, str(path), DPI):
             for frame in range(len(scene.time)):
                 drawing.show(frame)
                 writer.grab_frame()
-            if path.suffix != ".html":  # a page has a button to stop it
-                _hold(writer, HOLD)
+            if isinstance(writer, GifWriter):
+                writer.hold(HOLD)
+            elif path.suffix != ".html":  # a page has a button to stop it
+                for _ in range(HOLD):
+                    writer.grab_frame()
     if path.suffix == ".html":
         path.write_text(_page(path.read_text("utf-8"), f"{len(scene.time)} frames of {heading(trajectory)}"), "utf-8")
-
-
-def _hold(writer: Any, frames: int) -> None:
-    """Keep showing the last frame for a number of frames."""
-    from clearcap.pictures.gif import GifWriter
-
-    if isinstance(writer, GifWriter):
-        writer.hold(frames)
-        return
-    for _ in range(frames):
-        writer.grab_frame()
 
 
 def can_write(suffix: str) -> bool:
@@ -79,10 +64,6 @@ def can_write(suffix: str) -> bool:
 
 
 def _writer(suffix: str) -> Any:
-    from matplotlib.animation import FFMpegWriter, HTMLWriter
-
-    from clearcap.pictures.gif import GifWriter
-
     if suffix == ".html":
         return HTMLWriter(fps=PER_SECOND, embed_frames=True, default_mode="loop", embed_limit=LARGEST_PAGE)
     return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else GifWriter(fps=PER_SECOND)
@@ -90,8 +71,6 @@ def _writer(suffix: str) -> Any:
 
 def _page(player: str, label: str) -> str:
     """Return matplotlib's player as a page that needs no network and has a description for screen readers."""
-    from html import escape
-
     player = re.sub(r'<link rel="stylesheet"[^>]*>', "", player)
     player = re.sub(r'<i class="fa fa-([a-z -]+)"></i>', lambda match: SYMBOLS[match[1]], player)
     player = player.replace("<img ", f'<img alt="{escape(label)}" ', 1)
@@ -103,51 +82,49 @@ def _page(player: str, label: str) -> str:
 
 
 class AnimationFigure:
-    """The figure of an animation; `show` moves it to a frame. The trajectory supplies its name and units."""
+    """The figure of an animation; `show` moves it to a frame."""
 
-    def __init__(self, figure: "Figure", scene: Scene, trajectory: Trajectory) -> None:
-        self._scene, self._unit = scene, trajectory.units["time"]
-        self._name = trajectory.description.get("title") or trajectory.description["name"]
-        mechanism = trajectory.mechanism()
+    def __init__(self, figure: Figure, scene: Scene) -> None:
+        self._scene = scene
         self._title = figure.suptitle("", x=0.02, ha="left", fontsize=10)
         wide = 0.62 if scene.plays else 0.96
         axes = figure.add_axes((0.02, 0.1, wide, 0.82))
         hide_axes(axes)
-        common, long = common_force(scene.forces), ARROW * float(np.linalg.norm(np.diff(scene.box, axis=0)))
-        arrows = arrow_lengths(scene.forces, common, long)
-        low, high = limits(scene.box, scene.points + arrows)
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        moving = [name for name, body in scene.bodies.items() if not body.fixed]
-        colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(moving)}
-        self._bodies = [_Body(axes, name, body, colours.get(name, MUTED)) for name, body in scene.bodies.items()]
+        (left, bottom), (right, top) = scene.corners
+        axes.set(xlim=(left, right), ylim=(bottom, top))
+        self._bodies = [_Body(axes, name, body, scene.colours[name]) for name, body in scene.bodies.items()]
         self._springs = [axes.plot([], [], color=INK, linewidth=0.9)[0] for _ in scene.springs]
-        self._arrows = _Arrows(axes, scene.points, arrows)
-        if common:
-            _explain_arrows(axes, low, long, f"{common:g} {mechanism.unit('force')}")
+        self._arrows = np.where(scene.arrows.any(axis=-1, keepdims=True), scene.arrows, np.nan)  # NaN: not even a dot
+        self._quiver = _quiver(axes, scene.points[0], self._arrows[0])
+        if scene.common:  # the key
+            _quiver(axes, scene.corners[:1], np.array([[scene.long, 0.0]]))
+            text = (
+                f" {scene.common:g} {scene.units['force']} (mean since the last frame); longer arrows than {CUT:g} of"
+            )
+            axes.text(left + scene.long, bottom, f"{text} these are clipped", va="center", fontsize=8)
         insets = _grid(figure, len(scene.plays))
-        self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(insets, scene.plays, strict=True)]
+        self._insets = [_Inset(a, p, scene.units["length"]) for a, p in zip(insets, scene.plays, strict=True)]
         if scene.plays:
             _explain_insets(figure, max(play.eccentricity.shape[1] for play in scene.plays))
-        self._clock = _clock(figure, wide, float(scene.time[-1]), self._unit)
+        self._clock = _clock(figure, wide, float(scene.time[-1]), scene.units["time"])
 
     def show(self, frame: int) -> None:
         """Draw a frame."""
         scene = self._scene
-        self._title.set_text(f"{self._name}   t = {scene.time[frame]:.4g} {self._unit}")
+        self._title.set_text(f"{scene.name}   t = {scene.time[frame]:.4g} {scene.units['time']}")
         for body in self._bodies:
             body.show(frame)
         for line, ends in zip(self._springs, scene.springs, strict=True):
             line.set_data(*zigzag(*ends[frame]).T)
-        self._arrows.show(frame)
+        self._quiver.set_offsets(scene.points[frame])
+        self._quiver.set_UVC(*self._arrows[frame].T)
         self._clock.set_data([0.0, scene.time[frame]], [0.0, 0.0])
         for inset in self._insets:
             inset.show(scene.rows[max(frame - TRAIL, 0)], scene.rows[frame])
 
 
 class _Body:
-    """The artists of one body."""
-
-    def __init__(self, axes: "Axes", name: str, body: BodyFrames, colour: str) -> None:
+    def __init__(self, axes: Axes, name: str, body: BodyFrames, colour: str) -> None:
         self._body = body
         self._outline: Any = None
         if not body.fixed and body.outline.shape[1]:
@@ -172,21 +149,7 @@ class _Body:
         self._joints.set_data(*self._body.joints[frame].T)
 
 
-class _Arrows:
-    """The arrows of the contact forces."""
-
-    def __init__(self, axes: "Axes", points: Array, arrows: Array) -> None:
-        self._points = points
-        self._arrows = np.where(arrows.any(axis=-1, keepdims=True), arrows, np.nan)  # NaN: not even a dot
-        self._quiver = _quiver(axes, points[0], self._arrows[0])
-
-    def show(self, frame: int) -> None:
-        """Draw the forces of a frame."""
-        self._quiver.set_offsets(self._points[frame])
-        self._quiver.set_UVC(*self._arrows[frame].T)
-
-
-def _clock(figure: "Figure", wide: float, end: float, unit: str) -> Any:
+def _clock(figure: Figure, wide: float, end: float, unit: str) -> Any:
     """Draw a line from the start to the end of the run, and return the line on top of it that shows the time."""
     axes = figure.add_axes((0.1, 0.03, wide - 0.16, 0.02))
     axes.set_axis_off()
@@ -197,25 +160,15 @@ def _clock(figure: "Figure", wide: float, end: float, unit: str) -> Any:
     return axes.plot([], [], color=MUTED, linewidth=4, clip_on=False, solid_capstyle="butt")[0]
 
 
-def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:
-    """Draw arrows in the units of the axes."""
+def _quiver(axes: Axes, points: Array, arrows: Array) -> Any:
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "headwidth": 4, "clip_on": False}
     return axes.quiver(*points.T, *arrows.T, color=FORCE, zorder=5, **style)
-
-
-def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> None:
-    """Draw the key in a corner: an arrow of the length that represents ``force``."""
-    _quiver(axes, corner[None], np.array([[long, 0.0]]))
-    text = f" {force} (mean since the last frame); longer arrows than {CUT:g} of these are clipped"
-    axes.text(corner[0] + long, corner[1], text, va="center", fontsize=8)
 
 
 class _Inset:
     """The circle that limits a journal's axis, the axis's position, and its path."""
 
-    def __init__(self, axes: "Axes", play: Play, unit: str) -> None:
-        from matplotlib.patches import Circle
-
+    def __init__(self, axes: Axes, play: Play, unit: str) -> None:
         self._eccentricity = play.eccentricity
         hide_axes(axes)
         axes.set(xlim=(-1.25, 1.25), ylim=(-1.25, 1.25))
@@ -237,51 +190,13 @@ class _Inset:
             dot.set_data(*self._eccentricity[row : row + 1, ring].T)
 
 
-def common_force(forces: Array) -> float:
-    """Return a round number (1, 2 or 5 times a power of ten) up to the 95th percentile of forces; 0 without forces."""
-    sizes = np.linalg.norm(forces, axis=-1)
-    if not (sizes > 0).any():
-        return 0.0
-    large = float(np.percentile(sizes[sizes > 0], COMMON))
-    power = 10.0 ** np.floor(np.log10(large))
-    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= large * (1 + 1e-9)))
-
-
-def arrow_lengths(forces: Array, common: float, long: float) -> Array:
-    """Return the forces as arrows; the common force has length ``long``, and none is longer than ``CUT`` times that."""
-    if not common:
-        return np.zeros_like(forces)
-    sizes = np.linalg.norm(forces, axis=-1, keepdims=True) / common
-    return np.asarray(forces / common * long * np.minimum(1.0, CUT / np.maximum(sizes, CUT)))
-
-
-def zigzag(a: Array, b: Array, teeth: int = 8) -> Array:
-    """Return the polyline of a spring from a to b, shape (k, 2)."""
-    span = b - a
-    side = 0.06 * np.array([-span[1], span[0]])
-    share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, teeth), 0.85, 1.0])
-    swing = np.array([0.0, 0.0, *np.resize([1.0, -1.0], teeth), 0.0, 0.0])
-    return np.asarray(a + share[:, None] * span + swing[:, None] * side)
-
-
 def join_lines(lines: list[Array]) -> Array:
     """Return polylines, each of shape (k, 2), as one polyline with gaps."""
     gap = np.full((1, 2), np.nan)
     return np.vstack([gap, *(part for line in lines for part in (line, gap))])
 
 
-def limits(box: Array, ends: Array) -> Array:
-    """Return the corners, lower left and upper right, of a box around bodies and arrow ends, with a margin."""
-    flat = np.vstack([box, ends.reshape(-1, 2)])
-    corners = np.array([flat.min(axis=0), flat.max(axis=0)])
-    margin = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
-    return np.asarray(corners + np.array([[-margin], [margin]]))
-
-
-def _explain_insets(figure: "Figure", rings: int) -> None:
-    """Write an explanation below the insets."""
-    from matplotlib.lines import Line2D
-
+def _explain_insets(figure: Figure, rings: int) -> None:
     figure.text(0.65, 0.045, "axis of each journal in its bearing; circle: its clearance", fontsize=8)
     for i in range(rings if rings > 1 else 0):
         x = 0.66 + 0.09 * i
@@ -290,8 +205,7 @@ def _explain_insets(figure: "Figure", rings: int) -> None:
         figure.text(x + 0.012, 0.02, f"ring {i + 1}", fontsize=8, va="center")
 
 
-def _grid(figure: "Figure", count: int) -> list["Axes"]:
-    """Return axes for the circles of the joints, on the right of the figure."""
+def _grid(figure: Figure, count: int) -> list[Axes]:
     columns = 1 if count <= 3 else 2 if count <= 8 else 3
     rows = max(-(-count // columns), 2)
     wide, high = 0.34 / columns, 0.84 / rows
@@ -299,3 +213,56 @@ def _grid(figure: "Figure", count: int) -> list["Axes"]:
         figure.add_axes((0.65 + wide * (i % columns), 0.93 - high * (i // columns + 1), 0.95 * wide, 0.82 * high))
         for i in range(count)
     ]
+
+
+AREAS, OTHERS = 16, 32  # number of colours for large areas, and for all else
+CLOSE = 8  # of 256 in each channel; closer colours count as one
+
+
+class GifWriter(AbstractMovieWriter):
+    """A writer of GIFs for matplotlib, like matplotlib's own but with one palette for all frames."""
+
+    @classmethod
+    def isAvailable(cls) -> bool:  # matplotlib's name
+        """Return True: only Pillow is needed, which matplotlib depends on."""
+        return True
+
+    def setup(self, fig: Any, outfile: Any, dpi: Any = None) -> None:
+        """Start without frames."""
+        super().setup(fig, outfile, dpi)  # type: ignore[no-untyped-call]
+        self._frames: list[Image.Image] = []
+        self._held = 0
+
+    def grab_frame(self, **_: Any) -> None:
+        """Add the current figure as a frame."""
+        canvas: Any = self.fig.canvas
+        canvas.draw()
+        self._frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
+
+    def hold(self, frames: int) -> None:
+        """Show the last frame for the time of ``frames`` further ones, without drawing it again."""
+        self._held = frames
+
+    def finish(self) -> None:
+        """Write the frames in the colours of the middle one; the last frame is shown for the time of held frames."""
+        palette = palette_of(self._frames[min((len(self._frames) + self._held) // 2, len(self._frames) - 1)])
+        frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self._frames]
+        each = round(1000 / self.fps)
+        durations = [each] * (len(frames) - 1) + [each * (1 + self._held)]
+        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=durations, loop=0)
+
+
+def palette_of(frame: Image.Image) -> Image.Image:
+    """Return an image with a palette of the exact colours of large areas, and others that differ clearly from these."""
+    red, green, blue = np.moveaxis(np.asarray(frame, np.uint32), -1, 0)
+    packed, count = np.unique(red << 16 | green << 8 | blue, return_counts=True)  # sorting numbers is faster
+    colours = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1)
+    covering = frame.quantize(OTHERS, method=Image.Quantize.MAXCOVERAGE)  # keeps the hue of a thin arrow
+    others = np.reshape(covering.getpalette() or [], (-1, 3))
+    chosen = np.empty((0, 3), int)
+    for colour in [*colours[np.argsort(-count)[:AREAS]].astype(int), *others]:
+        if (np.abs(chosen - colour).max(axis=1) > CLOSE).all():  # Pillow would confuse closer colours
+            chosen = np.vstack([chosen, colour])
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(chosen.ravel().tolist())
+    return palette

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from clearcap.pictures.animation import ARROW, CUT, HOLD, PER_SECOND, TRAIL, arrow_lengths, common_force, limits, zigzag
 from clearcap.pictures.play import Play
-from clearcap.pictures.scene import BodyFrames, Scene
-from clearcap.pictures.style import MUTED, PALETTE
-from engine import Trajectory
+from clearcap.pictures.scene import CUT, HOLD, PER_SECOND, TRAIL, BodyFrames, Scene, zigzag
 from engine.arrays import Array
 
 LARGER_SIDE = 1000.0  # of the drawing, in its own units; coordinates have one decimal
@@ -56,12 +53,9 @@ class MovingDrawing:
     frames: dict[str, Any]
 
 
-def moving_drawing(scene: Scene, trajectory: Trajectory) -> MovingDrawing:
-    """Return the drawing of a scene; the trajectory supplies its units."""
-    mechanism = trajectory.mechanism()
-    common, long = common_force(scene.forces), ARROW * float(np.linalg.norm(np.diff(scene.box, axis=0)))
-    arrows = arrow_lengths(scene.forces, common, long)
-    low, high = limits(scene.box, scene.points + arrows)
+def moving_drawing(scene: Scene) -> MovingDrawing:
+    """Return the drawing of a scene."""
+    low, high = scene.corners
     scale = LARGER_SIDE / float(np.max(high - low))
     corner = np.array([low[0], high[1]])  # upper left
 
@@ -69,22 +63,20 @@ def moving_drawing(scene: Scene, trajectory: Trajectory) -> MovingDrawing:
         return np.asarray((points - corner) * [scale, -scale])
 
     bodies = {name: _moved(body, scale, corner) for name, body in scene.bodies.items()}
-    moving = [name for name, body in scene.bodies.items() if not body.fixed]
-    colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(moving)}
     plays, count = [_rings(play, scene) for play in scene.plays], len(scene.time)
     springs = [path_data(drawn(zigzag(*ends[i])) for ends in scene.springs) for i in range(count)]
-    forces = [arrow_data(drawn(scene.points[i]), drawn(scene.points[i] + arrows[i])) for i in range(count)]
+    forces = [arrow_data(drawn(scene.points[i]), drawn(scene.points[i] + scene.arrows[i])) for i in range(count)]
     return MovingDrawing(
         width=round(scale * float(high[0] - low[0]), 1),
         height=round(scale * float(high[1] - low[1]), 1),
-        unit=trajectory.units["time"],
-        length_unit=mechanism.unit("length"),
-        bodies=[_at_the_end(name, colours.get(name, MUTED), body, bodies[name]) for name, body in scene.bodies.items()],
+        unit=scene.units["time"],
+        length_unit=scene.units["length"],
+        bodies=[_at_the_end(name, scene.colours[name], body, bodies[name]) for name, body in scene.bodies.items()],
         springs=springs[-1],
         arrows=forces[-1],
-        common=f"{common:g} {mechanism.unit('force')}" if common else "",
-        key=arrow_data(np.array([[0.0, 0.0]]), np.array([[scale * long, 0.0]])) if common else "",
-        key_length=round(scale * long, 1),
+        common=f"{scene.common:g} {scene.units['force']}" if scene.common else "",
+        key=arrow_data(np.zeros((1, 2)), np.array([[scale * scene.long, 0.0]])) if scene.common else "",
+        key_length=round(scale * scene.long, 1),
         cut=CUT,
         plays=[
             {"joint": play.joint, "clearance": play.clearance, "rings": [_ring_at_the_end(places) for places in rings]}
@@ -124,7 +116,6 @@ def arrow_data(starts: Array, ends: Array) -> str:
 
 
 def _moved(body: BodyFrames, scale: float, corner: Array) -> dict[str, Any]:
-    """Return the data with which a page animates a body."""
     turn = body.turn * np.array([1.0, -1.0])[:, None]
     places = np.hstack([turn.reshape(-1, 6).round(TURN_DECIMALS), ((body.origin - corner) * [scale, -scale]).round(1)])
     shape = body.shape
@@ -140,7 +131,6 @@ def _moved(body: BodyFrames, scale: float, corner: Array) -> dict[str, Any]:
 
 
 def _at_the_end(name: str, colour: str, body: BodyFrames, moved: dict[str, Any]) -> BodyDrawing:
-    """Return a body as the page draws it at the last frame."""
     place = np.array(moved["places"][-1])
 
     def drawn(numbers: list[float]) -> Array:
@@ -152,12 +142,10 @@ def _at_the_end(name: str, colour: str, body: BodyFrames, moved: dict[str, Any])
 
 
 def _rings(play: Play, scene: Scene) -> list[list[list[float]]]:
-    """Return the points of each ring by frame, y downwards."""
     points = (play.eccentricity[scene.rows] * [1.0, -1.0]).round(PLAY_DECIMALS)
     return [points[:, ring].tolist() for ring in range(points.shape[1])]
 
 
 def _ring_at_the_end(places: list[list[float]]) -> dict[str, str]:
-    """Return the paths of a journal's trail to its final position, and of the dot there."""
     points = [f"{x:g} {y:g}" for x, y in places[-TRAIL - 1 :]]
     return {"trail": f"M{'L'.join(points)}", "dot": f"M{points[-1]}h0"}

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clearcap.pictures.poses import Pose, poses
-from clearcap.pictures.run_figure import file_metadata
-from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, hide_axes, styled
-from clearcap.pictures.view import View, choose_view
+from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, file_metadata, hide_axes, styled
+from clearcap.pictures.view import Pose, View, choose_view, poses
 from engine import Mechanism, Trajectory
 from engine.arrays import Array
 
@@ -95,15 +93,11 @@ def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
 
 def merge_runs(runs: list[list[JournalPositions]]) -> list[JournalPositions]:
     """Merge the positions of several runs of one mechanism, ring by ring."""
-    return [
-        JournalPositions(
-            of_ring[0].joint,
-            of_ring[0].ring,
-            np.vstack([each.eccentricities for each in of_ring]),
-            np.vstack([each.forces for each in of_ring]),
-        )
-        for of_ring in zip(*runs, strict=True)
-    ]
+    merged = []
+    for of_ring in zip(*runs, strict=True):
+        numbers = (np.vstack([getattr(each, key) for each in of_ring]) for key in ("eccentricities", "forces"))
+        merged.append(JournalPositions(of_ring[0].joint, of_ring[0].ring, *numbers))
+    return merged
 
 
 if TYPE_CHECKING:
@@ -153,14 +147,12 @@ def describe(journals: list[JournalPositions], heading: str) -> str:
     for journal in journals:
         angle = np.degrees(np.arctan2(*mean_direction(journal)[::-1]))
         eccentricity = np.linalg.norm(journal.eccentricities, axis=1).mean()
-        parts.append(
-            f"{journal.joint} ring {journal.ring} presses at {angle:.0f} degrees, eccentricity {eccentricity:.2f}"
-        )
+        name = f"{journal.joint} ring {journal.ring}"
+        parts.append(f"{name} presses at {angle:.0f} degrees, eccentricity {eccentricity:.2f}")
     return f"{heading}. {'; '.join(parts)}."
 
 
 def _draw(axes: "Axes", journal: JournalPositions) -> None:
-    """Draw the circle of the clearance, the journal's position in each run, and the direction of its force."""
     from matplotlib.patches import Circle
 
     hide_axes(axes)

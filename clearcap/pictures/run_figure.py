@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clearcap.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, label_with_unit, styled
+from clearcap.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, file_metadata, label_with_unit, styled
 from engine import Trajectory
 from engine.arrays import Array
 
@@ -24,7 +24,7 @@ STILL = 1e-6  # share of the range of x; a smaller change is not a motion
 
 
 def plot_run(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure of a run as ``.png``, ``.svg`` or ``.pdf``."""
+    """Write the figure of a run as ``.png``, ``.svg`` or ``.pdf``; its metadata describe it in words."""
     draw = plot_hysteresis if trajectory.description.get("plot") else plot
     draw(trajectory, path)
 
@@ -38,14 +38,9 @@ class Panel:
     unit: str  # of the vertical axis
     curves: dict[str, Array]  # values over time by name, each of shape (n,)
 
-    @property
-    def counts(self) -> bool:
-        """Whether the curves are whole numbers, drawn as steps."""
-        return self.axis == "number"
-
 
 def plot(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure, ``.png``, ``.svg`` or ``.pdf``; its metadata describe it in words."""
+    """Write the curves over time."""
     from matplotlib.figure import Figure
 
     shown = panels(trajectory)
@@ -118,15 +113,15 @@ def cut_range(values: Array) -> tuple[float, float] | None:
 
 
 def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
-    """Draw the curves of a panel, each in its own colour and dash."""
-    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is for the step that ends here
+    counts = panel.axis == "number"
+    draw: Callable[..., Any] = axes.step if counts else axes.plot  # a count is for the step that ends here
     for i, (name, values) in enumerate(panel.curves.items()):
         draw(time, values, color=PALETTE[i], linestyle=DASHES[i], label=name)
     axes.set_title(panel.title, color=INK)
     axes.set_ylabel(label_with_unit(panel.axis, panel.unit))
     axes.margins(x=0.01)
     axes.grid(color=GRID, linewidth=0.7)
-    axes.locator_params(axis="y", nbins=5, integer=panel.counts)
+    axes.locator_params(axis="y", nbins=5, integer=counts)
     axes.ticklabel_format(useOffset=False, scilimits=(-4, 5))
     if len(panel.curves) > 1:
         axes.legend(loc="best", fontsize=8, frameon=False, ncols=3)
@@ -138,20 +133,8 @@ def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
         axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
 
 
-def file_metadata(suffix: str, text: str) -> dict[str, Any]:
-    """Return the metadata of a file: a description, and no date, so that the same run gives the same bytes."""
-    if suffix == ".pdf":
-        return {"Title": "clearcap simulate", "Subject": text, "CreationDate": None}
-    if suffix == ".svg":
-        return {"Title": "clearcap simulate", "Description": text, "Date": None}
-    return {"Title": "clearcap simulate", "Description": text}
-
-
 def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure of y against x, as named in the mechanism's ``plot``: forward strokes solid, backward dashed.
-
-    The run is on a test bench; the file is ``.png``, ``.svg`` or ``.pdf``.
-    """
+    """Write the figure of y against x, as named in the mechanism's ``plot``: forward strokes solid, backward dashed."""
     from matplotlib.figure import Figure
 
     names = trajectory.description["plot"]
@@ -197,7 +180,5 @@ def describe_hysteresis(trajectory: Trajectory) -> str:
     x, y = trajectory.responses[names["x"]], trajectory.responses[names["y"]]
     top = int(np.argmax(y))
     x_unit, y_unit = (trajectory.units[f"responses/{names[axis]}"] for axis in ("x", "y"))
-    return (
-        f"{heading(trajectory)}. {names['y']} against {names['x']}: from {x.min():.5g} to {x.max():.5g} {x_unit}, "
-        f"largest {y[top]:.5g} {y_unit} at {x[top]:.5g} {x_unit}."
-    )
+    span = f"{names['y']} against {names['x']}: from {x.min():.5g} to {x.max():.5g} {x_unit}"
+    return f"{heading(trajectory)}. {span}, largest {y[top]:.5g} {y_unit} at {x[top]:.5g} {x_unit}."

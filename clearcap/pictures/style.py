@@ -1,8 +1,10 @@
 """The style of pictures: colours that colour-blind readers can tell apart, always with a second distinction."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -61,3 +63,17 @@ def hide_axes(axes: "Axes") -> None:
     """Remove frame, ticks and background of axes that show bodies instead of a graph."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+def file_metadata(suffix: str, text: str) -> dict[str, Any]:
+    """Return the metadata of a file: a description, and no date, so that the same run gives the same bytes."""
+    dateless = {".pdf": {"Subject": text, "CreationDate": None}, ".svg": {"Description": text, "Date": None}}
+    return {"Title": "clearcap simulate", **dateless.get(suffix, {"Description": text})}
+
+
+def as_bytes(kind: str, draw: Callable[[Path], None]) -> bytes:
+    """Return the content of a picture, ``svg``, ``png`` or ``gif``, that a function draws into a file."""
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        picture = Path(folder, f"picture.{kind}")
+        draw(picture)
+        return picture.read_bytes()

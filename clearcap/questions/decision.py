@@ -8,12 +8,25 @@ finds an interval of a response decides it alone: weights of runs that have chos
 file is a function of the rows before, so a later call continues with the same bits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.special import ndtr
 
 from campaign.coordinator.requests import refuse_signed
 from campaign.coordinator.submit import submit
 from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.inputs.distributions.base import DRAWN
+from campaign.inputs.sampling import sampler_named
+from campaign.inputs.sampling.importance import ImportanceSampler
+from campaign.inputs.sampling.inverse_transform import InverseTransformSampler, correlated
+from campaign.inputs.sampling.sampler import varied
 from campaign.plan import Plan
+from campaign.samples import limits_of
 from campaign.spec.campaign_file import CampaignSpec, Decide
 from campaign.spec.load import Campaign
 from campaign.store import Store
@@ -21,9 +34,16 @@ from campaign.store.labels import LabelChange, read_labels
 from campaign.store.layout import DECISION, SUBMISSION
 from campaign.waits import counted
 from campaign.worker.messages import check_build
-from clearcap.questions.aimed_campaign import Stage, aimed_campaign, decided_by
 from clearcap.questions.report import analysis
-from reporting.analysis import Analysis
+from clearcap.questions.report_source import Stage, decided_by
+from engine.arrays import Array
+from engine.mechanism.faults import did_you_mean
+from reporting import ReportError
+from reporting.rare.aim import WIDE, Aim, Target, aims, find_targets
+
+SUFFIX = "-rare"
+LONGEST_NAME = 60
+LEFT_OUT = ("stop", "grid", "table", "importance", "decide")
 
 # Runs of an aimed campaign, and more for each open response, as far as the campaign's `decide.runs` reach. A quarter
 # looks for rejects where nothing aims: 300 of these without a reject leave room for 5 ppm behind a flat limit.
@@ -62,7 +82,7 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
     left = (plan.spec.decide or Decide()).runs - sum(decides.spec.samples for decides, _ in stages)
     if left < (FEWEST_RUNS if stages else 1) or plan.spec.sampler != "random" or store.survey(plan).missing:
         return None
-    names = open_responses(analysis(store, plan))
+    names = tuple(r.spec.name for r in analysis(store, plan).responses if r.verdict.certain is False)
     if not names:
         return None
     refuse_signed(store, plan.campaign_id)
@@ -83,6 +103,97 @@ def plan_decision(store: Store, plan: Plan) -> Stage | None:
     return decides, names
 
 
-def open_responses(found: Analysis) -> tuple[str, ...]:
-    """Return the responses with a verdict that is not certain."""
-    return tuple(r.spec.name for r in found.responses if r.verdict.certain is False)
+@dataclass(frozen=True)
+class AimedCampaign:
+    """A campaign file that aims at rejects."""
+
+    tables: dict[str, Any]  # its content, as TOML tables
+    targets: tuple[Target, ...]  # where rejects beyond each limit lie
+    aims: tuple[Aim, ...]  # the components
+    variables: tuple[str, ...]  # those that vary, in the order of the components' centres
+
+
+def aimed_campaign(
+    store: Store, plan: Plan, samples: int, responses: Sequence[str] = (), wide_share: float = WIDE
+) -> AimedCampaign:
+    """Return the campaign file that the rows suggest; the component that looks elsewhere draws `wide_share` of it."""
+    limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
+    for name in responses:
+        if name not in limits:
+            allowed = ", ".join(limits) or "none"
+            raise SpecError(
+                f"--response {name}: no response with limits has this name; allowed: {allowed}"
+                f"{did_you_mean(name, list(limits))}"
+            )
+    if not limits:
+        raise SpecError(f"{plan.campaign_id}: no response has limits, so there are no rejects; give limits in its file")
+    names = tuple(varied(plan.spec))
+    z, weights, values = _rows(store, plan, names)
+    try:
+        targets = find_targets(
+            *(z, weights, values), {name: limits[name] for name in responses or limits}, partial(_inputs, plan, names)
+        )
+    except ReportError as error:
+        raise CampaignError(f"{plan.campaign_id}: {error}") from error
+    components = aims(targets, len(names), wide_share)
+    return AimedCampaign(_tables(plan, components, names, samples), targets, components, names)
+
+
+def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array, dict[str, Array]]:
+    """Return standard scores, weights and responses of all rows."""
+    sampler = sampler_named(plan.spec.sampler)
+    if not isinstance(sampler, InverseTransformSampler):
+        raise SpecError(
+            f"{plan.campaign_id}: samples of sampler {sampler.name} are not drawn from distributions, so they do not"
+            ' show where rejects lie; run the campaign with sampler = "random"'
+        )
+    scores: list[Array] = []
+    weights: list[Array] = []
+    values: dict[str, list[Array]] = {name: [] for name in plan.mechanism.responses}
+    for table in store.stream(plan, ["sample", *values]):
+        sample = table["sample"].to_numpy()
+        if not sample.size:
+            continue
+        first = int(sample[0])
+        drawn = sampler.scores(plan.spec, first, int(sample[-1]) + 1 - first)
+        scores.append(np.column_stack([drawn[name][sample - first] for name in names]))
+        own = sampler.own_columns(plan.spec, sample)
+        weights.append(np.exp(own["log_weight"]) if "log_weight" in own else np.ones(sample.size))
+        for name, pieces in values.items():
+            pieces.append(table[name].to_numpy())
+    if not scores:
+        raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
+    return (
+        np.concatenate(scores),
+        np.concatenate(weights),
+        {name: np.concatenate(pieces) for name, pieces in values.items()},
+    )
+
+
+def _inputs(plan: Plan, names: Sequence[str], scores: Array) -> Array:
+    """Return the values of the variables that vary, at standard scores before correlations; shape (n, d) both."""
+    u = {name: np.clip(ndtr(z), *DRAWN) for name, z in zip(names, scores.T, strict=True)}
+    if plan.spec.correlations:
+        u |= correlated(u, plan.spec.correlations)
+    return np.column_stack([plan.spec.variables[name].ppf(u[name]) for name in names])
+
+
+def _tables(plan: Plan, components: Sequence[Aim], names: Sequence[str], samples: int) -> dict[str, Any]:
+    """Return the campaign file; its seed differs, because the components depend on the samples of this seed."""
+    given = plan.spec.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    tables = {key: value for key, value in given.items() if key not in LEFT_OUT}
+    name = plan.spec.name.removesuffix(SUFFIX)[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
+    changed = {"name": name, "samples": samples, "seed": plan.spec.seed + 1, "sampler": ImportanceSampler.name}
+    tables |= changed | {"importance": {"components": [_component(aim, names) for aim in components]}}
+    try:
+        CampaignSpec.model_validate(tables)
+    except ValidationError as error:
+        reasons = "; ".join(each["msg"].removeprefix("Value error, ") for each in error.errors())
+        raise SpecError(f"{plan.campaign_id} cannot have importance sampling: {reasons}") from error
+    return tables
+
+
+def _component(aim: Aim, names: Sequence[str]) -> dict[str, Any]:
+    shift = {name: z for name, z in zip(names, aim.centre, strict=True) if z}
+    table = {"share": round(aim.share, 4), "source": aim.source}
+    return table | ({"shift": shift} if shift else {}) | ({"scale": aim.scale} if aim.scale != 1.0 else {})

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, Protocol
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -44,12 +44,7 @@ def rows_etag(version: str, kind: str, selection: RowSelection) -> str:
     return f'"{hashlib.sha256(made_of.encode("utf-8", "surrogateescape")).hexdigest()[:32]}"'
 
 
-def export_rows(
-    store: Store,
-    plan: Plan,
-    kind: str,
-    selection: RowSelection = RowSelection(),  # it is immutable
-) -> Iterator[bytes]:
+def export_rows(store: Store, plan: Plan, kind: str, selection: RowSelection = RowSelection()) -> Iterator[bytes]:
     """Return the bytes of a file of rows, in the order of the samples, as an iterator of pieces; skip missing batches.
 
     The first piece is generated before this function returns, so that errors are raised before anything is sent; only
@@ -62,9 +57,8 @@ def export_rows(
     names = list(selection.columns) or plan.schema.names
     for name in names:
         if name not in plan.schema.names:
-            raise SpecError(
-                f"column {name}: campaign {plan.campaign_id} has none; allowed: {', '.join(plan.schema.names)}"
-            )
+            allowed = ", ".join(plan.schema.names)
+            raise SpecError(f"column {name}: campaign {plan.campaign_id} has none; allowed: {allowed}")
     if len(set(names)) < len(names):
         raise SpecError(f"columns {', '.join(names)}: one is named twice; name each once")
     if selection.first is not None and selection.last is not None and selection.first > selection.last:
@@ -74,7 +68,6 @@ def export_rows(
 
 
 def _pieces(store: Store, plan: Plan, kind: str, names: list[str], selection: RowSelection) -> Iterator[bytes]:
-    """Yield the pieces of a file; the first may be empty."""
     schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     sent = SentBytes()
     with _writer(kind, sent, schema) as writer:
@@ -130,22 +123,12 @@ class SentBytes(io.RawIOBase):
         return content
 
 
-class _TableWriter(Protocol):
-    """The common interface of Arrow, Parquet and CSV writers."""
-
-    def __enter__(self) -> "_TableWriter": ...
-
-    def __exit__(self, *error: Any) -> None: ...
-
-    def write_table(self, table: pa.Table) -> None:
-        """Write some rows."""
-
-
 class _CsvWriter:
     """A writer of CSV whose texts no spreadsheet takes for formulas: such a one gets an apostrophe in front."""
 
     def __init__(self, file: pa.PythonFile, schema: pa.Schema) -> None:
-        self._schema = pa.schema([field.with_name(_no_formula(field.name)) for field in schema], schema.metadata)
+        names = (f"'{name}" if name.startswith(_FORMULAS) else name for name in schema.names)
+        self._schema = pa.schema([field.with_name(n) for field, n in zip(schema, names, strict=True)], schema.metadata)
         self._writer = pyarrow.csv.CSVWriter(file, self._schema)
 
     def __enter__(self) -> "_CsvWriter":
@@ -156,29 +139,17 @@ class _CsvWriter:
 
     def write_table(self, table: pa.Table) -> None:
         """Write some rows."""
-        columns = [_texts(column) if pa.types.is_string(column.type) else column for column in table.columns]
+        formula = f"^([{re.escape(''.join(_FORMULAS))}])"
+        columns = [
+            pc.replace_substring_regex(column, formula, r"'\1") if pa.types.is_string(column.type) else column
+            for column in table.columns
+        ]
         self._writer.write_table(pa.table(columns, schema=self._schema))
 
 
-def _no_formula(text: str) -> str:
-    """Return a text that no spreadsheet takes for a formula."""
-    return f"'{text}" if text.startswith(_FORMULAS) else text
-
-
-def _texts(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Return texts that no spreadsheet takes for formulas."""
-    return pc.replace_substring_regex(column, f"^([{re.escape(''.join(_FORMULAS))}])", r"'\1")
-
-
-def _writer(kind: str, sink: SentBytes, schema: pa.Schema) -> _TableWriter:
-    """Return a writer of tables in a format."""
+def _writer(kind: str, sink: SentBytes, schema: pa.Schema) -> Any:
+    """Return a writer of tables in a format, for a ``with`` block."""
     file = pa.PythonFile(sink, "w")
-    match kind:
-        case "arrow":
-            writer = pa.ipc.new_stream(file, schema)
-        case "parquet":
-            writer = pq.ParquetWriter(file, schema, compression="zstd")
-        case _:
-            writer = _CsvWriter(file, schema)
-    found: _TableWriter = writer
-    return found
+    if kind == "arrow":
+        return pa.ipc.new_stream(file, schema)
+    return pq.ParquetWriter(file, schema, compression="zstd") if kind == "parquet" else _CsvWriter(file, schema)

@@ -37,17 +37,16 @@ _NAMES_SHOWN = 6  # number of joints and contacts listed for a material
 
 def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
     """Return the assumptions that are the same in every run of a campaign, by group."""
-    mechanism = plan.mechanism
-    varies = _varies(plan)
-    found = [
-        *_general(plan),
-        *_parameters(mechanism),
-        *_contact_laws(mechanism),
-        *_plays(mechanism),
-        *_loads(mechanism),
-        *_masses(mechanism),
-    ]
-    found += _phases(mechanism)
+    mechanism, varies = plan.mechanism, _varies(plan)
+    found = list(_general(plan))
+    found += [_number(mechanism, PARAMETERS, n, value, f"parameters.{n}") for n, value in mechanism.parameters.items()]
+    found += [*_contact_laws(mechanism), *_plays(mechanism)]
+    for table, kind in _LOADS.items():
+        for name, load in getattr(mechanism, table).items():
+            found += _entries(mechanism, load, LOADS, f"{kind} {name}", f"{table}.{name}")
+    found += _masses(mechanism)
+    for i, phase in enumerate(mechanism.phases):
+        found += _entries(mechanism, phase, PHASES, f"phase {phase.name}", f"phases.{i}")
     return tuple(fixed for each in found for fixed in _without_what_varies(each, varies))
 
 
@@ -61,7 +60,7 @@ def _varies(plan: Plan) -> Callable[[str], bool]:
         mean, std = plan.spec.variables[name].moments()
         centre[key], away[key] = mean, mean + 1e-3 * (std or abs(mean) or 1.0)
     try:
-        one, other = (_numbers(set_values(plan.mechanism, values)) for values in (centre, away))
+        one, other = (dict(_leaves(set_values(plan.mechanism, values), "")) for values in (centre, away))
     except MechanismError:  # a discrete variable, or parts that would overlap: only the keys themselves are known
         one, other = {}, {}
     changed = {key for key in one.keys() | other.keys() if one.get(key) != other.get(key)}
@@ -69,21 +68,17 @@ def _varies(plan: Plan) -> Callable[[str], bool]:
     return lambda key: key in changed
 
 
-def _numbers(mechanism: Mechanism) -> dict[str, float]:
-    """Return every number of a mechanism by its dotted path, including the components of vectors."""
-    return dict(_leaves(mechanism, ""))
-
-
 def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, float]]:
-    """Yield the dotted path and the value of every number below a node."""
+    """Yield the dotted path and the value of every number below a node, including the components of vectors."""
     if isinstance(node, float):
         yield prefix, node
         return
     if isinstance(node, TableModel):
         items = list(node.entries().items())
     elif isinstance(node, tuple):
-        is_vector = len(node) == 3 and all(isinstance(item, float) for item in node)
-        items = list(zip(_COMPONENTS, node, strict=True)) if is_vector else [(str(i), x) for i, x in enumerate(node)]
+        items = (
+            list(zip(_COMPONENTS, node, strict=True)) if _is_vector(node) else [(str(i), x) for i, x in enumerate(node)]
+        )
     else:
         items = list(node.items()) if isinstance(node, dict) else []
     for token, child in items:
@@ -103,26 +98,22 @@ def _without_what_varies(assumption: Assumption, varies: Callable[[str], bool]) 
 
 
 def _general(plan: Plan) -> Iterator[Assumption]:
-    """Yield the system of units, gravity, and the settings of the runs."""
     mechanism, settings = plan.mechanism, plan.spec.simulation
+    simulation, time = mechanism.simulation, mechanism.unit("time")
     yield Assumption(GENERAL, "system of units", mechanism.units, "", "units")
-    if plan.spec.bench:
-        yield Assumption(GENERAL, "test bench", plan.spec.bench, "", "")
-    if plan.spec.preset:
-        yield Assumption(GENERAL, "preset", plan.spec.preset, "", "")
+    for name, text in (("test bench", plan.spec.bench), ("preset", plan.spec.preset)):
+        if text:
+            yield Assumption(GENERAL, name, text, "", "")
     yield _vector(mechanism, GENERAL, "gravity", "gravity", mechanism.gravity, "acceleration")
-    simulation = mechanism.simulation
     adaptive = simulation.adaptive is not None and settings.step is None
     step = "shortest time step" if adaptive else "time step"
-    time = mechanism.unit("time")
     yield Assumption(GENERAL, step, settings.step or simulation.step, time, "simulation.step")
-    yield Assumption(
-        GENERAL, "longest simulated time", settings.horizon or simulation.horizon, time, "simulation.horizon"
-    )
-    numbers = _numbers(mechanism) | settings.values()
+    horizon = settings.horizon or simulation.horizon
+    yield Assumption(GENERAL, "longest simulated time", horizon, time, "simulation.horizon")
+    numbers = dict(_leaves(mechanism, "")) | settings.values()
     for key, name in _SETTINGS.items():
         if key in numbers and (adaptive or "adaptive" not in key):
-            yield Assumption(GENERAL, name, numbers[key], unit_of(mechanism, key), key)
+            yield _number(mechanism, GENERAL, name, numbers[key], key)
     if simulation.scheme != "combined":
         yield Assumption(GENERAL, "scheme", simulation.scheme, "", "simulation.scheme")
     for condition in mechanism.validity:
@@ -130,23 +121,18 @@ def _general(plan: Plan) -> Iterator[Assumption]:
     yield Assumption(GENERAL, "build of the engine", plan.engine_build[:16], "", "")
 
 
-def _parameters(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the parameters of the file, on which other numbers depend."""
-    for name, value in mechanism.parameters.items():
-        key = f"parameters.{name}"
-        yield Assumption(PARAMETERS, name, value, unit_of(mechanism, key), key)
-
-
 def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
     """Yield friction and restitution of each pair of materials, then of joints and contacts with their own values.
 
     Friction of ideal joints is a force or torque.
     """
-    pairs: dict[str, Any] = {f"joints.{n}": p for n, p in mechanism.joints.items() if not p.ideal}
-    pairs |= {f"contacts.{n}": p for n, p in mechanism.contacts.items()}
-    users = defaultdict(list)
+    contacts = {f"contacts.{n}": c for n, c in mechanism.contacts.items()}
+    pairs: dict[str, Any] = {f"joints.{n}": p for n, p in mechanism.joints.items() if not p.ideal} | contacts
+    of_materials = {name: material.between for name, material in mechanism.materials.items()}
+    users = defaultdict(list)  # joints and contacts by the pair of materials whose law applies; None without one
     for key, pair in pairs.items():
-        users[_material_of(mechanism, pair)].append(key.partition(".")[2])
+        law = pair.material or pair_between([mechanism.bodies[side.body].material for side in pair.sides], of_materials)
+        users[law].append(key.partition(".")[2])
     for name, material in mechanism.materials.items():
         where = f" ({_listed(users[name])})" if users[name] else " (not used)"
         for law in ("friction", "restitution"):
@@ -160,28 +146,14 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
             if getattr(pair, law) is not None:
                 name = f"{law} of {key.partition('.')[2]}, instead of its material's"
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
-    springs: dict[str, Any] = {f"contacts.{n}": c for n, c in mechanism.contacts.items()}
-    springs |= {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
-    for key, spring in springs.items():
-        for field in ("stiffness", "damping"):
-            if (number := getattr(spring, field, None)) is not None:
-                where = key.partition(".")[2]
-                yield Assumption(
-                    CONTACT, f"{field} of {where}", number, unit_of(mechanism, f"{key}.{field}"), f"{key}.{field}"
-                )
-    for name, joint in mechanism.joints.items():
-        for field in _RUBBING if joint.ideal else ():
-            number = getattr(joint, field, None)
-            if number is not None:
-                key = f"joints.{name}.{field}"
-                yield Assumption(CONTACT, f"{_in_words(field)} of {name}", number, unit_of(mechanism, key), key)
-
-
-def _material_of(mechanism: Mechanism, pair: Any) -> str | None:
-    """Return the pair of materials whose law applies to a joint or contact; None without one."""
-    bodies = [mechanism.bodies[side.body].material for side in pair.sides]
-    pairs = {name: material.between for name, material in mechanism.materials.items()}
-    return pair.material or pair_between(bodies, pairs)
+    limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
+    ideal = {f"joints.{n}": j for n, j in mechanism.joints.items() if j.ideal}
+    for owners, fields in ((contacts | limits, ("stiffness", "damping")), (ideal, _RUBBING)):
+        for key, owner in owners.items():
+            for field in fields:
+                if (number := getattr(owner, field, None)) is not None:
+                    name = f"{_in_words(field)} of {key.partition('.')[2]}"
+                    yield _number(mechanism, CONTACT, name, number, f"{key}.{field}")
 
 
 def _listed(names: list[str]) -> str:
@@ -193,30 +165,22 @@ def _listed(names: list[str]) -> str:
 def _plays(mechanism: Mechanism) -> Iterator[Assumption]:
     """Yield the clearances of joints, the backlash of couplings and the offsets of contacts."""
     for name, joint in mechanism.joints.items():
-        if joint.ideal:
-            continue
-        for field, number in joint.entries().items():
+        for field, number in () if joint.ideal else joint.entries().items():
             if field.endswith("clearance") and isinstance(number, float):
-                key = f"joints.{name}.{field}"
-                yield Assumption(PLAY, f"{_in_words(field)} of {name}", number, unit_of(mechanism, key), key)
+                yield _number(mechanism, PLAY, f"{_in_words(field)} of {name}", number, f"joints.{name}.{field}")
     for name, coupling in mechanism.couplings.items():
-        key = f"couplings.{name}.backlash"
-        yield Assumption(PLAY, f"backlash of {name}", coupling.backlash, unit_of(mechanism, key), key)
+        yield _number(mechanism, PLAY, f"backlash of {name}", coupling.backlash, f"couplings.{name}.backlash")
     for name, contact in mechanism.contacts.items():
         if contact.offset:
             key = f"contacts.{name}.offset"
             yield Assumption(PLAY, f"offset of contact {name}", contact.offset, mechanism.unit("length"), key)
 
 
-def _loads(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the numbers and vectors of springs, dampers, forces, torques and motions, except their points of action."""
-    for table, kind in _LOADS.items():
-        for name, load in getattr(mechanism, table).items():
-            yield from _entries(mechanism, load, LOADS, f"{kind} {name}", f"{table}.{name}")
-
-
 def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, key: str) -> Iterator[Assumption]:
-    """Yield the numbers and vectors of a table and of the tables in it, without zeros that are the default."""
+    """Yield the numbers and vectors of a table and of the tables in it.
+
+    Points of action are left out, and zeros that are the default.
+    """
     for field, value in table.entries().items():
         info = field_of(type(table), field)
         quantity = declared(info, Quantity)
@@ -224,7 +188,7 @@ def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, ke
         if isinstance(value, TableModel):
             yield from _entries(mechanism, value, group, name if field != "law" else f"the law of {owner}", path)
         elif isinstance(value, float) and (value or info is None or info.is_required()):
-            yield Assumption(group, name, value, unit_of(mechanism, path), path)
+            yield _number(mechanism, group, name, value, path)
         elif field == "table":
             yield Assumption(group, f"points of {owner}", f"{len(value)} points", "", path)
         elif _is_vector(value) and quantity and quantity.name != "length":
@@ -232,7 +196,6 @@ def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, ke
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the mass of every moving body, and its speeds at the start."""
     for name, body in mechanism.bodies.items():
         if body.fixed:
             continue
@@ -243,14 +206,11 @@ def _masses(mechanism: Mechanism) -> Iterator[Assumption]:
                 yield _vector(mechanism, MASSES, words, key, getattr(body, field), quantity)
 
 
-def _phases(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the durations and the drag of the phases of a run."""
-    for i, phase in enumerate(mechanism.phases):
-        yield from _entries(mechanism, phase, PHASES, f"phase {phase.name}", f"phases.{i}")
+def _number(mechanism: Mechanism, group: str, name: str, value: float, key: str) -> Assumption:
+    return Assumption(group, name, value, unit_of(mechanism, key), key)
 
 
 def _vector(mechanism: Mechanism, group: str, name: str, key: str, value: Any, quantity: str) -> Assumption:
-    """Return an assumption with three components."""
     return Assumption(group, name, tuple(value), mechanism.unit(quantity), key)
 
 
@@ -259,5 +219,4 @@ def _is_vector(value: Any) -> bool:
 
 
 def _in_words(field: str) -> str:
-    """Return the name of a key as words."""
     return field.replace("_", " ").strip()

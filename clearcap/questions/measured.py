@@ -9,6 +9,7 @@ import io
 import platform
 import re
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -16,10 +17,12 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.plan import Plan
 from campaign.row_build import clearcap_version
 from campaign.spec.campaign_file import Response, ShortName
 from campaign.spec.faults import SpecFault, structure_faults
-from clearcap.questions.report import report_date
+from campaign.store import Store, open_store
+from clearcap.questions.report import report_date, report_rows, report_spec
 from clearcap.questions.report_source import sha256
 from engine.faults.toml_positions import with_positions
 from engine.mechanism.base import PositiveNumber, TableModel
@@ -27,9 +30,10 @@ from engine.mechanism.faults import did_you_mean
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, write_report
-from reporting.analysis import Analysis, analyse
 from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
+from reporting.comparison import Validation, validation
+from reporting.gauge import BiasStudy, GaugeStudy, gauge_bias, gauge_repeatability
 from reporting.samples import read_samples
 from reporting.spec import ChartPlan
 from reporting.write import USUAL
@@ -181,11 +185,7 @@ def _checked(tables: dict[str, Any], heading: str, content: bytes) -> LimitsFile
 
 
 def read_parts(path: str | Path) -> "pd.DataFrame":
-    """Return the table of a CSV, Parquet or Excel file.
-
-    The cells of CSV are texts; columns may be separated by comma, semicolon or tab. Raises SpecError if the file cannot
-    be read.
-    """
+    """Return the table of a CSV file, separated by comma, semicolon or tab, with texts, or of Parquet or Excel."""
     import pandas as pd
 
     path, suffix = Path(path), Path(path).suffix.lower()
@@ -228,27 +228,22 @@ def _csv(content: bytes) -> "pd.DataFrame":
 
 def _with_heads(frame: "pd.DataFrame", heads: list[Any]) -> "pd.DataFrame":
     """Name the columns as the file does: pandas gives the second of two equal names another one."""
-    if len(heads) == len(frame.columns):
-        frame = frame.set_axis([str(head) for head in heads], axis="columns")
-    return frame
+    return frame.set_axis(list(map(str, heads)), axis="columns") if len(heads) == len(frame.columns) else frame
 
 
 def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
-    """Return the rows of a report in the order in which parts were made.
-
-    A missing value is NaN. Raises SpecError if a column is missing or holds a text that is no number.
-    """
+    """Return the rows of a report in the order in which parts were made, NaN where there is no value; SpecError."""
     import pyarrow as pa
 
     parts = without_empty_rows(parts)
     if not 0 < len(parts) <= MOST_PARTS:
         raise SpecError(f"the table has {len(parts)} rows with a value; allowed: 1 to {MOST_PARTS}")
-    order = np.arange(len(parts)) if limits.order is None else _ranks(column_of(parts, limits.order, "order"))
+    n = len(parts)
+    order = np.arange(n) if limits.order is None else _ranks(column_of(parts, limits.order, "order"))
     columns: dict[str, Any] = {}
     for name, each in limits.characteristics.items():
         key = f"characteristics.{name}.column" if each.column else f"characteristics.{name}"
         columns[name] = numbers_of(column_of(parts, each.column or name, key), each.column or name)[order]
-    n = len(parts)
     if limits.lot is not None:
         columns[_LOT] = _numbered(column_of(parts, limits.lot, "lot"), order)
     if isinstance(limits.subgroup, int):
@@ -308,24 +303,19 @@ def numbers_of(column: "pd.Series[Any]", name: str) -> Array:
         try:
             values[at] = float(text.replace(",", ".") if commas else text)
         except ValueError:
-            raise SpecError(
-                f"column {name}, row {rows[at]}: {text:.40} is no number; correct it, or leave it empty"
-            ) from None
+            fault = f"column {name}, row {rows[at]}: {text:.40} is no number; correct it, or leave it empty"
+            raise SpecError(fault) from None
     return values
 
 
 def _texts(column: "pd.Series[Any]") -> list[str]:
-    """Return the cells of a column as texts, empty where there is none."""
     import pandas as pd
 
     return ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
 
 
 def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
-    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts.
-
-    Raises SpecError if a cell is empty, if only some cells are times, or if day and month cannot be told apart.
-    """
+    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts; SpecError."""
     import pandas as pd
 
     name, rows, texts = str(column.name), column.index + 1, _texts(column)
@@ -345,14 +335,11 @@ def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
         at = int(np.argmin(is_time))
         raise SpecError(f"order: column {name}, row {rows[at]}: {texts[at]:.40} is no time, as others are; correct it")
     # numbers within texts count as numbers: part 9 was made before part 10
-    words = [[_sort_key(part) for part in _DIGITS.split(text)] for text in texts]
+    words = []
+    for text in texts:
+        parts = [(part.lstrip("0") if part.isdigit() else "", part) for part in _DIGITS.split(text)]
+        words.append([(len(digits), digits) if digits else (0, part) for digits, part in parts])
     return np.array(sorted(range(len(texts)), key=words.__getitem__), np.intp)
-
-
-def _sort_key(part: str) -> tuple[int, str]:
-    """Return by what a run of digits is sorted as the number that it is, and any other text as it stands."""
-    digits = part.lstrip("0") if part.isdigit() else ""
-    return (len(digits), digits) if digits else (0, part)
 
 
 def _day_is_first(texts: list[str], name: str) -> bool:
@@ -365,29 +352,6 @@ def _day_is_first(texts: list[str], name: str) -> bool:
         return True  # nobody writes the month first with dots
     raise SpecError(
         f"order: column {name}: in {found[0][0]} either number may be the month; write times as 2026-04-03 08:15"
-    )
-
-
-def report_spec_of_parts(limits: LimitsFile, parts: int, name: str, provenance: Mapping[str, str]) -> ReportSpec:
-    """Return what a report on measured parts needs besides the table."""
-    lots = limits.lot is not None
-    return ReportSpec(
-        title=limits.title or name,
-        campaign=name,
-        header=limits.header,
-        responses=tuple(_response(each, limits, key) for key, each in limits.characteristics.items()),
-        variables=(),
-        provenance=dict(provenance),
-        requested=parts,
-        sampler="measured",
-        design=_MEASURED,
-        production_batch_column=_LOT if lots else "",
-        author=limits.author,
-        written=report_date(),
-        ordered=limits.ordered,
-        measured=True,
-        subgroup_column=_SUBGROUP if limits.subgroup is not None else "",
-        charts=limits.charts(),
     )
 
 
@@ -445,15 +409,6 @@ def capability_report(
         raise (unwritable(str(error), error.__cause__) if error.__cause__ else CampaignError(str(error))) from error
 
 
-def capability_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> Analysis:
-    """Return the analysis that `capability_report` writes; raises what it raises."""
-    table, spec = asked_of_parts(parts, limits)
-    try:
-        return analyse(read_samples(table, spec), spec)
-    except ReportError as error:
-        raise CampaignError(str(error)) from error
-
-
 def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa.Table, ReportSpec]":
     """Return the table of a report on measured parts, and what the report needs besides; raises SpecError."""
     known = limits if isinstance(limits, LimitsFile) else load_limits(limits)
@@ -469,4 +424,136 @@ def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa
     except SpecError as error:
         raise SpecError(f"{where}: {error}") from error
     provenance |= {"clearcap": clearcap_version(), "Python": platform.python_version()}
-    return table, report_spec_of_parts(known, len(frame), name, provenance)
+    return table, ReportSpec(
+        title=known.title or name,
+        campaign=name,
+        header=known.header,
+        responses=tuple(_response(each, known, key) for key, each in known.characteristics.items()),
+        variables=(),
+        provenance=provenance,
+        requested=len(frame),
+        sampler="measured",
+        design=_MEASURED,
+        production_batch_column="" if known.lot is None else _LOT,
+        author=known.author,
+        written=report_date(),
+        ordered=known.ordered,
+        measured=True,
+        subgroup_column="" if known.subgroup is None else _SUBGROUP,
+        charts=known.charts(),
+    )
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """What a table of measurements says of the measuring system."""
+
+    repeatability: GaugeStudy | None  # None if no part is measured more than once
+    bias: BiasStudy | None  # None without reference values
+
+
+def gauge_study(
+    table: "str | Path | pd.DataFrame",
+    value: str = "value",
+    part: str = "part",
+    operator: str = "operator",
+    reference: str = "reference",
+    *,
+    nested: bool = False,
+    tolerance: float | None = None,
+    confidence: float = 0.95,
+) -> Gauge:
+    """Return repeatability, reproducibility, bias and linearity of a measuring system.
+
+    Parameters
+    ----------
+    table : str, Path or pandas.DataFrame
+        One row a measurement: a CSV, Parquet or Excel file, or a table. Rows without a value are left out.
+    value, part, operator, reference : str
+        Names of the columns: the measurement, its part, who measured, and the part's reference value. A table without
+        the column of operators has one operator; without that of reference values there is no bias; with reference
+        values the column of parts may be missing.
+    nested : bool
+        Whether each operator has parts of their own, as where a test destroys them.
+    tolerance : float or None
+        Distance between the limits of the characteristic, in the unit of the values.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    Gauge
+        ``repeatability`` and ``bias``, None where the table has no columns for them.
+
+    Raises
+    ------
+    SpecError
+        The table does not fit the study.
+    """
+    where = f"table {table}" if isinstance(table, str | Path) else "table"
+    try:
+        rows = without_empty_rows(read_parts(table) if isinstance(table, str | Path) else table)
+        there = [str(column) for column in rows.columns]
+        x = numbers_of(column_of(rows, value, "value"), value)
+        rows, x = rows[x == x], x[x == x]
+        known = numbers_of(column_of(rows, reference, "reference"), reference) if reference in there else None
+        bias = None if known is None else gauge_bias(x, known, confidence=confidence)
+        if known is not None and part not in there:
+            return Gauge(None, bias)
+        parts = column_of(rows, part, "part").astype(str).to_numpy(object)
+        by = column_of(rows, operator, "operator").astype(str).to_numpy(object) if operator in there else None
+        found = gauge_repeatability(x, parts, by, nested=nested, tolerance=tolerance, confidence=confidence)
+    except (ReportError, SpecError) as error:
+        raise SpecError(str(error) if str(error).startswith("parts ") else f"{where}: {error}") from error
+    return Gauge(found, bias)
+
+
+def validate_campaign(
+    parts: "str | Path | pd.DataFrame", campaign_id: str | None = None, store: str | Path = "runs", limits: Any = None
+) -> Validation:
+    """Return how measured parts compare with the samples of a campaign.
+
+    Parameters
+    ----------
+    parts : str, Path or pandas.DataFrame
+        The measurements, one row a part: a CSV, Parquet or Excel file, or a table. Without `limits`, columns with the
+        name of a response are compared, in the unit of the response.
+    campaign_id : str, optional
+        Id of the campaign; not needed if the store holds only one.
+    store : str or Path
+        Folder or URL of the store.
+    limits : str, Path or mapping, optional
+        Limits file of the parts, whose characteristics have the names of responses; it may name columns and lots.
+
+    Returns
+    -------
+    Validation
+        A prediction for each response, with its verdict, and the correlations.
+
+    Raises
+    ------
+    SpecError
+        The table or the limits do not fit the campaign.
+    """
+    opened = open_store(str(store))
+    return validated(opened, opened.plan(opened.find(campaign_id)), parts, limits)
+
+
+def validated(store: Store, plan: Plan, parts: "str | Path | pd.DataFrame", limits: Any = None) -> Validation:
+    """Return what `validate_campaign` returns, of an open store."""
+    spec = report_spec(plan, store)
+    if limits is None:
+        frame = read_parts(parts) if isinstance(parts, str | Path) else parts
+        there = {str(column) for column in frame.columns}
+        named = {each.name: {"unit": each.unit} for each in spec.responses if each.name in there}
+        if not named:
+            names = ", ".join(each.name for each in spec.responses)
+            fault = "parts: no column has the name of a response; rename the columns, or give --limits"
+            raise SpecError(f"{fault}: {names}")
+        limits = {"characteristics": named}
+    table, of_parts = asked_of_parts(parts, limits)
+    try:
+        samples = read_samples(report_rows(store, plan), spec)
+        return validation(read_samples(table, of_parts), of_parts, samples, spec)
+    except ReportError as error:
+        raise SpecError(str(error)) from error

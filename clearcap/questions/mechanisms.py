@@ -25,7 +25,7 @@ from engine import (
     simulate,
 )
 from engine.mechanism import Mechanism, get_value, library_names, unit_of
-from engine.mechanism.geometry.cad_table import DrawnBody, DrawnFace, DrawnGap, DrawnJoint, GeometryCertificate
+from engine.mechanism.geometry.cad_table import DrawnBody, DrawnFace, DrawnGap, GeometryCertificate
 from engine.mechanism.keys.values import settable_numbers
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
@@ -44,12 +44,7 @@ ENDS = 10**9  # recording interval: only the first and the last row of a traject
 
 
 def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
-    """Return the contents of a mechanism: inputs with value and unit, responses, validity conditions.
-
-    Keys: ``name``, ``title``, ``description``, ``units``, ``digest``; the numbers of ``bodies``, ``moving_bodies``,
-    ``joints`` and ``contacts``; ``parameters`` and ``clearances`` by name, each with ``value`` and ``unit``;
-    ``responses`` by name, each with ``title`` and ``unit``; ``validity``; titles of ``benches`` and ``presets``.
-    """
+    """Return the contents of a mechanism: inputs with value and unit, responses, validity conditions."""
     units = mechanism.response_units()
     return {
         "name": mechanism.name,
@@ -83,10 +78,7 @@ def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
     found = {name: contact.sides[1].primitive for name, contact in mechanism.contacts.items()}
     splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and not shape.patches}
     unit = Quantity("length").unit(mechanism.units)
-    return {
-        name: {"patches": len(shape.top), "error": shape.conversion_error, "unit": unit}
-        for name, shape in splines.items()
-    }
+    return {n: {"patches": len(x.top), "error": x.conversion_error, "unit": unit} for n, x in splines.items()}
 
 
 def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
@@ -118,7 +110,11 @@ def geometry_lines(mechanism: Mechanism) -> list[str]:
     return [
         f"geometry from {certificate.file}, sha256 {certificate.sha256[:12]}",
         *(f"  {key}: {_body(body, length, mass)}" for key, body in certificate.bodies.items()),
-        *(f"  joints.{name}: {_joint(joint, length)}" for name, joint in certificate.joints.items()),
+        *(
+            f"  joints.{name}: clearance {joint.clearance:.6g} {length} as drawn, axes {joint.axis_offset:.3g} {length}"
+            f" apart and {joint.tilt:.3g} rad tilted"
+            for name, joint in certificate.joints.items()
+        ),
         *(f"  {key}: {_face(face, length)}" for key, face in certificate.faces.items()),
         *(f"  {key}: {_gap(gap, length)}" for key, gap in certificate.gaps.items()),
     ]
@@ -135,18 +131,21 @@ def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, st
     errors = [face.conversion_error for face in faces if face.conversion_error is not None]
     converted = f", conversion error {max(errors):.3g}" if errors else ""
     damage = f", damaged: {certificate.unreadable} of its entities are left out" if certificate.unreadable else ""
+    found = {key: abs(gap.difference) for key, gap in certificate.gaps.items() if gap.difference is not None}
+    gaps = f"none compared with the CAD file ({certificate.not_measured or 'no two faces that face each other'})"
+    if found:  # how well they agree with the distances that OCCT measures
+        worst = max(found, key=found.__getitem__)
+        gaps = f"{len(found)} compared with OCCT's distances, largest difference {found[worst]:.3g} ({worst})"
     return {
         "CAD file": f"{certificate.file}{damage}",
         "sha256 of the CAD file": certificate.sha256,
         "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}"
-        f"{converted}, "
-        f"axes up to {offset:.3g} apart and {tilt:.3g} rad tilted as drawn",
-        "gaps at the start": _gaps(certificate),
+        f"{converted}, axes up to {offset:.3g} apart and {tilt:.3g} rad tilted as drawn",
+        "gaps at the start": gaps,
     }
 
 
 def _body(body: DrawnBody, length: str, mass: str) -> str:
-    """Describe where a body's mass comes from."""
     text = f"part {body.part}, {body.volume:.6g} {length}3"
     if body.drawn_mass is None:
         return text
@@ -156,13 +155,6 @@ def _body(body: DrawnBody, length: str, mass: str) -> str:
     return f"{text}, {body.mass:.6g} {mass} in this file, {100 * (body.mass / body.drawn_mass - 1):+.2g} % from {drawn}"
 
 
-def _joint(joint: DrawnJoint, length: str) -> str:
-    return (
-        f"clearance {joint.clearance:.6g} {length} as drawn, axes {joint.axis_offset:.3g} {length} apart and "
-        f"{joint.tilt:.3g} rad tilted"
-    )
-
-
 def _face(face: DrawnFace, length: str) -> str:
     radius = "" if face.radius is None else f" of radius {face.radius:.9g} {length}"
     error = "" if face.conversion_error is None else f", conversion error {face.conversion_error:.3g} {length}"
@@ -170,23 +162,10 @@ def _face(face: DrawnFace, length: str) -> str:
 
 
 def _gap(gap: DrawnGap, length: str) -> str:
-    """Describe a gap by its value in the CAD file and its value at the start."""
     added = f", {gap.added:+.6g} {length} by this file" if gap.added else ""
-    start = (
-        ""
-        if gap.gap is None
-        else f", gap at the start {gap.gap:.6g} {length}, difference {gap.difference:.2g} {length}"
-    )
+    start = f", gap at the start {gap.gap:.6g} {length}" if gap.gap is not None else ""
+    start += f", difference {gap.difference:.2g} {length}" if start else ""
     return f"{gap.drawn:.6g} {length} apart as OCCT measures{added}{start}"
-
-
-def _gaps(certificate: GeometryCertificate) -> str:
-    """Describe how well the gaps at the start agree with the distances that OCCT measures."""
-    found = {key: abs(gap.difference) for key, gap in certificate.gaps.items() if gap.difference is not None}
-    if not found:
-        return f"none compared with the CAD file ({certificate.not_measured or 'no two faces that face each other'})"
-    worst = max(found, key=found.__getitem__)
-    return f"{len(found)} compared with OCCT's distances, largest difference {found[worst]:.3g} ({worst})"
 
 
 @dataclass(frozen=True)
@@ -257,9 +236,8 @@ def values_of(settings: Iterable[str]) -> dict[str, float]:
 def simulate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> dict[str, Any]:
     """Simulate a mechanism and return its `run_document`."""
     mechanism = source.load()
-    return run_document(
-        simulate(mechanism, source.all_values(mechanism), step=step, horizon=horizon, indeterminacy=True)
-    )
+    run = simulate(mechanism, source.all_values(mechanism), step=step, horizon=horizon, indeterminacy=True)
+    return run_document(run)
 
 
 def run_document(run: Run) -> dict[str, Any]:
@@ -280,7 +258,7 @@ def try_once(source: MechanismSource) -> dict[str, Any]:
         motion = Path(folder, "motion.h5")
         simulate(mechanism, source.all_values(mechanism), trajectory=Recording(motion, every))
         trajectory = read_trajectory(motion)
-    return {"run": results, "motion": asdict(moving_drawing(scene_of(trajectory, ANIMATION_FRAMES), trajectory))}
+    return {"run": results, "motion": asdict(moving_drawing(scene_of(trajectory, ANIMATION_FRAMES)))}
 
 
 def warm_up_try_out() -> None:
@@ -296,26 +274,25 @@ def engine_is_compiled() -> bool:
 def animate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> bytes:
     """Simulate a mechanism and return its motion as a GIF."""
     from clearcap.pictures.animation import animate
+    from clearcap.pictures.style import as_bytes
 
     mechanism = source.load()
     with TemporaryDirectory(prefix="clearcap-") as folder:
-        motion, picture = Path(folder, "motion.h5"), Path(folder, "motion.gif")
+        motion = Path(folder, "motion.h5")
         simulate(mechanism, source.all_values(mechanism), step=step, horizon=horizon, trajectory=motion)
-        animate(read_trajectory(motion), picture, ANIMATION_FRAMES)
-        return picture.read_bytes()
+        return as_bytes("gif", lambda path: animate(read_trajectory(motion), path, ANIMATION_FRAMES))
 
 
 def draw_mechanism(source: MechanismSource, kind: str = "svg") -> bytes:
     """Return a picture, ``svg`` or ``png``, of a mechanism at its start, with what its responses measure."""
-    from clearcap.pictures.sketches.sketch import plot_measurements
+    from clearcap.pictures.sketch import plot_measurements
+    from clearcap.pictures.style import as_bytes
 
     if kind not in PICTURES:
         raise SpecError(f"picture {kind!r:.20}: allowed: {', '.join(PICTURES)}")
     mechanism = source.load()
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        picture = Path(folder, f"picture.{kind}")
-        plot_measurements(set_values(mechanism, source.all_values(mechanism)), picture)
-        return picture.read_bytes()
+    mechanism = set_values(mechanism, source.all_values(mechanism))
+    return as_bytes(kind, lambda path: plot_measurements(mechanism, path))
 
 
 def campaign_journal_positions(campaign: "Campaign", processes: int) -> "list[JournalPositions]":

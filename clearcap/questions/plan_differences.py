@@ -1,7 +1,7 @@
 """What differs between the plans of campaigns, key by key, with what changes rows first."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,11 +32,12 @@ def plan_keys(store: Store, campaign: str) -> dict[str, Any]:
 
 
 def plan_differences(store: Store, campaign: str, other_store: Store, other: str) -> list[PlanDifference]:
-    """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest.
-
-    Raises what reading a plan raises.
-    """
-    here, there = (_flat(_told(_plan(s, c))) for s, c in ((store, campaign), (other_store, other)))
+    """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest."""
+    plans = (_plan(*each) for each in ((store, campaign), (other_store, other)))
+    here, there = (
+        _flat({**plan["spec"], "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")})
+        for plan in plans
+    )
     keys = [key for key in dict.fromkeys((*here, *there)) if here.get(key) != there.get(key)]
     irrelevant = set(IRRELEVANT)
     found = [PlanDifference(key, here.get(key), there.get(key), key.split(".")[0] not in irrelevant) for key in keys]
@@ -50,20 +51,12 @@ def shortened(value: Any) -> str:
 
 
 def _plan(store: Store, campaign: str) -> dict[str, Any]:
-    _, document = parse_plan(store.files.read(f"{campaign}/{PLAN}").decode())
-    return document
+    return parse_plan(store.files.read(f"{campaign}/{PLAN}").decode())[1]
 
 
-def _told(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a plan says: its campaign file, its mechanism, and the build of its rows."""
-    spec = {key: value for key, value in document["spec"].items() if key != "mechanism"}
-    return {**spec, "mechanism": document.get("mechanism", {}), "row_build": document.get("row_build")}
-
-
-def _flat(table: Mapping[str, Any], above: Sequence[str] = ()) -> dict[str, Any]:
+def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """Return the values of nested tables by their dotted keys."""
     flat: dict[str, Any] = {}
     for key, value in table.items():
-        path = (*above, key)
-        flat |= _flat(value, path) if isinstance(value, Mapping) else {".".join(path): value}
+        flat |= _flat(value, f"{above}{key}.") if isinstance(value, Mapping) else {f"{above}{key}": value}
     return flat

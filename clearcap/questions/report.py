@@ -24,20 +24,19 @@ from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan, resolution
 from campaign.row_build import clearcap_version, differences
-from campaign.spec.campaign_file import CampaignSpec, Response
+from campaign.spec.campaign_file import Response
 from campaign.store import Store, open_store
 from campaign.store.files.files import TEMPORARY
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import STATE, STOPPED, SUBMISSION
 from campaign.store.store import read_repeats, repeat_plans, repeated_shares, report_folder, survey_repeats
 from campaign.worker.messages import plain_rows
-from clearcap.pictures.sketches.sketch import sketch_mechanism
-from clearcap.questions.aimed_campaign import decided_by
+from clearcap.pictures.sketch import sketch_mechanism
 from clearcap.questions.fixed_assumptions import fixed_assumptions
 from clearcap.questions.mechanisms import geometry_provenance
 from clearcap.questions.plan_differences import plan_differences
-from clearcap.questions.report_source import report_source, sha256, stated_date, stated_source
-from clearcap.questions.spreads import Spreads
+from clearcap.questions.report_source import decided_by, report_source, sha256, stated_date, stated_source
+from clearcap.questions.tolerances import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, Decision, analyse, compare_rows
@@ -45,7 +44,7 @@ from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, leveled, read_samples
 from reporting.samples import read_repeats as checked
-from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, ProposalPart
+from reporting.spec import MechanismDrawing, ProposalPart
 from reporting.write import NAMES, USUAL
 
 logger = logging.getLogger(__name__)
@@ -59,18 +58,17 @@ _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_pe
 
 
 def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
-    """Write the report of a campaign, or its comparison with another campaign, into the campaign's folder of the store.
+    """Write the report of a campaign, or its comparison with another one, into a folder of its own in the store.
 
-    A comparison is written into a folder of its own (`campaign.store.store`), so that it replaces neither the
-    campaign's own report nor another comparison. The result is the path or URL of each file by kind, one of
-    `reporting.write.NAMES`. Raises CampaignError if there is nothing to report on, or the campaign is signed.
+    The result is the path or URL of each file by kind, one of `reporting.write.NAMES`. Raises CampaignError if there is
+    nothing to report on, or the campaign is signed.
     """
     other = None if against is None else store.find(against)
     if other is None:
         refuse_signed(store, plan.campaign_id)  # before a minute of work
     folder = report_folder(plan.campaign_id, other)
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
-        written = write_into(Path(temporary), store, plan, kinds=kinds, against=against)
+        written = write_into(Path(temporary), store, plan, kinds, against)
         names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
         # not while it is being signed: what was looked at is what is signed
         with nullcontext() if other is not None else unsigned(store, plan.campaign_id):
@@ -83,35 +81,23 @@ def write_into(
     folder: Path,
     store: Store,
     plan: Plan,
-    *,
-    kinds: Collection[str] = USUAL,
+    kinds: Collection[str],
     against: str | None = None,
     written: str | None = None,
 ) -> dict[str, str]:
-    """Write the files of a report into a folder, and return their paths by kind.
-
-    ``written`` is the date that the report states, by default the present time. Raises what `report` raises.
-    """
+    """Write the files of a report into a folder, and return their paths by kind; raises what `report` raises."""
     other = None if against is None else store.plan(store.find(against))
     if other is not None and other.campaign_id == plan.campaign_id:
         raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
     comparison = None if other is None else (report_rows(store, other), report_spec(other, store))
-    rescale = Spreads(plan.spec, plan.mechanism).change
     spec = report_spec(plan, store)
     spec = replace(spec, written=written or spec.written)
     if other is not None:
         command = f"{spec.provenance[_COMMAND]} --against {other.campaign_id}"
         spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
     try:
-        rows, repeats, decided = report_rows(store, plan), repeats_of(store, plan), decisions_of(store, plan)
-        return write_report(
-            *(rows, spec, folder),
-            kinds=kinds,
-            rescale=rescale,
-            against=comparison,
-            repeats=repeats,
-            decided=decided,
-        )
+        more = _beside_rows(store, plan)
+        return write_report(report_rows(store, plan), spec, folder, kinds=kinds, against=comparison, **more)
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
@@ -129,10 +115,8 @@ def report_written_again(store: str, campaign: str) -> dict[str, Any]:
     """Write the report of a campaign again, to compare, as a job: the SHA-256 of its files, and what it was made of."""
     opened = open_store(store, QUICK)
     files = report_again(opened, opened.plan(campaign))
-    return {
-        "source": stated_source(files[NAMES["json"]]),
-        "files": {name: sha256(content) for name, content in files.items()},
-    }
+    digests = {name: sha256(content) for name, content in files.items()}
+    return {"source": stated_source(files[NAMES["json"]]), "files": digests}
 
 
 def report_again(store: Store, plan: Plan) -> dict[str, bytes]:
@@ -150,7 +134,7 @@ def report_again(store: Store, plan: Plan) -> dict[str, bytes]:
         raise CampaignError(f"{folder}/{unknown[0]:.100}: is no file of a report; remove it from the store")
     date = stated_date(store.files.read(f"{folder}/{NAMES['json']}"))
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
-        write_into(Path(temporary), store, plan, kinds=[kinds[name] for name in names], written=date)
+        write_into(Path(temporary), store, plan, [kinds[name] for name in names], written=date)
         written = {path.name: path.read_bytes() for path in Path(temporary).iterdir()}
     if missing := [name for name in names if name not in written]:
         raise CampaignError(f"{folder}/{missing[0]}: cannot be written here, for its package is missing; remove it")
@@ -161,19 +145,20 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     """Return the content of a campaign's report as data; raise CampaignError if there is nothing to report on."""
     spec = report_spec(plan, store)
     try:
-        samples, rescale = read_samples(report_rows(store, plan), spec), Spreads(plan.spec, plan.mechanism).change
-        return analyse(samples, spec, rescale, repeats=repeats_of(store, plan), decided=decisions_of(store, plan))
+        return analyse(read_samples(report_rows(store, plan), spec), spec, **_beside_rows(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 
 
-def decisions_of(store: Store, plan: Plan) -> tuple[Decision, ...]:
-    """Return the weighted runs that decide what the samples leave open, of the campaigns that are complete."""
-    return tuple(
+def _beside_rows(store: Store, plan: Plan) -> dict[str, Any]:
+    """Return how spreads change rows, the repeats, and the complete campaigns that decide what samples leave open."""
+    decided = tuple(
         Decision(report_rows(store, decides), report_spec(decides, store), names)
         for decides, names in decided_by(store, plan)
         if not store.survey(decides).missing
     )
+    rescale = Spreads(plan.spec, plan.mechanism).change
+    return {"rescale": rescale, "repeats": repeats_of(store, plan), "decided": decided}
 
 
 class BriefIndices(BaseModel):
@@ -228,25 +213,15 @@ def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]
 
 
 def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
-    """Yield an empty table, then the columns of a campaign that a report reads, piece by piece.
-
-    If the campaign has production batches, a further column holds the number of each row's batch.
-    """
+    """Yield an empty table, then the columns that a report reads, with the number of the production batch, if any."""
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     columns += [name for name in LATER if name in plan.schema.names]
     columns += sampler_named(plan.spec.sampler).columns
     columns += [name for name in (AT_IMPACT, AMBIGUOUS) if name in plan.schema.names]
     tables = chain([plan.schema.empty_table().select(columns)], store.stream(plan, columns))
-    if not _has_production_batches(plan):
-        yield from tables
-        return
     for table in tables:
-        yield table.append_column(BATCH, pa.array(production_batch(plan.spec, table["sample"].to_numpy())))
-
-
-def _has_production_batches(plan: Plan) -> bool:
-    """Return whether a variable varies by production batch."""
-    return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
+        batch = production_batch(plan.spec, table["sample"].to_numpy())
+        yield table if batch is None else table.append_column(BATCH, pa.array(batch))
 
 
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
@@ -254,6 +229,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
     place = [] if store is None else store.files.option
     drawing, note = mechanism_drawing(plan)
+    components = spec.importance.components if spec.importance else ()
     return ReportSpec(
         title=spec.title or spec.name,
         campaign=plan.campaign_id,
@@ -266,13 +242,15 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         sampler=spec.sampler,
         replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
         correlations=spec.correlations or (),
-        production_batch_column=BATCH if _has_production_batches(plan) else "",
+        production_batch_column="" if production_batch(spec, np.zeros(1, np.int64)) is None else BATCH,
         stop=_stopping_rule(plan, store),
         design=Design(sampler.production, sampler.report),
         ordered=False,
         corners=sampler.corners,
         designed=sampler.designed(spec),
-        proposal=_proposal(spec),
+        proposal=tuple(
+            ProposalPart(c.share, c.scale, tuple((v, z) for v, z in c.shift.items() if z), c.source) for c in components
+        ),
         min_ok=spec.failures.min_ok,
         max_not_assemblable=spec.failures.max_not_assemblable,
         author=author(plan, store),
@@ -286,8 +264,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
 
 def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
     """Return the data needed to reproduce the rows of a campaign; `place` names the store, as on the command line."""
-    spec = plan.spec
-    simulation = plan.mechanism.simulation
+    spec, simulation = plan.spec, plan.mechanism.simulation
     unit = unit_of(plan.mechanism, "simulation.step")
     return {
         "campaign": plan.campaign_id,
@@ -309,7 +286,6 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
 
 
 def _stopping_rule(plan: Plan, store: Store | None) -> str:
-    """Return the stopping rule and its outcome in words."""
     rule = plan.spec.stop
     if rule is None:
         return ""
@@ -325,7 +301,6 @@ def _stopping_rule(plan: Plan, store: Store | None) -> str:
 
 
 def _simulate_command(plan: Plan) -> str:
-    """Return the command for a single run with the campaign's settings, to which the inputs must be added."""
     simulation = plan.spec.simulation
     words = ["clearcap", "simulate", plan.spec.mechanism]
     options = {"--bench": plan.spec.bench, "--preset": plan.spec.preset}
@@ -334,16 +309,7 @@ def _simulate_command(plan: Plan) -> str:
     return shlex.join(words)
 
 
-def _proposal(spec: CampaignSpec) -> tuple[ProposalPart, ...]:
-    """Return the components of importance sampling; empty for other samplers."""
-    components = spec.importance.components if spec.importance else ()
-    return tuple(
-        ProposalPart(c.share, c.scale, tuple((v, z) for v, z in c.shift.items() if z), c.source) for c in components
-    )
-
-
 def _response(plan: Plan, name: str) -> ResponseSpec:
-    """Return the data about a response that `reporting` needs."""
     response = plan.spec.responses.get(name, Response())
     lsl, usl, target = response.limits()
     title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
@@ -358,7 +324,6 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:
-    """Return the data about a variable that `reporting` needs."""
     variable, key = plan.spec.variables[name], plan.spec.targets()[name]
     unit = unit_of(plan.mechanism, key)
     low, high = (None if abs(end) == float("inf") else end for end in variable.support())
@@ -400,7 +365,6 @@ def report_date() -> str:
 
 
 def _in_utc(seconds: float) -> str:
-    """Return a time [s since 1970] as a date in UTC with hours and minutes."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
@@ -408,42 +372,22 @@ def repeats_of(store: Store, plan: Plan) -> Repeats:
     """Return the stored repeats of a campaign, and advice on how to get more."""
     responses = tuple(plan.mechanism.responses)
     survey = survey_repeats(store, repeat_plans(store, plan))
-    table = read_repeats(store, plan, ["sample", "status", *responses])
-    return checked(table, responses, survey.planned, _remedy(store, plan, bool(survey.missing)))
-
-
-def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
-    """Return advice on how to get more repeats; empty if all samples are repeated."""
+    table, remedy = read_repeats(store, plan, ["sample", "status", *responses]), ""
     if differences(plan.row_build):
-        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it again."
-    if is_missing:
-        return f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
-    share = repeated_shares(store, plan)[-1]
-    if share >= MOST:
-        return ""
-    more = f"{min(max(2 * share, ASKED), MOST):g}"
-    command = store.command("repeat", plan.campaign_id, "--share", more)
-    return f"To repeat {'more' if share else 'some'}: {command}"
+        remedy = "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it again."
+    elif survey.missing:
+        remedy = f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
+    elif (share := repeated_shares(store, plan)[-1]) < MOST:
+        more = f"{min(max(2 * share, ASKED), MOST):g}"
+        command = store.command("repeat", plan.campaign_id, "--share", more)
+        remedy = f"To repeat {'more' if share else 'some'}: {command}"
+    return checked(table, responses, survey.planned, remedy)
 
 
 def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
-    """Return the drawing of a campaign's mechanism, or None and the reason why there is none.
-
-    If drawing fails for any reason, the report is written without the drawing.
-    """
+    """Return the drawing of a mechanism, or None and why there is none: a report is written without it."""
     try:
-        sketch = sketch_mechanism(plan.mechanism)
+        return sketch_mechanism(plan.mechanism), ""
     except Exception as error:  # anything: a mechanism from an earlier version, a failing compiler
         logger.warning("report of %s: the mechanism could not be drawn: %r", plan.campaign_id, error)
         return None, f"The mechanism could not be drawn ({type(error).__name__}: {str(error)[:200]})."
-    drawing = MechanismDrawing(
-        sketch.width,
-        sketch.height,
-        sketch.text,
-        sketch.areas,
-        tuple(DrawnLine(*stroke) for stroke in sketch.strokes),
-        sketch.dots,
-        tuple(DrawnWords(*word) for word in sketch.words),
-        tuple(LegendEntry(*entry) for entry in sketch.legend),
-    )
-    return drawing, ""

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from campaign.errors import CampaignError
+from campaign.plan import Plan
 from campaign.plan_header import PlanHeader
 from campaign.store import Store
 from campaign.store.layout import DECISION, PLAN, REPEATS, STOPPED
@@ -24,6 +25,7 @@ OF_PLAN, OF_ROWS = "plan digest", "rows digest"  # names in the provenance of a 
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2} \d{2}:\d{2} UTC")
 DOCUMENTS = (STOPPED, REPEATS, DECISION)  # they say which rows belong to the table, and which decide
 DECIDING = "deciding"
+Stage = tuple[Plan, tuple[str, ...]]  # an aimed campaign, and the responses that it decides
 
 
 def canonical(content: Any) -> bytes:
@@ -47,6 +49,14 @@ def deciding_campaigns(store: Store, campaign: str) -> dict[str, list[str]]:
             case _:
                 break
     return found
+
+
+def decided_by(store: Store, plan: Plan) -> tuple[Stage, ...]:
+    """Return the aimed campaigns that decide what a campaign leaves open, each with these responses, in their order."""
+    return tuple(
+        (store.plan(decides), tuple(name for name in plan.mechanism.responses if name in names))
+        for decides, names in deciding_campaigns(store, plan.campaign_id).items()
+    )
 
 
 def stored_at(campaign: str, name: str) -> str:
@@ -81,19 +91,13 @@ def report_source(store: Store, header: PlanHeader) -> dict[str, str]:
 
 
 def source_digests(plan: bytes, documents: Mapping[str, bytes], seals: Mapping[str, str]) -> dict[str, str]:
-    """Return the digests that a report states, from the plan, the documents on its tables, and the seals of all parts.
-
-    ``seals`` are the digests in the seals of the files of rows, by name in the campaign's folder.
-    """
+    """Return the digests that a report states; ``seals`` are those in the seals of the files of rows, by name."""
     rows = {**seals, **{name: sha256(content) for name, content in documents.items()}}
     return {OF_PLAN: sha256(plan), OF_ROWS: sha256(canonical(rows))}
 
 
 def stated_source(document: bytes) -> dict[str, str] | None:
-    """Return the digests that the JSON of a report states; None if it states none, as before they were written.
-
-    Raises CampaignError if it is not the JSON of a report.
-    """
+    """Return the digests that the JSON of a report states; None if it states none, as before they were written."""
     provenance = _document(document).get("provenance")
     if not isinstance(provenance, dict):
         raise CampaignError(f"{NAMES['json']}: is not the JSON of a report; write the report again")

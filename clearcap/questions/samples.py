@@ -82,8 +82,7 @@ def list_samples(store: Store, plan: Plan, sort: str, status: str | None, cursor
     """Return `count` samples of a campaign after the first `cursor`, of one of `STATUSES` or, for None, of all.
 
     `sort` is ``margin``, smallest first and samples without a margin last, or ``sample``, by number. The margin is the
-    smallest distance of a response from its limit, in standard deviations of that response over the samples, negative
-    outside the limits; without a response that has a limit and a value it is NaN.
+    smallest distance of a response from its limit, in its standard deviations, negative outside the limits.
     """
     if sort not in SORTS:
         raise SpecError(f"sort = {sort!r:.40}; allowed: {', '.join(SORTS)}")
@@ -92,7 +91,10 @@ def list_samples(store: Store, plan: Plan, sort: str, status: str | None, cursor
     names = list(plan.mechanism.responses)
     table = pa.concat_tables(store.stream(plan, ["sample", "status", "message", *names]))
     margin, nearest = _margins(plan, {name: table[name].to_numpy() for name in names})
-    wanted = np.flatnonzero(_having(table, status))
+    has_status = np.ones(table.num_rows, bool)
+    if status is not None:
+        has_status = (table["status"].to_numpy() == (OK if status == FAILED else status)) ^ (status == FAILED)
+    wanted = np.flatnonzero(has_status)
     if sort == "margin":
         wanted = wanted[np.argsort(margin[wanted], kind="stable")]  # NaN comes last
     chosen = wanted[cursor : cursor + count]
@@ -107,14 +109,6 @@ def list_samples(store: Store, plan: Plan, sort: str, status: str | None, cursor
     ]
     following = cursor + count if cursor + count < wanted.size else None
     return SamplePage(samples=samples, total=int(wanted.size), next=following)
-
-
-def _having(table: pa.Table, status: str | None) -> Any:
-    """Return a boolean mask of the rows with a status, shape (n,)."""
-    if status is None:
-        return np.ones(table.num_rows, bool)
-    found = table["status"].to_numpy() == (OK if status == FAILED else status)
-    return ~found if status == FAILED else found
 
 
 def _margins(plan: Plan, values: Mapping[str, Array]) -> tuple[Array, Any]:
@@ -170,16 +164,10 @@ def stored_sample(store: Store, campaign: str, sample: int) -> StoredSample | No
 def replay_sample(
     store: Store, campaign: str, sample: int, motion: Path | None = None, *, halved: bool = False
 ) -> ReplayedSample:
-    """Compute a sample again in this process, and compare it with its stored row, bit for bit.
-
-    `motion` names an HDF5 file to write its motion to; `halved` computes its repeat with half the step instead. Raises
-    SpecError if the campaign has no such sample, and the errors of `engine.simulate`.
-    """
+    """Compute a sample, or its repeat, again in this process, and compare it with its stored row, bit for bit."""
     plan = plan_with(store, campaign, sample)
-    again = repeated_sample(store, plan, sample, motion, halved=halved)
-    return ReplayedSample(
-        campaign=plan.campaign_id, sample=sample, **asdict(again), differences=differences(plan.row_build)
-    )
+    again = asdict(repeated_sample(store, plan, sample, motion, halved=halved))
+    return ReplayedSample(campaign=campaign, sample=sample, **again, differences=differences(plan.row_build))
 
 
 # -- jobs, which get the address of a store ---------------------------------------------------------------------------
@@ -194,14 +182,12 @@ def draw_sample(store: str, campaign: str, sample: int, kind: str) -> bytes:
     """Repeat a sample and return a picture of it: ``svg``, its curves over time, or ``gif``, its motion."""
     from clearcap.pictures.animation import animate
     from clearcap.pictures.run_figure import plot_run
+    from clearcap.pictures.style import as_bytes
 
-    with _repeated(store, campaign, sample) as recorded, TemporaryDirectory(prefix="clearcap-") as folder:
-        picture = Path(folder, f"picture.{kind}")
+    with _repeated(store, campaign, sample) as recorded:
         if kind == "gif":
-            animate(recorded, picture, ANIMATION_FRAMES)
-        else:
-            plot_run(recorded, picture)
-        return picture.read_bytes()
+            return as_bytes("gif", lambda path: animate(recorded, path, ANIMATION_FRAMES))
+        return as_bytes(kind, lambda path: plot_run(recorded, path))
 
 
 def sample_motion(store: str, campaign: str, sample: int) -> dict[str, Any]:
@@ -210,7 +196,7 @@ def sample_motion(store: str, campaign: str, sample: int) -> dict[str, Any]:
     from clearcap.pictures.scene import scene_of
 
     with _repeated(store, campaign, sample) as recorded:
-        return asdict(moving_drawing(scene_of(recorded, ANIMATION_FRAMES), recorded))
+        return asdict(moving_drawing(scene_of(recorded, ANIMATION_FRAMES)))
 
 
 @contextmanager

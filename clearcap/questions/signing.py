@@ -3,10 +3,10 @@
 An export, a ZIP with a campaign and its sign-offs, is written as a stream, and read with distrust.
 """
 
-import hashlib
 import os
 import stat
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Protocol
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
@@ -111,18 +111,14 @@ def now_in_utc() -> str:
 
 
 def digests_of(files: Mapping[str, str]) -> tuple[str, str, str]:
-    """Return the digests of the plan, the rows and the report, given the SHA-256 of each file by name.
-
-    Rows are all files that belong neither to the plan nor to the report: parts, repeats, and the documents on the end
-    of the table and on further repeats.
-    """
-    report = {name: value for name, value in files.items() if part_of(name) == "report"}
-    rows = {name: value for name, value in files.items() if part_of(name) == "rows"}
-    return files.get(PLAN, ""), sha256(canonical(rows)), sha256(canonical(report))
+    """Return the digests of the plan, the rows and the report, given the SHA-256 of each file by name."""
+    parts = ({name: value for name, value in files.items() if part_of(name) == part} for part in ("rows", "report"))
+    rows, report = (sha256(canonical(part)) for part in parts)
+    return files.get(PLAN, ""), rows, report
 
 
 def part_of(name: str) -> str:
-    """Return the part of a campaign that a file belongs to: ``plan``, ``rows`` or ``report``."""
+    """Return the part of a campaign that a file belongs to: ``plan``, ``report``, or ``rows`` for all else."""
     if name in (PLAN, CAMPAIGN_FILE):
         return "plan"
     return "report" if name.startswith(f"{REPORT}/") else "rows"
@@ -137,23 +133,15 @@ def differences(signed: Mapping[str, str], found: Mapping[str, str]) -> list[str
     """Describe the differences from the signed files, one per file; empty if all bytes are the same."""
     words = []
     for name in sorted(signed.keys() | found.keys()):
-        if name not in found:
-            words.append(f"{part_of(name)}: {name} is missing")
-        elif name not in signed:
-            words.append(f"{part_of(name)}: {name} was not signed")
-        elif signed[name] != found[name]:
-            words.append(f"{part_of(name)}: {name} differs")
+        if signed.get(name) != found.get(name):
+            what = "is missing" if name not in found else "was not signed" if name not in signed else "differs"
+            words.append(f"{part_of(name)}: {name} {what}")
     return words
 
 
 def fingerprint(key: Ed25519PublicKey) -> str:
     """Return the fingerprint of a server's key: the SHA-256 of its 32 bytes."""
     return sha256(key.public_bytes_raw())
-
-
-def sign(document: bytes, key: Ed25519PrivateKey) -> bytes:
-    """Return the signature of a document, 64 bytes."""
-    return key.sign(document)
 
 
 def is_signed(document: bytes, signature: bytes, key: Ed25519PublicKey) -> bool:
@@ -169,7 +157,11 @@ def signed_names(store: Store, header: PlanHeader) -> list[str]:
     """Return the names of all files that a sign-off would cover now, relative to the campaign's folder."""
     campaign = header.campaign_id
     reports = [f"{REPORT}/{name}" for name in store.files.names(f"{campaign}/{REPORT}") if not name.endswith(TEMPORARY)]
-    return [PLAN, CAMPAIGN_FILE, *documents_of(store, header), *_files_of_rows(store, header), *reports]
+    rows = []
+    for where, table in tables_of(store, header):
+        held = {part.file for part in store.survey(table).parts.values()}
+        rows += [f"{where}{table.folder}/{name}" for name in sorted(held)]
+    return [PLAN, CAMPAIGN_FILE, *documents_of(store, header), *rows, *reports]
 
 
 def digest_file(store: Store, campaign: str, name: str) -> str:
@@ -180,16 +172,11 @@ def digest_file(store: Store, campaign: str, name: str) -> str:
 def signed_files(
     store: Store, header: PlanHeader, digest: Callable[[Store, str, str], str] = digest_file
 ) -> dict[str, str]:
-    """Return the SHA-256 of each file that a sign-off covers, in its current state in the store.
-
-    `digest` returns that of a file by store, campaign and name; by default it reads the file.
-    """
+    """Return the SHA-256 of each file that a sign-off covers now, by `digest` of store, campaign and name."""
     found = {}
     for name in signed_names(store, header):
-        try:
+        with suppress(FileNotFoundError):  # removed since the listing
             found[name] = digest(store, header.campaign_id, name)
-        except FileNotFoundError:  # removed since the listing
-            continue
     return found
 
 
@@ -206,19 +193,11 @@ def check_whole(store: Store, header: PlanHeader) -> None:
         raise CampaignError(f"{header.campaign_id} has no report; write it first: an approver signs what it says")
 
 
-def _files_of_rows(store: Store, header: PlanHeader) -> Iterator[str]:
-    """Yield the names of the files that hold the rows and the repeats."""
-    for where, table in tables_of(store, header):
-        held = {part.file for part in store.survey(table).parts.values()}
-        yield from (f"{where}{table.folder}/{name}" for name in sorted(held))
-
-
 SIGNOFFS = "signoffs"  # folder of the documents
 KEY = f"{SIGNOFFS}/key.pem"
 HEAD, HEAD_SIGNATURE = f"{SIGNOFFS}/head.json", f"{SIGNOFFS}/head.sig"
 MOST_FILES = 200_000
 MOST_BYTES = 2**36  # of all files together, 64 GiB
-_CHUNK = 2**20
 
 
 @dataclass(frozen=True)
@@ -229,14 +208,9 @@ class SignedDocument:
     signature: bytes
 
 
-def document_name(number: int) -> str:
-    """Return the name of the document of a sign-off by its number, from 1."""
-    return f"{SIGNOFFS}/{number:04d}.json"
-
-
-def signature_name(number: int) -> str:
-    """Return the name of the signature of a sign-off by its number, from 1."""
-    return f"{SIGNOFFS}/{number:04d}.sig"
+def document_names(number: int) -> tuple[str, str]:
+    """Return the names of the document of a sign-off and of its signature by its number, from 1."""
+    return f"{SIGNOFFS}/{number:04d}.json", f"{SIGNOFFS}/{number:04d}.sig"
 
 
 def stream_export(
@@ -255,27 +229,22 @@ def stream_export(
     then incomplete, and no program can open it.
     """
     sink = SentBytes()
+
+    def contents() -> Iterator[tuple[str, bytes]]:
+        yield from ((name, store.files.read(stored_at(campaign, name))) for name in names)
+        documents = [(document_names(number), each) for number, each in enumerate(signed, start=1)]
+        documents += [] if head is None else [((HEAD, HEAD_SIGNATURE), head)]
+        for (name, name_of_signature), each in documents:
+            yield from ((name, each.document), (name_of_signature, each.signature))
+        yield KEY, key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+
     with ZipFile(sink, "w", ZIP_STORED) as archive:
-        for name in names:
-            archive.writestr(_entry(campaign, name), store.files.read(stored_at(campaign, name)))
+        for name, content in contents():
+            entry = ZipInfo(f"{campaign}/{name}")  # without a date: equal campaigns give equal ZIPs
+            entry.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(entry, content)
             yield sink.taken()
-        for number, each in enumerate(signed, start=1):
-            archive.writestr(_entry(campaign, document_name(number)), each.document)
-            archive.writestr(_entry(campaign, signature_name(number)), each.signature)
-            yield sink.taken()
-        if head is not None:
-            archive.writestr(_entry(campaign, HEAD), head.document)
-            archive.writestr(_entry(campaign, HEAD_SIGNATURE), head.signature)
-        pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
-        archive.writestr(_entry(campaign, KEY), pem)
     yield sink.taken()
-
-
-def _entry(campaign: str, name: str) -> ZipInfo:
-    """Return the header of a file in the ZIP; it has no date, so that equal campaigns give equal ZIPs."""
-    entry = ZipInfo(f"{campaign}/{name}")
-    entry.external_attr = (stat.S_IFREG | 0o644) << 16
-    return entry
 
 
 class UnfitArchive(CampaignError):
@@ -290,9 +259,6 @@ class Archive(Protocol):
 
     def read(self, name: str, at_most: int) -> bytes:
         """Return the content of a file; UnfitArchive if it cannot be read or has more than ``at_most`` bytes."""
-
-    def digest(self, name: str) -> str:
-        """Return the SHA-256 of a file; UnfitArchive if it cannot be read."""
 
 
 def open_archive(path: Path) -> Archive:
@@ -317,7 +283,11 @@ class ZipArchive:
         for entry in entries:
             _check_entry(path, entry)
         _check_amount(path, [entry.file_size for entry in entries])
-        self.campaign, names = _without_top(path, [entry.filename for entry in entries])
+        names = [entry.filename for entry in entries]
+        tops = {name.split("/")[0] for name in names}
+        if len(tops) != 1 or any("/" not in name for name in names):
+            raise UnfitArchive(f"{path}: is not an export: it does not hold the folder of one campaign")
+        self.campaign, names = tops.pop(), [name.partition("/")[2] for name in names]
         self._entries = dict(zip(names, entries, strict=True))
         if len(self._entries) < len(entries):
             twice = sorted(name for name in names if names.count(name) > 1)[0]
@@ -326,33 +296,20 @@ class ZipArchive:
 
     def read(self, name: str, at_most: int) -> bytes:
         """Return the content of a file."""
-        return b"".join(self._chunks(name, at_most))
-
-    def digest(self, name: str) -> str:
-        """Return the SHA-256 of a file."""
-        digest = hashlib.sha256()
-        for chunk in self._chunks(name, LARGEST):
-            digest.update(chunk)
-        return digest.hexdigest()
-
-    def _chunks(self, name: str, at_most: int) -> Iterable[bytes]:
-        """Yield the content of a file in chunks; UnfitArchive if it has more than ``at_most`` bytes."""
         if name not in self._entries:
             raise UnfitArchive(f"{self._path}: {name} is missing")
-        size = 0
         try:
             with ZipFile(self._path) as archive, archive.open(self._entries[name]) as file:
-                while chunk := file.read(_CHUNK):
-                    size += len(chunk)
-                    if size > at_most:  # the size that the ZIP states may be wrong
-                        raise UnfitArchive(f"{self._path}: {name} has more than {at_most} bytes")
-                    yield chunk
+                content = file.read(at_most + 1)
         except (BadZipFile, OSError, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
             raise UnfitArchive(f"{self._path}: {name} is damaged ({error})") from error
         except Exception as error:
             if type(error).__module__ != "zlib":  # zipfile lets zlib.error, a plain Exception, through
                 raise
             raise UnfitArchive(f"{self._path}: {name} is damaged ({error})") from error
+        if len(content) > at_most:  # the size that the ZIP states may be wrong
+            raise UnfitArchive(f"{self._path}: {name} has more than {at_most} bytes")
+        return content
 
 
 class FolderArchive:
@@ -385,10 +342,6 @@ class FolderArchive:
         except OSError as error:
             raise UnfitArchive(f"{self._root / name}: cannot be read ({error.strerror})") from error
 
-    def digest(self, name: str) -> str:
-        """Return the SHA-256 of a file."""
-        return hashlib.sha256(self.read(name, LARGEST)).hexdigest()
-
 
 def _check_entry(path: Path, entry: ZipInfo) -> None:
     """Refuse an entry that no export has."""
@@ -408,14 +361,5 @@ def _check_entry(path: Path, entry: ZipInfo) -> None:
 
 
 def _check_amount(path: Path, sizes: list[int]) -> None:
-    """Refuse more files, or more bytes, than an export has."""
     if len(sizes) > MOST_FILES or sum(sizes) > MOST_BYTES:
         raise UnfitArchive(f"{path}: has {len(sizes)} files of {sum(sizes)} bytes; allowed: {MOST_FILES}, {MOST_BYTES}")
-
-
-def _without_top(path: Path, names: list[str]) -> tuple[str, list[str]]:
-    """Return the single folder that all names begin with, and the names below it."""
-    tops = {name.split("/")[0] for name in names}
-    if len(tops) != 1 or any("/" not in name for name in names):
-        raise UnfitArchive(f"{path}: is not an export: it does not hold the folder of one campaign")
-    return tops.pop(), [name.partition("/")[2] for name in names]

@@ -7,7 +7,6 @@ used as a path: texts and the files that they name come with the call; a saved m
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel, Field
@@ -90,23 +89,19 @@ class CampaignSource:
         return campaign
 
     def contents(self, store: Store) -> dict[str, bytes]:
-        """Return the content of each file that the text may name, by name."""
+        """Return the content of each file that the text may name, and of the mechanism if it is saved in the store."""
         given = {
             name: each if isinstance(each, bytes) else read_regular_file(each, LARGEST_TOTAL)
             for name, each in self.files.items()
         }
-        return {**self._saved(store), **given}
-
-    def _saved(self, store: Store) -> Mapping[str, bytes]:
-        """Return the text of the mechanism that the campaign names, by name, if it is saved in the store."""
         try:
             name = parse_toml(text_bytes(self.text)).get("mechanism")
         except UnfitToml:
-            return MappingProxyType({})  # loading the text reports its faults
-        if not isinstance(name, str) or name in self.files or name in library_names():
-            return MappingProxyType({})
-        found = read_mechanism(store, name)
-        return MappingProxyType({} if found is None else {name: found.text.encode()})
+            return given  # loading the text reports its faults
+        if not isinstance(name, str) or name in given or name in library_names():
+            return given
+        saved = read_mechanism(store, name)
+        return given if saved is None else {name: saved.text.encode(), **given}
 
 
 def check_size(spec: CampaignSpec, most: int) -> None:
@@ -119,10 +114,7 @@ def check_size(spec: CampaignSpec, most: int) -> None:
 
 
 def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dict[str, Any]:
-    """Return the `CheckedCampaign`, with the cost of runs in the store or, with `tries_runs`, of a few of its own.
-
-    Raises SpecError with the faults of the text.
-    """
+    """Return the `CheckedCampaign`, with the cost of runs in the store or, with `tries_runs`, of a few of its own."""
     store = open_store(source.store, QUICK)
     campaign = source.load(store)
     plan, spec = make_plan(campaign), campaign.spec
@@ -150,11 +142,7 @@ def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[st
 def extend_campaign(
     store: str, campaign_id: str, samples: int, most: int, by: str, workers: int | None
 ) -> dict[str, Any]:
-    """Plan and queue a campaign with the same spec but more samples; rows that the store has are reused.
-
-    `samples` is the total and at most `most`; the user `by` becomes the owner. The result is that of `submit_text`.
-    Raises SpecError if the campaign has that many samples already, or cannot have that many.
-    """
+    """Plan and queue a campaign with the same spec but more samples in total; rows that the store has are reused."""
     opened = open_store(store, QUICK)
     plan = opened.plan(campaign_id)
     if samples <= plan.spec.samples:

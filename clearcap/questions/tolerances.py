@@ -1,8 +1,15 @@
-"""Advice without new runs: how much each tolerance may grow, and which set is cheapest for a cost file."""
+"""Advice without new runs: how much each tolerance may grow, and which set is cheapest for a cost file.
+
+A factor multiplies the standard deviation that a variable has after the cut at its bounds. Bounds never move outwards:
+a truncated normal distribution gets another ``std`` between its old bounds, and a uniform one, which fills its bounds,
+cannot grow. A distribution without bounds grows until the mechanism refuses its outermost values, such as a clearance
+below 0.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
+from math import exp, inf, isfinite, log
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -11,23 +18,235 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from campaign.errors import CampaignError, SpecError
-from campaign.inputs.distributions import Distribution
+from campaign.inputs.distributions import Continuous, Distribution
 from campaign.plan import Plan
 from campaign.samples import Limits, SampleColumns, independent_samples, limits_of, lots_of
+from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import structure_faults
 from campaign.store import Store
-from clearcap.questions.spreads import Spreads
-from clearcap.questions.whatif import check_drawn
+from clearcap.questions.whatif import change_distributions, check_drawn
+from engine import MechanismError, check
 from engine.arrays import Array
+from engine.mechanism import Mechanism
 from engine.mechanism.base import PositiveNumber, TableModel
 from engine.platform.toml_file import UnfitToml, read_toml
-from reporting import ReportError, capability
+from reporting import ReportError, capability, format_numbers
 from reporting.capability.verdict import CAPABLE
 from reporting.sensitivity.summary import sensitivity
 from reporting.tolerance.advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import CostLaw, ExponentialLaw, PowerLaw, Process, ProcessTable
 from reporting.tolerance.reweighting import Change
+
+SAME = 1e-6  # relative difference below which two standard deviations are the same
+_NEAREST = 1e-16  # distance from 0 and 1 of a probability whose quantile is taken
+# Steps of the search for a standard deviation, in the logarithm of the scale; one that is not found is not possible.
+_FIRST_STEP, _STEP_GROWTH, _MOST_STEPS = 0.25, 1.15, 15
+_BISECTIONS = 12  # between a factor that the mechanism accepts and one that it refuses
+_SEARCHED = 10.0  # factors up to this are tried on the mechanism at once
+_GRID, _WIDEST = 2001, 12.0  # points and half width [standard deviations] of a distribution over production batches
+_DIGITS = 7  # of a number for users to write into a file
+
+# Parameters that a distribution may have in place of mean and std.
+_SHIFTED = {"shift", "sigma_shift", "inertia"}  # the spread follows from more than the tolerance
+_NATURAL = (
+    *("dimension", "fit", "nominal", "tolerance", "cpk", *_SHIFTED, "inflation"),
+    *("alpha", "beta", "shape", "scale", "log_mean", "log_std"),
+)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A distribution with another standard deviation."""
+
+    law: Distribution
+    factor: float  # ratio of its standard deviation to the old one
+    keys: dict[str, Any] = field(default_factory=dict)  # to write into the variable's table to get it
+    limit: str = ""  # why the factor is nearer to 1 than the requested one; empty if it is the requested one
+
+
+class Spreads:
+    """The variables of a campaign with other standard deviations; a mechanism refuses impossible values."""
+
+    def __init__(self, spec: CampaignSpec, mechanism: Mechanism | None = None) -> None:
+        self._spec, self._mechanism = spec, mechanism
+        self._largest: dict[str, tuple[float, Spread]] = {}
+        self._found: dict[tuple[str, float], Spread] = {}
+
+    def of_variable(self, name: str, factor: float) -> Spread:
+        """Return a variable with a factor times its standard deviation, or with the nearest possible factor."""
+        if (name, factor) not in self._found:
+            self._found[name, factor] = self._nearest(name, factor)
+        return self._found[name, factor]
+
+    def _nearest(self, name: str, factor: float) -> Spread:
+        old = self._spec.variables[name]
+        if factor <= 1:
+            return with_spread(old, factor)
+        asked, largest = self._largest.get(name, (0.0, Spread(old, 1.0)))
+        if factor > asked and not largest.limit:
+            asked, largest = self._largest[name] = max(factor, _SEARCHED), self._find_largest(name, factor)
+        return largest if largest.limit and factor > largest.factor else with_spread(old, factor)
+
+    def change(self, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
+        """Return the effect on samples (n,) of factors on standard deviations, or of the nearest possible factors."""
+        spreads = {name: self.of_variable(name, factor) for name, factor in factors.items()}
+        change = change_distributions(self._spec, {name: each.law for name, each in spreads.items()}, columns)
+        limited = [each for each in spreads.values() if each.limit]
+        return replace(
+            change,
+            spread=min((each.factor for each in limited or spreads.values()), key=lambda f: abs(log(f))),
+            moved={
+                name: _moved(old, each.law, columns[name])
+                for name, each in spreads.items()
+                if isinstance(old := self._spec.variables[name], Continuous) and isinstance(each.law, Continuous)
+            },
+            limit="; ".join(dict.fromkeys(each.limit for each in limited)),
+            settings=tuple(
+                f"{name}.{key}={_shown(x)}" for name, each in spreads.items() for key, x in each.keys.items()
+            ),
+            written=tuple(text for name, factor in factors.items() for text in self.written(name, factor)),
+        )
+
+    def written(self, name: str, factor: float) -> tuple[str, ...]:
+        """Return what to write for a factor on one standard deviation, in the digits of a drawing."""
+        spread = self.of_variable(name, factor)
+        std = spread.law.moments()[1]
+        return tuple(f"{name}.{key}={_as_drawn(x, std)}" for key, x in spread.keys.items())
+
+    def _find_largest(self, name: str, factor: float) -> Spread:
+        """Return a variable with the largest spread that its bounds and the mechanism allow, up to the tried factor."""
+        old = self._spec.variables[name]
+        ends, most = old.ends(), with_spread(old, max(factor, _SEARCHED))
+        refusal = self._refusal(name, ends, most.law)
+        if not refusal:
+            return most
+        low, high, best = 0.0, log(most.factor), Spread(old, 1.0)
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            tried = with_spread(old, exp(middle))
+            refused = self._refusal(name, ends, tried.law)
+            low, high = (low, middle) if refused else (middle, high)
+            best, refusal = (best, refused) if refused else (tried, refusal)
+        return replace(best, limit=refusal)
+
+    def _refusal(self, name: str, ends: tuple[float, float], new: Distribution) -> str:
+        """Return the message about a value beyond the old ends that the mechanism refuses; empty if there is none."""
+        if self._mechanism is None:
+            return ""
+        (low, high), (least, most) = new.ends(), ends
+        for value in [x for x, is_farther in ((low, low < least), (high, high > most)) if is_farther]:
+            try:
+                check(self._mechanism, {self._spec.targets()[name]: value})
+            except MechanismError:
+                return f"more would reach {name} = {value:.3g}, which the mechanism refuses"
+        return ""
+
+
+def with_spread(old: Distribution, factor: float) -> Spread:
+    """Return a distribution of the same kind with a factor times the standard deviation, or the nearest possible."""
+    if not isinstance(old, Continuous):
+        return Spread(old, 1.0, {}, "its values are separate: its spread follows from their probabilities")
+    if abs(factor - 1) < SAME:
+        return Spread(old, 1.0)
+    law = _search(old, factor)
+    reached = law.moments()[1] / old.moments()[1]
+    same = abs(reached / factor - 1) < 10 * SAME
+    limit = "its bounds allow no more" if factor > 1 else "its distribution allows no less"
+    keys = {key: value for key, value in law.model_dump(exclude_none=True).items() if value != getattr(old, key)}
+    if "batch" in keys:  # a table in the variable's table
+        keys["batch.std"] = keys.pop("batch")["std"]
+    return Spread(law, factor if same else reached, keys, "" if same else limit)
+
+
+def _search(old: Continuous, factor: float) -> Continuous:
+    """Return the distribution with a factor times the standard deviation, or the nearest one that exists.
+
+    Steps are small, because between bounds the standard deviation may fall again while the spread before the cut grows.
+    """
+    from scipy.optimize import brentq, minimize_scalar  # takes 0.4 s to import
+
+    wanted, way = factor * old.moments()[1], 1.0 if factor > 1 else -1.0
+
+    def excess(scale: float) -> float | None:
+        scaled = _scaled(old, exp(scale))
+        return None if scaled is None else scaled.moments()[1] / wanted - 1.0
+
+    passed, far, step, wall = [(0.0, 1 / factor - 1)], log(factor), _FIRST_STEP, inf
+    for _ in range(_MOST_STEPS):
+        found = excess(far)
+        if found is None:
+            wall = far
+        elif abs(found) < SAME:
+            return _scaled(old, exp(far)) or old
+        elif found * way > 0:
+            root = brentq(lambda scale: excess(scale) or 0.0, passed[-1][0], far, xtol=0.1 * SAME)
+            return _scaled(old, exp(float(root))) or old
+        else:
+            passed.append((far, found))
+        near, step = passed[-1][0], step * _STEP_GROWTH
+        far = 0.5 * (near + wall) if isfinite(wall) else near + way * step
+    best = max(range(len(passed)), key=lambda i: way * passed[i][1])
+    scale = passed[best][0]
+    if best + 1 < len(passed):
+        ends = sorted((passed[max(best - 1, 0)][0], passed[best + 1][0]))
+        scale = float(minimize_scalar(lambda at: -way * (excess(at) or -inf), bounds=ends, method="bounded").x)
+    return _scaled(old, exp(scale)) or old
+
+
+def _scaled(old: Continuous, scale: float) -> Continuous | None:
+    """Return a distribution with its spread before the cut scaled; None if none exists within its bounds.
+
+    The mean before the cut stays the same, except for an exponential distribution, whose mean determines its spread.
+    """
+    table = old.model_dump(exclude_none=True)
+    has_moments = {"mean", "std"} <= type(old).model_fields.keys()
+    if "tolerance" in table and not _SHIFTED & table.keys():  # the capability of the manufacturer stays the same
+        table["tolerance"] *= scale
+    elif "zone" in table:
+        table |= {key: table[key] * scale for key in ("zone", "std") if key in table}
+    elif table["distribution"] == "exponential":
+        table = {key: x for key, x in table.items() if key not in ("mean", "std")}
+        table["scale"] = old.parent().moments()[1] * scale
+    elif has_moments:
+        mean, std = old.parent().moments()
+        table = {key: x for key, x in table.items() if key not in _NATURAL} | {"mean": mean, "std": std * scale}
+    elif scale > 1:
+        return None
+    else:  # its ends, which determine its spread, and its mode move towards its mean
+        mean = old.moments()[0]
+        within = {"within": [mean + scale * (x - mean) for x in table["within"]]} if "within" in table else {}
+        table |= {
+            key: mean + scale * (table[key] - mean) for key in ("lower", "upper", "mode") if key in table
+        } | within
+    if table.get("batch"):
+        table["batch"] = {**table["batch"], "std": table["batch"]["std"] * scale}
+    try:
+        return type(old).model_validate(table)
+    except ValidationError:
+        return None
+
+
+def _shown(value: Any) -> str:
+    return f"[{', '.join(map(_shown, value))}]" if isinstance(value, tuple | list) else f"{value:.{_DIGITS}g}"
+
+
+def _as_drawn(value: Any, std: float) -> str:
+    """Return a value in the digits of a drawing: to 1 % of the standard deviation, or of a smaller value itself."""
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_as_drawn(x, std) for x in value)}]"
+    places = format_numbers.decimals_for(min(std, abs(value)) if value else std)
+    return format_numbers.plain(round(value, places))
+
+
+def _moved(old: Continuous, new: Continuous, x: Array) -> Array:
+    """Return the values of a new distribution at the ranks of values of the old one."""
+    ranks = np.clip(old.cdf(x), _NEAREST, 1 - _NEAREST)
+    if new.batch is None:
+        return new.ppf(ranks)
+    (mean, std), (low, high) = new.moments(), new.support()  # quantiles over all production batches have no formula
+    grid = np.linspace(max(low, mean - _WIDEST * std), min(high, mean + _WIDEST * std), _GRID)
+    return np.interp(ranks, new.cdf(grid), grid)
 
 
 class ProcessCost(TableModel, strict=True):
@@ -49,8 +268,7 @@ class Cost(TableModel, strict=True):
         default=0.0, description="Cost that does not depend on the standard deviation, in money, at least 0."
     )
     cost: PositiveNumber | None = Field(
-        default=None,
-        description="Cost above 0, in money times the variable's unit to the power; with scale, in money.",
+        default=None, description="Cost above 0, in money times the variable's unit to the power; with scale, in money."
     )
     power: PositiveNumber | None = Field(default=None, description="Power of std in fixed + cost / std^power, above 0.")
     scale: PositiveNumber | None = Field(
@@ -144,19 +362,16 @@ def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
     spreads = Spreads(plan.spec, plan.mechanism)
 
     def rescale(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
-        return spreads.change(factors, _variables(plan, samples, rows))
+        return spreads.change(factors, {name: x[rows] for name, x in variables.items()})
 
     with _advice_errors(plan):
-        cpks = {
-            name: capability(samples[name], lsl=pair[0], usl=pair[1], ordered=False).cpk
-            for name, pair in limits.items()
-        }
+        cpks = {name: capability(samples[name], *pair, ordered=False).cpk for name, pair in limits.items()}
         if all(cpk is None for cpk in cpks.values()):
             raise ReportError("no response has limits and values that vary; give limits to at least one")
         responses, most_failed = {name: samples[name] for name in limits}, 1 - plan.spec.failures.min_ok
-        return tolerance_advice(
-            AdvisedSamples(responses, limits, variables, _varied(plan), lots, most_failed), cpks, CAPABLE, rescale
-        )
+        varied = [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
+        advised = AdvisedSamples(responses, limits, variables, varied, lots, most_failed)
+        return tolerance_advice(advised, cpks, CAPABLE, rescale)
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
@@ -175,24 +390,27 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
     free = {variable.variable for variable in variables if not variable.locked}
     correlated = any(free & {a, b} for a, b, rank in plan.spec.correlations or () if rank)
 
-    def scale_all(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
-        return spreads.change(factors, _variables(plan, samples, rows))
+    def rescale(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
+        return spreads.change(factors, {name: samples[name][rows] for name in plan.spec.variables})
 
     with _advice_errors(plan):
-        shares = _shares(plan, samples, limits)
+        inputs, responses = {n: samples[n] for n in plan.spec.variables}, {name: samples[name] for name in limits}
+        shares = {
+            r.response: {i.variable: max(i.first_order or 0.0, 0.0) for i in r.influences}
+            for r in sensitivity(inputs, responses, limits).responses
+        }
         requirements = [
             Requirement(name, float(x.mean()), float(x.std(ddof=1)), *limits[name], costs.target, _parts(shares[name]))
             for name, x in values.items()
             if x.size > 1
         ]
         responses = {requirement.response: samples[requirement.response] for requirement in requirements}
-        found = allocate(variables, requirements, responses, scale_all, correlated)
+        found = allocate(variables, requirements, responses, rescale, correlated)
         return replace(found, written={name: spreads.written(name, factor) for name, factor in found.factors.items()})
 
 
 @contextmanager
 def _advice_errors(plan: Plan) -> Iterator[None]:
-    """Add the name of the campaign to errors of `reporting`."""
     try:
         yield
     except ReportError as error:
@@ -200,25 +418,18 @@ def _advice_errors(plan: Plan) -> Iterator[None]:
 
 
 def _given_limits(plan: Plan) -> Limits:
-    """Return the limits of the responses that have any."""
     return {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
-
-
-def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
-    """Return the values of the variables at some of the samples."""
-    return {name: samples[name][rows] for name in plan.spec.variables}
 
 
 def advice_document(plan: Plan, store_url: str, advised: ToleranceAdvice) -> dict[str, Any]:
     """Return the advice as data, as ``clearcap advise --json`` and the web service write it."""
+    short = {each.response: each for each in advised.shortfalls}
     return {
-        "campaign": plan.campaign_id,
-        "store": store_url,
-        "advice": [asdict(each) for each in advised.growth],
-        "kept": advised.kept,
-        "below": {each.response: [asdict(a) for a in each.alone] for each in advised.shortfalls},
-        "together": {each.response: each.together and asdict(each.together) for each in advised.shortfalls},
-        "remedies": {each.response: each.text for each in advised.shortfalls},
+        **{"campaign": plan.campaign_id, "store": store_url},
+        **{"advice": [asdict(each) for each in advised.growth], "kept": advised.kept},
+        "below": {name: [asdict(a) for a in each.alone] for name, each in short.items()},
+        "together": {name: each.together and asdict(each.together) for name, each in short.items()},
+        "remedies": {name: each.text for name, each in short.items()},
         "note": advised.note,
     }
 
@@ -228,28 +439,13 @@ def allocation_document(plan: Plan, store_url: str, proposal: Allocation) -> dic
     return {"campaign": plan.campaign_id, "store": store_url, "allocation": asdict(proposal)}
 
 
-def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[str, dict[str, float]]:
-    """Return the share of each response's variance by variable."""
-    summary = sensitivity(
-        {name: samples[name] for name in plan.spec.variables}, {name: samples[name] for name in limits}, limits
-    )
-    return {r.response: {i.variable: i.first_order or 0.0 for i in r.influences} for r in summary.responses}
-
-
 def _parts(shares: Mapping[str, float]) -> dict[str, float]:
-    """Return estimated shares as parts of one variance: none is below 0, and the sum is at most 1."""
-    positive = {name: max(share, 0.0) for name, share in shares.items()}
-    total = max(sum(positive.values()), 1.0)
-    return {name: share / total for name, share in positive.items()}
-
-
-def _varied(plan: Plan) -> list[str]:
-    """Return the variables that vary."""
-    return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
+    """Return estimated shares as parts of one variance: their sum is at most 1."""
+    total = max(sum(shares.values()), 1.0)
+    return {name: share / total for name, share in shares.items()}
 
 
 def _costed(name: str, distribution: Distribution, cost: Cost, spreads: Spreads) -> CostedVariable:
-    """Return the range of standard deviations with which a variable can be made, and its cost law."""
     std = distribution.moments()[1]
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
     largest = spreads.of_variable(name, upper / std).factor * std if upper > std else upper

@@ -33,12 +33,11 @@ from clearcap.questions.signing import (
     UnfitArchive,
     Withdrawal,
     differences,
-    document_name,
+    document_names,
     fingerprint,
     is_signed,
     part_of,
     read_document,
-    signature_name,
 )
 from reporting.render.json import render_json
 from reporting.write import NAMES
@@ -81,14 +80,14 @@ def verify_export(archive: Archive, key: str | None = None) -> Verification:
     their own.
     """
     public = _public_key(archive)
-    found = {name: archive.digest(name) for name in archive.names if not name.startswith(f"{SIGNOFFS}/")}
+    found = {n: sha256(archive.read(n, LARGEST)) for n in archive.names if not n.startswith(f"{SIGNOFFS}/")}
     signed, faults = list[VerifiedSignoff](), list[str]()
     if key is not None and key.lower().replace(":", "") != fingerprint(public):
         faults.append(f"key: the export has the key {fingerprint(public)}, not {key}")
     count = sum(1 for name in archive.names if _DOCUMENT.fullmatch(name))
-    known = {KEY, HEAD, HEAD_SIGNATURE}
-    known |= {name(number) for number in range(1, count + 1) for name in (document_name, signature_name)}
-    faults += [f"sign-offs: {name} belongs to no sign-off" for name in sorted(_documents(archive) - known)]
+    known = {KEY, HEAD, HEAD_SIGNATURE, *(name for n in range(1, count + 1) for name in document_names(n))}
+    others = {name for name in archive.names if name.startswith(f"{SIGNOFFS}/")} - known
+    faults += [f"sign-offs: {name} belongs to no sign-off" for name in sorted(others)]
     faults += [] if count else ["sign-offs: there is none"]
     previous = None
     for number in range(1, count + 1):
@@ -96,8 +95,7 @@ def verify_export(archive: Archive, key: str | None = None) -> Verification:
             document, signoff = _signoff(archive, number, public)
         except CampaignError as error:
             faults.append(f"sign-off {number}: {error}")
-            # the next ones cannot be shown to follow it
-            break
+            break  # the next ones cannot be shown to follow it
         if signed and signoff.campaign != signed[0].signoff.campaign:
             faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
         if signoff.previous != previous:
@@ -134,7 +132,6 @@ def _head(
 
 
 def _faults_of_last(last: VerifiedSignoff, archive: Archive) -> list[str]:
-    """Return why the last document of an export does not cover its files."""
     if isinstance(last.signoff, Withdrawal):
         return [f"the sign-off was withdrawn by {last.signoff.signer}, {last.signoff.time}: {last.signoff.comment}"]
     if last.differences:
@@ -143,7 +140,7 @@ def _faults_of_last(last: VerifiedSignoff, archive: Archive) -> list[str]:
 
 
 def _other_rows(archive: Archive) -> list[str]:
-    """Return that the report of an export states other digests than those of its plan and rows; empty if it does not.
+    """Return that the report states other digests than those of its plan and rows; empty if it does not.
 
     A server that signs writes the report again and so cannot sign another; this tells it of a server that could.
     """
@@ -208,13 +205,7 @@ def _is_sentence(value: Any) -> bool:
     return isinstance(value, str) and value.count(" ") > 3
 
 
-def _documents(archive: Archive) -> set[str]:
-    """Return the names of all files among the sign-offs."""
-    return {name for name in archive.names if name.startswith(f"{SIGNOFFS}/")}
-
-
 def _public_key(archive: Archive) -> Ed25519PublicKey:
-    """Return the key of an export."""
     try:
         key = load_pem_public_key(archive.read(KEY, _LARGEST_KEY))
     except (ValueError, UnsupportedAlgorithm) as error:
@@ -225,15 +216,13 @@ def _public_key(archive: Archive) -> Ed25519PublicKey:
 
 
 def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff | Withdrawal]:
-    """Return the document of a sign-off, or of its withdrawal, as bytes and as a model.
-
-    Raises CampaignError if it cannot be read, was not signed with the key, or is not a valid sign-off.
-    """
-    document = archive.read(document_name(number), LARGEST_SIGNOFF)
-    if not is_signed(document, archive.read(signature_name(number), 64), key):
-        raise CampaignError(f"{document_name(number)} was changed, or the key of {KEY} did not sign it")
+    """Return a document as bytes and as a model; CampaignError if it is not valid, or was not signed with the key."""
+    name, signature = document_names(number)
+    document = archive.read(name, LARGEST_SIGNOFF)
+    if not is_signed(document, archive.read(signature, 64), key):
+        raise CampaignError(f"{name} was changed, or the key of {KEY} did not sign it")
     try:
         return document, read_document(document)
     except ValidationError as error:
         first = error.errors()[0]
-        raise CampaignError(f"{document_name(number)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        raise CampaignError(f"{name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error

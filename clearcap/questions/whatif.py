@@ -72,9 +72,7 @@ def refusals(answers: Mapping[str, WhatIf]) -> list[Refused]:
     for name, answer in answers.items():
         if answer.refusal:
             by_reason.setdefault(answer.refusal, []).append(name)
-    return [
-        Refused(reason, tuple(names), max(answers[name].runs for name in names)) for reason, names in by_reason.items()
-    ]
+    return [Refused(why, tuple(names), max(answers[name].runs for name in names)) for why, names in by_reason.items()]
 
 
 def what_if_document(
@@ -119,7 +117,6 @@ def histograms(plan: Plan, columns: SampleColumns, settings: Sequence[str], resp
 
 
 def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | None) -> Bins:
-    """Return the bins of a response with and without weights."""
     if response not in plan.mechanism.responses:
         allowed = ", ".join(plan.mechanism.responses)
         raise SpecError(f"response {response}: campaign {plan.campaign_id} has no such response; allowed: {allowed}")
@@ -131,14 +128,11 @@ def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | No
         weight = found.weight[finite]
         weighted, _ = np.histogram(values[finite], np.array(bins.edges), weights=weight * (weight.size / weight.sum()))
         after = weighted.tolist()
+    known = {"lsl": lsl, "usl": usl, "mean": now.mean, "std": now.std, "cpk": now.cpk}
     return Bins(
         response=response,
         unit=plan.mechanism.response_units()[response],
-        lsl=lsl,
-        usl=usl,
-        mean=now.mean,
-        std=now.std,
-        cpk=now.cpk,
+        **known,
         edges=list(bins.edges) if bins else [],
         before=list(bins.counts) if bins else [],
         after=after,
@@ -151,13 +145,7 @@ def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | No
 # Alternative sets of parameters; a distribution is given by one of them.
 _DRAWN = (("nominal", "tolerance", "cpk"), ("dimension", "cpk"), ("fit", "cpk"), ("nominal", "inertia"))
 _OF_DRAWN = {"shift", "sigma_shift", "inflation"}  # belong to these, not to mean and std
-_PARAMETERS = (
-    ("mean", "std"),
-    *_DRAWN,
-    ("alpha", "beta"),
-    ("shape", "scale"),
-    ("log_mean", "log_std"),
-)
+_PARAMETERS = (("mean", "std"), *_DRAWN, ("alpha", "beta"), ("shape", "scale"), ("log_mean", "log_std"))
 # Half the width, in standard deviations, of distributions that end at their own bounds.
 _HALF_WIDTH: dict[type[Distribution], float] = {Uniform: sqrt(3.0), Triangular: sqrt(6.0)}
 
@@ -167,8 +155,7 @@ class ChangedVariables:
     """The variables whose distribution settings change."""
 
     variables: dict[str, Distribution]  # new distributions
-    # For each variable, which values were taken from the old distribution or no longer apply.
-    assumptions: tuple[str, ...]
+    assumptions: tuple[str, ...]  # for each variable, which values were taken from the old one or no longer apply
 
 
 def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVariables:
@@ -188,20 +175,16 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
     try:
         new = CampaignSpec.model_validate(tables)
     except ValidationError as error:
-        faults = [
-            str(fault).replace("missing; add it", "missing; give it in the same command")
-            for fault in structure_faults(error, CampaignSpec)
-        ]
-        raise SpecError("\n  ".join(["--set:", *faults])) from error
+        faults = "\n  ".join(["--set:", *map(str, structure_faults(error, CampaignSpec))])
+        raise SpecError(faults.replace("missing; add it", "missing; give it in the same command")) from error
     changed = {name: v for name, v in new.variables.items() if v != spec.variables[name]}
-    assumptions = (_assumption(name, spec.variables[name], v, assumed.get(name, "")) for name, v in changed.items())
-    return ChangedVariables(changed, tuple(filter(None, assumptions)))
-
-
-def _assumption(name: str, old: Distribution, new: Distribution, assumed: str) -> str:
-    """Describe a new distribution if some of its values were taken from the old one; empty otherwise."""
-    sigma = f"its sigma was {old.moments()[1]:.4g} and is {new.moments()[1]:.4g}"
-    return f"{name} is now {new.text()} ({assumed.strip('; ')}); {sigma}" if assumed else ""
+    assumptions = []
+    for name, distribution in changed.items():
+        if taken := assumed.get(name):
+            old, now = (each.moments()[1] for each in (spec.variables[name], distribution))
+            said = f"{name} is now {distribution.text()} ({taken.strip('; ')})"
+            assumptions.append(f"{said}; its sigma was {old:.4g} and is {now:.4g}")
+    return ChangedVariables(changed, tuple(assumptions))
 
 
 def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str]:
@@ -224,9 +207,8 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str
     for part in tables:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise SpecError(
-                f"--set {setting}: {part} is not a table; allowed: VARIABLE.KEY=VALUE with a key of the variable"
-            )
+            allowed = "VARIABLE.KEY=VALUE with a key of the variable"
+            raise SpecError(f"--set {setting}: {part} is not a table; allowed: {allowed}")
     if not text:
         table.pop(last, None)
         return name, key.partition(".")[0]
@@ -259,13 +241,11 @@ def _completed(table: dict[str, Any], old: Distribution, written: set[str]) -> t
     words = [f"{key} = {taken[key]:g} from the old distribution" for key in taken]
     words += [f"{key} = {kept[key]:g} as before" for key in stays]
     dropped = sorted(gone - written)
-    return {**kept, **taken}, "; ".join(
-        [", ".join(words), *([f"no longer used: {', '.join(dropped)}"] if dropped else [])]
-    )
+    said = [", ".join(words), *([f"no longer used: {', '.join(dropped)}"] if dropped else [])]
+    return {**kept, **taken}, "; ".join(said)
 
 
 def _parameters(model: type[Distribution]) -> list[tuple[str, ...]]:
-    """Return the alternative sets of parameters of a distribution."""
     if model is Exponential:
         return [("scale",), ("mean",), ("std",)]
     return [keys for keys in _PARAMETERS if set(keys) <= model.model_fields.keys()]
@@ -285,20 +265,15 @@ def _missing(
         found["mode"] = float(np.clip(mean, *({**table, **found}[end] for end in ("lower", "upper"))))
     sets = _parameters(model)
     if ("mean", "std") in sets and (chosen == ("mean", "std") or not any(set(keys) <= table.keys() for keys in sets)):
-        found |= {
-            key: x
-            for key, x in (("mean", mean), ("std", std))
-            if key not in table and chosen in (None, ("mean", "std"))
-        }
+        taken = {"mean": mean, "std": std} if chosen in (None, ("mean", "std")) else {}
+        found |= {key: x for key, x in taken.items() if key not in table}
     return found
 
 
 def _ends(model: type[Distribution], table: Mapping[str, Any], old: Distribution) -> dict[str, float]:
     """Return the required but missing ends of a distribution: the old ends, or ends that keep the old mean and std."""
-    lacking = [end for end in ("lower", "upper") if end in model.model_fields and end not in table]
-    lacking = [
-        end for end in lacking if model.model_fields[end].is_required() and not {"dimension", "fit"} & table.keys()
-    ]
+    fields = {} if {"dimension", "fit"} & table.keys() else model.model_fields
+    lacking = [end for end in ("lower", "upper") if end in fields and end not in table and fields[end].is_required()]
     ends = dict(zip(("lower", "upper"), old.support(), strict=True))
     if not all(map(isfinite, ends.values())):
         if model not in _HALF_WIDTH:
@@ -344,7 +319,6 @@ def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], co
 
 
 def _outside(new: Distribution, low: float, high: float) -> float:
-    """Return the probability of values below ``low`` or above ``high``."""
     # just below the bound, because a discrete distribution may have a value on it
     below = float(new.cdf(np.array([np.nextafter(low, -np.inf)]))[0]) if isfinite(low) else 0.0
     above = 1.0 - float(new.cdf(np.array([high]))[0]) if isfinite(high) else 0.0

@@ -34,7 +34,6 @@ from clearcap.questions.signing import (
     now_in_utc,
     part_of,
     read_document,
-    sign,
     signed_files,
     signed_names,
     stream_export,
@@ -200,7 +199,7 @@ class SigningService:
             of_campaign=len(kept),
             last=sha256(kept[-1].document) if kept else None,
         ).to_bytes()
-        signed = SignedDocument(head, sign(head, self.key))
+        signed = SignedDocument(head, self.key.sign(head))
         return stream_export(self._store, campaign, names, kept, self.key.public_key(), signed)
 
     def _insert(self, connection: sqlite3.Connection, document: Signoff | Withdrawal) -> None:
@@ -208,7 +207,7 @@ class SigningService:
         content = document.to_bytes()
         connection.execute(
             "INSERT INTO signoffs (campaign, document, signature) VALUES (?, ?, ?)",
-            (document.campaign, content.decode(), sign(content, self.key).hex()),
+            (document.campaign, content.decode(), self.key.sign(content).hex()),
         )
 
     def _kept(self, campaign: str) -> list[SignedDocument]:

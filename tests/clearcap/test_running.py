@@ -10,7 +10,7 @@ import clearcap
 from campaign.coordinator.lease import hold_lease, is_coordinated
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import plan_campaign
-from clearcap import command_process, running
+from clearcap import running
 from tests.until import until
 
 pytestmark = pytest.mark.processes
@@ -83,15 +83,13 @@ def test_interrupt_ends_the_coordinator(monkeypatch, store):
         )
         raise KeyboardInterrupt
 
-    original = running.plan_campaign
-
     def remembered(*arguments):
         nonlocal plan
-        opened, plan = original(*arguments)
+        opened, plan = plan_campaign(*arguments)
         return opened, plan
 
-    monkeypatch.setattr(running, "plan_campaign", remembered)
-    monkeypatch.setattr(command_process, "_follow", interrupted)
+    monkeypatch.setattr("campaign.coordinator.submit.plan_campaign", remembered)
+    monkeypatch.setattr(running, "_follow", interrupted)
     with pytest.raises(KeyboardInterrupt):
         clearcap.run_campaign(SLOPE, samples=4, store=store, workers=1, progress=False)
     assert not is_coordinated(clearcap.open_store(str(store)), plan.campaign_id)

@@ -18,7 +18,7 @@ from typer.main import get_command
 from campaign.coordinator import rerun as rerunning
 from campaign.spec.load import load_campaign
 from clearcap.cli import app
-from clearcap.cli.drive import verdicts_without_report
+from clearcap.cli.computing import verdicts_without_report
 from clearcap.cli.output import INVISIBLE, visible
 from engine.profile.step_times import StepTimes
 from tests.campaign import fake_engine
@@ -89,7 +89,7 @@ def hostile(faked, folder_of_hostile, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "20000")
     monkeypatch.setattr(rerunning, "rerun", partial(rerunning.rerun, simulate=fake_engine.simulate))
     monkeypatch.setattr("clearcap.questions.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
-    monkeypatch.setattr("clearcap.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
+    monkeypatch.setattr("clearcap.cli.computing.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
     monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
     monkeypatch.setattr("clearcap.questions.mechanisms.campaign_journal_positions", lambda *_: [])
     made, campaign_id = folder_of_hostile
@@ -200,8 +200,8 @@ def test_hostile_words(verb, hostile, capsys, monkeypatch):
         assert messages.count("%(a)d") == messages.count(MARKUP), (parameter.name, messages)
 
 
-# The one way to print: who calls these, or reads markup, is `output` or the view of the progress.
-PRINTERS = {"clearcap.cli.output", "clearcap.cli.progress", "campaign.interrupts"}
+# The one way to print: who calls these, or reads markup, is `output`.
+PRINTERS = {"clearcap.cli.output", "campaign.interrupts"}
 
 
 def test_one_way_to_print():

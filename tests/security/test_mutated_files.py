@@ -32,7 +32,7 @@ from campaign.spec.named_files import FolderFiles, ParquetReader, read_columns
 from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
-from clearcap.cli.overview import _entry
+from clearcap.cli.campaigns import _entry
 from clearcap.questions.tolerances import read_costs
 from clearcap.questions.whatif import changed_variables
 from engine import EngineError, load_mechanism, simulate, warm_up

@@ -12,8 +12,7 @@ from campaign.coordinator.lease import this_process
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from clearcap.cli import app
-from clearcap.cli.output import INVISIBLE, print_json, print_table, say, visible
-from clearcap.cli.progress import line, view
+from clearcap.cli.output import INVISIBLE, line, print_json, print_table, say, view, visible
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 from tests.counts import some

@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from campaign.coordinator.heartbeat import Heartbeat
-from clearcap.cli.progress import Lines, display, eta, line, view
+from clearcap.cli.output import Lines, display, eta, line, view
 
 
 def heartbeat(**changes):
@@ -48,7 +48,7 @@ def test_live_view_has_the_running_capability():
 def test_lines_are_few(monkeypatch):
     """Without a terminal: one every ten seconds, and one when the state changes."""
     now = [0.0]
-    monkeypatch.setattr("clearcap.cli.progress.monotonic", lambda: now[0])
+    monkeypatch.setattr("clearcap.cli.output.monotonic", lambda: now[0])
     console = Console(file=io.StringIO(), width=200)
     show = Lines(console)
     for second in range(25):

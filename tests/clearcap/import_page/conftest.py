@@ -41,9 +41,8 @@ def hostile(latch):
 
 def written(found, folder, step="latch.step"):
     """Write drawing and page as the command does; return the page's path."""
-    from clearcap.import_page.import_page import ImportFiles, import_page
-    from clearcap.pictures.sketches.found_sketch import sketch_found
-    from clearcap.pictures.sketches.sketch import plot_sketch
+    from clearcap.import_page import ImportFiles, import_page, sketch_found
+    from clearcap.pictures.sketch import plot_sketch
 
     places = found_features(found)
     drawing, page = folder / "latch.svg", folder / "latch.html"

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clearcap.import_page.import_page import MOST_TRIANGLES
+from clearcap.import_page import MOST_TRIANGLES
 from engine.cad_import.found_features import found_features
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.proposed_text import open_questions
@@ -133,7 +133,7 @@ def test_size_is_bounded(latch, tmp_path, monkeypatch):
     """More triangles than a browser turns with ease are drawn coarser, and the page says how coarse."""
     whole = written(latch, tmp_path).read_text()
     assert "by triangles, about 0.0500 mm" in whole
-    monkeypatch.setattr("clearcap.import_page.import_page.MOST_TRIANGLES", 300)
+    monkeypatch.setattr("clearcap.import_page.MOST_TRIANGLES", 300)
     small = written(latch, tmp_path).read_text()
     data = Page(small).data
     count = sum(len(base64.b64decode(part["triangles"])) // 12 for part in data["parts"])

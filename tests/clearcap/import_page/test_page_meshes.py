@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from clearcap.import_page.import_page import coarser, page_meshes
+from clearcap.import_page import coarser, page_meshes
 from engine.cad.cad_model import TriangleMesh
 from tests.engine.cad.occt.test_triangulation import volume_of
 

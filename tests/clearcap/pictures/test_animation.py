@@ -6,17 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from clearcap.pictures.animation import (
-    HOLD,
-    PER_SECOND,
-    animate,
-    arrow_lengths,
-    common_force,
-    join_lines,
-    limits,
-    zigzag,
-)
+from clearcap.pictures.animation import animate, join_lines
 from clearcap.pictures.run_figure import plot
+from clearcap.pictures.scene import HOLD, PER_SECOND, arrow_lengths, common_force, limits, zigzag
 from engine import read_trajectory, simulate
 from tests.engine.small import block_on_floor, made
 

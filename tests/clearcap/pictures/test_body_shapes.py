@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clearcap.pictures.body_shapes import body_shape, hull
+from clearcap.pictures.shapes import body_shape, hull
 from clearcap.pictures.view import choose_view
 from engine import load_mechanism
 from tests.engine.small import made, shipped

@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from clearcap.pictures.gif import palette_of
+from clearcap.pictures.animation import palette_of
 
 
 def test_palette_keeps_areas_and_thin_things():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clearcap.pictures.measurements import contacts_at_start, measurements
+from clearcap.pictures.sketch import contacts_at_start, measurements
 from engine import load_mechanism, read_trajectory, simulate
 from tests.engine.small import block_on_floor, made
 
@@ -43,7 +43,7 @@ def test_arrows_of_the_c60(c60, name, start, length, direction, point):
 def test_force_of_the_c60(c60):
     """FC-1 pushes the moving contact off the fixed one, along +X from its face; its band is the same arrow."""
     force = c60["FC-1"]
-    assert (force.force, force.value) == (True, "arrow: force on moving_contact")
+    assert (force.kind, force.value) == ("arrow", "arrow: force on moving_contact")
     assert force.start[0] == pytest.approx(1.5, abs=0.05)
     np.testing.assert_allclose(force.end - force.start, [1, 0, 0], atol=1e-12)
     for bound in ("FC-1_low", "FC-1_high"):

@@ -17,7 +17,7 @@ def test_every_point_is_drawn_where_the_scene_has_it(name, request):
     """Outlines times places are the scene's polylines on the drawing, y downwards, to a thousandth of its size."""
     trajectory = request.getfixturevalue(name)
     scene = scene_of(trajectory, 6)
-    drawing = moving_drawing(scene, trajectory)
+    drawing = moving_drawing(scene)
     assert max(drawing.width, drawing.height) == LARGER_SIDE
     ends, drawn = [], []
     for body, moved in zip(scene.bodies.values(), drawing.frames["bodies"], strict=True):
@@ -41,7 +41,7 @@ def test_every_point_is_drawn_where_the_scene_has_it(name, request):
 def test_it_stands_at_its_end(pendulum):
     """The paths are those of the last frame, also of the journal; one mark for each ring, inside its clearance."""
     scene = scene_of(pendulum, 6)
-    drawing = moving_drawing(scene, pendulum)
+    drawing = moving_drawing(scene)
     moved = drawing.frames["bodies"][list(scene.bodies).index("link")]
     place = np.array(moved["places"][-1])
     corners = np.reshape(moved["parts"]["outline"][0], (-1, 3)) @ place[:6].reshape(2, 3).T + place[6:]
@@ -60,7 +60,7 @@ def test_it_stands_at_its_end(pendulum):
 
 def test_arrows_of_the_slide(slide):
     """Four contacts carry the block: four arrows of a shaft and a head each; the key is as long as it says."""
-    drawing = moving_drawing(scene_of(slide, 5), slide)
+    drawing = moving_drawing(scene_of(slide, 5))
     assert drawing.frames["arrows"][-1].count("M") == 8
     assert drawing.common == "2 N"  # of 8.5 N on four corners
     assert drawing.key.startswith(f"M0.0 0.0L{drawing.key_length} 0.0M")
@@ -69,7 +69,7 @@ def test_arrows_of_the_slide(slide):
 
 def test_it_is_plain_data(slide):
     """It travels as JSON without a number that is not finite."""
-    frames = moving_drawing(scene_of(slide, 5), slide).frames
+    frames = moving_drawing(scene_of(slide, 5)).frames
     assert json.loads(json.dumps(frames, allow_nan=False)) == frames
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from clearcap.pictures.play import plays
-from clearcap.pictures.poses import poses
-from clearcap.pictures.view import choose_view
+from clearcap.pictures.view import choose_view, poses
 from tests.engine.small import block_on_floor, made, shipped
 
 

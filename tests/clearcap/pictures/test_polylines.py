@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clearcap.pictures.polylines import circle, patch, primitive_polylines, square
+from clearcap.pictures.shapes import circle, patch, primitive_polylines, square
 from engine.mechanism.closed_profiles import Extruded, Turned
 from engine.mechanism.surfaces.surface import FreeFormSurface
 from tests.engine.kernels.surface_shapes import graded_rectangle, wavy

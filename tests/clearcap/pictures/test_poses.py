@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearcap.pictures.poses import poses, progress, spread_rows
+from clearcap.pictures.view import poses, progress, spread_rows
 
 
 def test_rows_are_spread_in_time():

@@ -11,7 +11,7 @@ from campaign.inputs.sampling import sampler_named
 from campaign.inputs.sampling.inverse_transform import uniforms
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from clearcap.questions.aimed_campaign import aimed_campaign
+from clearcap.questions.decision import aimed_campaign
 from clearcap.questions.report import report_spec
 from reporting.rare.rare_rejects import rare_rejects
 from reporting.samples import read_samples

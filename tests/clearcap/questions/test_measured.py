@@ -13,7 +13,9 @@ from typer.testing import CliRunner
 import clearcap
 from campaign.errors import SpecError
 from clearcap.cli import app
-from clearcap.questions.measured import capability_of_parts, load_limits, parts_table, read_parts
+from clearcap.questions.measured import asked_of_parts, load_limits, parts_table, read_parts
+from reporting.analysis import analyse
+from reporting.samples import read_samples
 from tests.each import each
 
 LIMITS = {"characteristics": {"d": {"unit": "mm", "nominal": 20.0, "tolerance": 0.02, "source": "drawing 7"}}}
@@ -38,13 +40,18 @@ def texts(values, decimal="."):
     return [("" if np.isnan(x) else f"{x:.4f}".replace(".", decimal)) for x in values]
 
 
+def analysed(parts, limits):
+    table, spec = asked_of_parts(parts, limits)
+    return analyse(read_samples(table, spec), spec)
+
+
 def check_of(analysis, name):
     return next(check for check in analysis.trust if check.name == name)
 
 
 def test_the_numbers_are_those_of_the_formulas():
     d = normal()
-    capability = capability_of_parts(pd.DataFrame({"d": d}), LIMITS).responses[0].capability
+    capability = analysed(pd.DataFrame({"d": d}), LIMITS).responses[0].capability
     assert (capability.n, capability.mean, capability.std) == (
         200,
         pytest.approx(d.mean()),
@@ -120,13 +127,13 @@ def test_an_unstable_process_is_called_one():
     step[60:] += 0.006
     spiked[[10, 11, 40, 41, 90, 91]] += 0.03
     for values in (step, spiked):
-        assert check_of(capability_of_parts(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "bad"
+        assert check_of(analysed(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "bad"
     mixed = np.random.default_rng(3).permutation(step)
     for values in (d, mixed):
-        assert check_of(capability_of_parts(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "good"
-    unordered = capability_of_parts(pd.DataFrame({"d": step}), LIMITS | {"ordered": False})
+        assert check_of(analysed(pd.DataFrame({"d": values}), LIMITS), "Stability").level == "good"
+    unordered = analysed(pd.DataFrame({"d": step}), LIMITS | {"ordered": False})
     assert check_of(unordered, "Stability").level == "info"
-    few = capability_of_parts(pd.DataFrame({"d": d[:4]}), LIMITS)
+    few = analysed(pd.DataFrame({"d": d[:4]}), LIMITS)
     assert check_of(few, "Stability").level == "info"
 
 
@@ -137,16 +144,16 @@ def test_the_chart_is_chosen_in_the_limits_file(tmp_path):
     frame = pd.DataFrame({"d": d, "hour": np.repeat(np.arange(30), 4)}).sample(frac=1, random_state=1)
     frame["at"] = frame.index
     chosen = LIMITS | {"order": "at", "subgroup": "hour", "rules": "western electric"}
-    chart = capability_of_parts(frame, chosen).responses[0].chart
+    chart = analysed(frame, chosen).responses[0].chart
     assert (chart.kind, chart.of, len(chart.points), chart.beyond) == ("xbar-r", "subgroups", 30, (10,))
     assert chart.spread.beyond == (10,)
     assert list(chart.marks) == [f"western electric {n}" for n in (1, 2, 3, 4)]
-    assert chart == capability_of_parts(frame, chosen | {"subgroup": 4}).responses[0].chart
-    assert list(capability_of_parts(frame, LIMITS | {"rules": [8, 1]}).responses[0].chart.marks) == [
+    assert chart == analysed(frame, chosen | {"subgroup": 4}).responses[0].chart
+    assert list(analysed(frame, LIMITS | {"rules": [8, 1]}).responses[0].chart.marks) == [
         "nelson 1",
         "nelson 8",
     ]
-    averages = capability_of_parts(frame, LIMITS | {"order": "at", "chart": "ewma", "ewma_weight": 0.1})
+    averages = analysed(frame, LIMITS | {"order": "at", "chart": "ewma", "ewma_weight": 0.1})
     assert averages.responses[0].chart.kind == "ewma"
     files = clearcap.capability_report(frame, chosen, tmp_path, ["html", "json"])
     page = Path(files["html"]).read_text("utf-8")
@@ -161,7 +168,7 @@ def test_the_gauge_is_taken_out_of_sigma_and_into_the_decision(tmp_path):
     parts = rng.normal(20.0019, 0.004, 2000)
     d = parts + rng.normal(0, 0.0019, 2000)
     chosen = {"characteristics": {"d": {**LIMITS["characteristics"]["d"], "gauge_sigma": 0.0019, "uncertainty": 0.004}}}
-    found = capability_of_parts(pd.DataFrame({"d": d}), chosen)
+    found = analysed(pd.DataFrame({"d": d}), chosen)
     r = found.responses[0]
     assert r.gauge.std == pytest.approx(np.sqrt(d.std(ddof=1) ** 2 - 0.0019**2))
     assert r.gauge.cpk == pytest.approx((20.02 - d.mean()) / (3 * r.gauge.std))
@@ -178,11 +185,11 @@ def test_the_gauge_is_taken_out_of_sigma_and_into_the_decision(tmp_path):
     line = check_of(found, "Gauge")
     assert (line.level, f"{2000 - inside - beyond} undecided" in line.text) == ("attention", True)
     for change in ({"gauge_sigma": 0.0046}, {"gauge_sigma": 0.004, "gauge_freedom": 3}):
-        few = capability_of_parts(pd.DataFrame({"d": d[:40]}), {"characteristics": {"d": {"usl": 20.02, **change}}})
+        few = analysed(pd.DataFrame({"d": d[:40]}), {"characteristics": {"d": {"usl": 20.02, **change}}})
         assert few.responses[0].gauge.cpk_interval is None
         assert few.responses[0].gauge.note
     wide = {"characteristics": {"d": {**LIMITS["characteristics"]["d"], "uncertainty": 0.02}}}
-    assert check_of(capability_of_parts(pd.DataFrame({"d": d}), wide), "Gauge").level == "bad"
+    assert check_of(analysed(pd.DataFrame({"d": d}), wide), "Gauge").level == "bad"
     page = Path(clearcap.capability_report(pd.DataFrame({"d": d}), chosen, tmp_path, ["html"])["html"]).read_text(
         "utf-8"
     )
@@ -231,7 +238,7 @@ def test_the_report_says_nothing_of_simulations(tmp_path):
 )
 def test_what_does_not_fit_is_refused(limits, table, words):
     with pytest.raises(SpecError) as refused:
-        capability_of_parts(pd.DataFrame(table), limits)
+        analysed(pd.DataFrame(table), limits)
     assert [word for word in words if word not in str(refused.value)] == []
 
 

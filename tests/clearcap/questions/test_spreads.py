@@ -7,7 +7,7 @@ from scipy import stats
 
 from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import draw
-from clearcap.questions.spreads import Spreads, with_spread
+from clearcap.questions.tolerances import Spreads, with_spread
 from clearcap.questions.whatif import changed_variables
 from tests.each import each
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clearcap.pictures.sketches.found_sketch import MOST_NAMED, place_lines, sketch_found, view_of
+from clearcap.import_page import MOST_NAMED, place_lines, sketch_found, view_of
 from clearcap.pictures.style import FORCE, INK
 from engine.cad_import.found_features import found_features
 from tests.clearcap.import_page.conftest import latch  # noqa: F401
@@ -77,7 +77,7 @@ def test_a_hundred_candidates(latch, places):  # noqa: F811
 
 def test_many_parts(latch, places, monkeypatch):  # noqa: F811
     """The largest ones are drawn, and how many are left out is said."""
-    monkeypatch.setattr("clearcap.pictures.sketches.found_sketch.MOST_DRAWN", 3)
+    monkeypatch.setattr("clearcap.import_page.MOST_DRAWN", 3)
     sketch = sketch_found(latch, places)
     assert len(sketch.areas) == 3
     assert "crank" not in {word.lines[0] for word in sketch.words}

@@ -4,7 +4,7 @@ import re
 
 from PIL import Image
 
-from clearcap.pictures.sketches.sketch import plot_measurements
+from clearcap.pictures.sketch import plot_measurements
 from engine import load_mechanism
 from tests.engine.small import block_on_floor, made
 

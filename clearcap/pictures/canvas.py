@@ -13,6 +13,7 @@ import numpy as np
 
 from clearcap.pictures.view import View
 from engine.arrays import Array
+from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing, Points
 
 DIRECTIONS = 16
 DISTANCES = (4.0, 12.0, 22.0, 34.0, 50.0, 70.0, 95.0, 125.0, 160.0, 200.0)
@@ -23,42 +24,6 @@ MARGIN = 38.0  # around the bodies, for arrows and names
 LETTER, LINE = 0.64, 1.2  # width of a letter and height of a line, in sizes of the text
 NAME, NAMES = 24, 4  # largest number of letters of a name, and of names at one place
 FAR = 0.5  # of the bodies' size beyond them; points further away are moved to this distance
-
-Points = tuple[tuple[float, float], ...]
-Legend = tuple[tuple[str, str, str, str], ...]
-
-
-class Stroke(NamedTuple):
-    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with the head at the last point."""
-
-    points: Points
-    colour: str
-    style: str
-
-
-class Word(NamedTuple):
-    """Words with their middle at (x, y), one line below the other; ``bold`` unless they name a body."""
-
-    x: float
-    y: float
-    lines: tuple[str, ...]
-    colour: str
-    bold: bool
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """A finished sketch."""
-
-    width: float
-    height: float
-    text: float  # size of the text, in the unit of width and height
-    areas: tuple[tuple[Points, str], ...]  # outlines of bodies, with their colours
-    strokes: tuple[Stroke, ...]
-    dots: tuple[tuple[float, float, str], ...]  # x, y and colour
-    words: tuple[Word, ...]
-    # Name, title, value and colour of each named item; the colour is empty if it has no place in the picture.
-    legend: Legend
 
 
 @dataclass
@@ -71,7 +36,7 @@ class SketchCanvas:
     height: float
     reach: tuple[Array, Array]
     areas: list[tuple[Points, str]] = field(default_factory=list)
-    strokes: list[Stroke] = field(default_factory=list)
+    strokes: list[DrawnLine] = field(default_factory=list)
     dots: list[tuple[float, float, str]] = field(default_factory=list)
     labels: dict[tuple[float, float, float, float], list[tuple[str, str]]] = field(
         default_factory=lambda: defaultdict(list)
@@ -97,7 +62,7 @@ class SketchCanvas:
     def stroke(self, points: Array, colour: str, style: str = "thin") -> None:
         """Add a line; points outside of the canvas are moved to its edge."""
         inside = np.clip(points, 2.0, [WIDTH - 2.0, self.height - 2.0])
-        self.strokes.append(Stroke(_rounded(inside), colour, style))
+        self.strokes.append(DrawnLine(_rounded(inside), colour, style))
 
     def dot(self, at: Array, colour: str) -> None:
         """Add a dot."""
@@ -109,21 +74,13 @@ class SketchCanvas:
         key = (round(float(at[0]), 1), round(float(at[1]), 1), round(float(away[0]), 3), round(float(away[1]), 3))
         self.labels[key].append((name, colour))
 
-    def sketch(self, legend: Legend) -> Sketch:
+    def sketch(self, legend: tuple[LegendEntry, ...]) -> MechanismDrawing:
         """Return the finished sketch, with its words placed where there is room."""
         words, lowest = self._words()
-        return Sketch(
-            WIDTH,
-            max(self.height, lowest),
-            TEXT,
-            tuple(self.areas),
-            tuple(self.strokes),
-            tuple(self.dots),
-            words,
-            legend,
-        )
+        drawn = (tuple(self.areas), tuple(self.strokes), tuple(self.dots))
+        return MechanismDrawing(WIDTH, max(self.height, lowest), TEXT, *drawn, words, legend)
 
-    def _words(self) -> tuple[tuple[Word, ...], float]:
+    def _words(self) -> tuple[tuple[DrawnWords, ...], float]:
         """Return all names, first of places and then of bodies, and the position of their lowest end."""
         texts, labels = [], []
         for (x, y, *away), named in self.labels.items():
@@ -139,7 +96,7 @@ class SketchCanvas:
         centres = place_labels(labels, np.vstack(marked), np.array([WIDTH, self.height]))
         words = []
         for label, centre, (lines, colour, bold) in zip(labels, centres, texts, strict=True):
-            words.append(Word(round(float(centre[0]), 1), round(float(centre[1]), 1), lines, colour, bold))
+            words.append(DrawnWords(round(float(centre[0]), 1), round(float(centre[1]), 1), lines, colour, bold))
             outside = np.abs(label.anchor - centre) - 0.5 * np.array(label.size)
             if bold and float(outside.max()) > 1.2 * TEXT:  # a leader line shows what a distant name belongs to
                 half = 0.5 * np.array(label.size)
@@ -149,10 +106,7 @@ class SketchCanvas:
 
 
 def canvas_around(view: View, bodies: list[Array], ends: list[Array]) -> SketchCanvas:
-    """Return an empty canvas with room for the bodies, and for the ends of measurements unless they are far away.
-
-    Both are lists of points on the plane of the view, each (k, 2).
-    """
+    """Return an empty canvas with room for bodies, and for ends of measurements that are near; points (k, 2)."""
     corners = np.vstack(bodies or ends or [np.zeros((1, 2))])
     low, high = corners.min(axis=0), corners.max(axis=0)
     beyond = FAR * (float((high - low).max()) or 1.0)
@@ -167,7 +121,6 @@ def canvas_around(view: View, bodies: list[Array], ends: list[Array]) -> SketchC
 
 
 def _size(lines: tuple[str, ...]) -> tuple[float, float]:
-    """Return the width and height of words."""
     return LETTER * TEXT * max(map(len, lines)) + 4, LINE * TEXT * len(lines) + 2
 
 

@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from clearcap.pictures.sketches.sketch import sketch_mechanism
-from clearcap.pictures.sketches.sketch_canvas import LETTER, LINE
+from clearcap.pictures.canvas import LETTER, LINE
+from clearcap.pictures.sketch import sketch_mechanism
 from clearcap.pictures.view import choose_view
 from engine import load_mechanism
 from tests.each import each
