@@ -6,8 +6,8 @@ from enum import StrEnum
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from engine.faults.fault import Fault
+if TYPE_CHECKING:  # only callers that check something need to import the engine
+    from engine.errors import Fault
 
 
 class CampaignError(Exception):

@@ -1,7 +1,6 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
-from engine.errors import CadError, EngineError, FolderError, MechanismError, NotAssemblable, TrajectoryError
-from engine.faults.fault import Fault
+from engine.errors import CadError, EngineError, Fault, FolderError, MechanismError, NotAssemblable, TrajectoryError
 from engine.faults.toml_positions import TextPosition, position_of
 from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
 from engine.platform.build import build_id

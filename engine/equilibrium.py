@@ -110,12 +110,11 @@ def touching_gap(mechanism: Mechanism) -> float:
 
 
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
-    """Return the contact forces, (nc, 3), that balance the loads of ``phase`` at time ``t`` in the current pose.
+    """Return the contact forces, (nc, 3), that balance the loads of ``phase`` at time ``t`` in this pose, or None.
 
-    None if the touching contacts cannot hold the loads: the twists then give the motion that starts, at an arbitrary
-    scale, or are zero if no forces were found. Contacts touch with a gap up to ``touching_gap`` or if they carried a
-    load in the last step; ``work.chosen`` receives their numbers, followed by -1. A pose that springs would hold counts
-    as held if it is at most ``touching_gap`` away. ``h`` may be any positive time.
+    The twists then give the motion that starts, at an arbitrary scale, or zero if no forces were found. Contacts touch
+    with a gap up to ``touching_gap`` or after a load in the last step; ``work.chosen`` receives their numbers, then -1.
+    A pose that springs would hold counts as held if it is at most ``touching_gap`` away. ``h``: any positive time.
     """
     h *= SHORT
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
@@ -130,10 +129,7 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
 
 
 def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) -> bool:
-    """Return whether springs stop the starting motion within a length, because the loads stop driving it there.
-
-    Where only springs hold a body, the loads balance at a single pose, which a run approaches without ever reaching it.
-    """
+    """Return whether loads stop driving the starting motion within a length, as springs do at a pose never reached."""
     model, work, there = assembly.model, assembly.work, copied(assembly.state)
     begins, wrench = there.v[:-1].copy(), np.zeros_like(work.wrench)
     spin_energy = np.einsum("bi,bij,bj->b", begins[:, 3:], model.bodies.inertia, begins[:, 3:])
@@ -158,10 +154,9 @@ def is_balanced(pose: Assembly, forces: Array, h: float) -> bool:
 
 
 def balancing_forces(pose: Assembly, nearest_to: Array, h: float, only_loaded: bool = False) -> Array | None:
-    """Return the forces of the touching contacts, (nc, 3), that balance the loads and lie nearest to others, (nc, 3).
+    """Return the forces within the cones, (nc, 3), that balance the loads and lie nearest to others; None without any.
 
-    With ``only_loaded`` only those contacts count that carry load in the others. None if no forces within the cones
-    balance the loads. ``pose`` is as `forces_at_rest` left it with this ``h``.
+    Of contacts that touch, or with ``only_loaded`` carry load in the others. ``pose`` is as for `is_balanced`.
     """
     touching = _touching(pose)
     rows = _balance(pose, touching.size).reshape(touching.size, 3, -1)
@@ -194,10 +189,7 @@ def _load(pose: Assembly, h: float) -> Array:
 
 
 def _weights(pose: Assembly) -> Array:
-    """Return the same for what presses the friction of ideal joints and contacts with a stiffness, whatever they carry.
-
-    See `kernels.contacts.press` and `kernels.compliance`.
-    """
+    """Return the same for what presses joint friction and compliant contacts, see `kernels.contacts.press`."""
     load, contacts, rows = np.zeros(pose.problem.w.size), pose.model.contacts, pose.problem.rows
     for j, i in enumerate(_touching(pose)):
         if contacts.weight[i, 0] >= 0:
@@ -207,11 +199,9 @@ def _weights(pose: Assembly) -> Array:
 
 
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
-    """Return the smallest and largest normal force of some contacts among all forces with the same balance.
+    """Return the smallest and largest normal force of some contacts among all forces with the balance of ``forces``.
 
-    All touching contacts may carry forces, including those without one in ``forces``, which `forces_at_rest` returned;
-    the friction problem must be as it left it. The largest is inf where friction wedges, see
-    `engine.friction.indeterminacy`.
+    The problem is as `forces_at_rest` left it. The largest is inf where friction wedges, see `friction.indeterminacy`.
     """
     touching = _touching(assembly)
     place = {int(contact): j for j, contact in enumerate(touching)}
@@ -224,10 +214,7 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
 
 
 def _balance(assembly: Assembly, count: int) -> Array:
-    """Return the generalised forces that unit contact forces exert on the bodies, less the part that joints hold.
-
-    Rows (N, T1, T2) each, shape (3 count, n), in the mass metric.
-    """
+    """Return rows, (3 count, n), of what unit contact forces do to bodies in the mass metric, less what joints hold."""
     rows, system, n = assembly.problem.rows, assembly.problem.bilateral, assembly.problem.w.size
     H = np.zeros((3 * count, n))
     effect_on_bodies(rows, np.arange(count), H)

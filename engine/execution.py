@@ -3,13 +3,18 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
-from engine.arrays import Array
+import numpy as np
+
+from engine.arrays import Array, copied
 from engine.assembly import Assembly
-from engine.equilibrium import PoseAtRest, touching_gap
+from engine.equilibrium import SHORT, PoseAtRest, balancing_forces, forces_at_rest, touching_gap
 from engine.kernels import time_loop
-from engine.kernels.time_loop import Course
+from engine.kernels.model import Control
+from engine.kernels.statics import MOVING, may_hold
+from engine.kernels.time_loop import Course, run_to_end
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
 from engine.mechanism.expression import ExpressionFault, evaluate, parse
@@ -24,7 +29,7 @@ from engine.mechanism.responses import (
     order_of_derived,
 )
 from engine.not_at_rest import describe_motion, flight, in_flight, unheld
-from engine.release import stay_at_rest
+from engine.not_at_rest.continuation import copy_of
 from engine.run import Certificate, Run
 from engine.verdict import failure, judge, unfinished
 
@@ -40,11 +45,7 @@ def execute(
     sink: Callable[[Array], None] | None = None,
     every: int = 1,
 ) -> Run:
-    """Run the time loop from an assembly at its start, and judge its outcome.
-
-    With ``full_horizon`` it does not stop at rest in the last phase; with ``indeterminacy`` the ranges of the contact
-    forces at rest are computed, too. For ``sink`` and ``every`` see `engine.loop.drive`.
-    """
+    """Run the time loop from an assembly at its start, and judge it; for ``sink`` and ``every`` see `drive`."""
     control = control_of(mechanism, full_horizon)
     unmoved = control.drift / control.window  # speed below which a body counts as unmoved
     prepare(assembly, control)  # before the clock starts: the time it takes to compile is not that of the run
@@ -165,10 +166,7 @@ def contacts_with_ranges(mechanism: Mechanism, phase: int, *, forces: bool = Fal
 
 
 def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
-    """Return the measured responses together with those derived from them; NaN: no value.
-
-    ``ranges`` gives the smallest and largest normal force at rest by response; what was not read at rest is missing.
-    """
+    """Return the responses measured, bounds from ``ranges`` at rest, and those derived from them; NaN: no value."""
     responses = dict(measured)
     for name, response in mechanism.responses.items():
         if isinstance(response, ContactForce) and response.bound:
@@ -195,3 +193,51 @@ def _derived(mechanism: Mechanism, response: Response, responses: Mapping[str, f
         return evaluate(parse(response.formula), {**mechanism.parameters, **names})
     except ExpressionFault:
         return math.nan
+
+
+# Where a phase begins at rest, both rest and motion may solve its equations: then rest goes on.
+#
+# A bracket on a post locks itself: friction holds it while its rings press on the post, and they press while friction
+# holds it. To fall freely is a solution as well, and which one a step finds is an accident of its solver. Real contacts
+# are not quite rigid and hold as they held before. So the run stays at rest if any forces of the contacts that carried
+# load hold the new loads, and it says that this was a choice.
+
+
+def stay_at_rest(assembly: Assembly, control: Control, course: Course, touching: float) -> bool:
+    """Let a phase that begins at rest stay so, if need be with other impulses; return whether there was a choice."""
+    h, t = map(float, course.reals[[time_loop.STEP, time_loop.TIME]])
+    phase = int(course.counts[time_loop.PHASE])
+    last = assembly.state.r / h
+    if not last.any() or not may_hold(assembly.arrays, phase, t, SHORT * control.step):
+        return False
+    falls = _moves(assembly, control, course, assembly.state.r)
+    if falls is None or not (falls or _moves(assembly, control, course, np.zeros_like(last))):
+        return False
+    pose = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
+    forces_at_rest(pose, phase, control.step, touching, t)  # for the loads, and the rows of the contacts
+    held = balancing_forces(pose, last, control.step, only_loaded=True)
+    if held is None:
+        return False
+    if falls:
+        if _moves(assembly, control, course, h * held) is not False:
+            return False
+        assembly.state.r[:] = h * held
+    return True
+
+
+def _moves(assembly: Assembly, control: Control, course: Course, impulses: Array) -> bool | None:
+    """Return whether bodies move in the next step if its solution begins with these; None if driven, or if it fails."""
+    arrays, trial = copy_of(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
+    arrays.state.r[:] = impulses
+    only_one_step = np.ones(1, np.uint8)
+    run_to_end(arrays, control._replace(pauses=False), trial, np.zeros((1, 1)), 0, only_one_step)
+    target = arrays.work.bilateral.target
+    if trial.counts[time_loop.STATUS] != time_loop.STOPPED or (target[0] != target[1]).any() or target[2].any():
+        return None
+    bodies, wrench, twist = arrays.model.bodies, arrays.work.wrench[:-1], arrays.state.v[:-1]
+    moment = np.einsum("bji,bj->bi", arrays.state.R[:-1], wrench[:, 3:])
+    spin = np.einsum("bij,bj->bi", bodies.inverse_root, moment)
+    h = float(trial.reals[time_loop.STEP])
+    free = h**2 * float((wrench[:, :3] ** 2 / bodies.mass[:, None]).sum() + (spin**2).sum())
+    spins = np.einsum("bi,bij,bj->", twist[:, 3:], bodies.inertia, twist[:, 3:])
+    return float(bodies.mass @ (twist[:, :3] ** 2).sum(axis=1) + spins) > MOVING * free

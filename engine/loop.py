@@ -11,27 +11,11 @@ from engine.assembly import Assembly
 from engine.assembly.bilateral import turning_arm
 from engine.assembly.table_cache import cached
 from engine.jit import Kernel
+from engine.kernels import time_loop
 from engine.kernels.model import Control
 from engine.kernels.record import record, row_length
 from engine.kernels.statics import hold_loads, may_hold
-from engine.kernels.time_loop import (
-    BALANCED,
-    COMPLETED,
-    FULL,
-    OK,
-    PAUSE,
-    PHASE,
-    PHASE_END,
-    PHASE_OVER,
-    RELEASED,
-    SETTLED,
-    STATUS,
-    STEP,
-    TIME,
-    Course,
-    new_course,
-    run_to_end,
-)
+from engine.kernels.time_loop import Course, new_course, run_to_end
 from engine.mechanism import Mechanism
 from engine.platform.clock import set_after
 
@@ -42,10 +26,7 @@ ROOM = 2_000_000  # numbers of a trajectory that are buffered in memory before t
 
 
 class Cancel:
-    """A flag that ends a run from another thread, at its next step.
-
-    Pass it to `engine.simulate` and call `set`; the run then ends with the status "cancelled".
-    """
+    """A flag that ends a run of `engine.simulate` from another thread, with the status "cancelled"."""
 
     def __init__(self) -> None:
         self.flag = np.zeros(1, np.uint8)
@@ -133,58 +114,58 @@ def drive(
             while True:
                 settings = control._replace(window=window, pauses=moves is not None)
                 run_to_end(assembly.arrays, settings, course, rows, stride, stop)
-                if course.counts[STATUS] == FULL and sink:
+                if course.counts[time_loop.STATUS] == time_loop.FULL and sink:
                     _flush(rows, sink)
-                elif course.counts[STATUS] == RELEASED:
+                elif course.counts[time_loop.STATUS] == time_loop.RELEASED:
                     if released:
                         released(course)
-                elif moves and course.counts[STATUS] == PHASE_OVER:
+                elif moves and course.counts[time_loop.STATUS] == time_loop.PHASE_OVER:
                     if moves(course) and _ends_at_rest(assembly, course):
                         window *= 2
-                        course.counts[SETTLED] = 0
+                        course.counts[time_loop.SETTLED] = 0
                     else:
                         window = control.window
-                        course.counts[BALANCED] = course.counts[PHASE]
+                        course.counts[time_loop.BALANCED] = course.counts[time_loop.PHASE]
                 elif moves and _rests_early(assembly, control, course) and moves(course):
                     window *= 2
-                    course.counts[[SETTLED, COMPLETED]] = 0
+                    course.counts[[time_loop.SETTLED, time_loop.COMPLETED]] = 0
                 else:
                     break
             if _rests(assembly, control, course):
-                course.counts[[SETTLED, COMPLETED]] = 1  # the horizon leaves no time for a longer window
+                course.counts[[time_loop.SETTLED, time_loop.COMPLETED]] = (
+                    1  # the horizon leaves no time for a longer window
+                )
     finally:
         if sink:  # the loop records the start of a step, so the end of the last one is missing, whatever ended the run
-            if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
+            if record(model, state, work, course.reals[time_loop.TIME], course.reals[time_loop.STEP], rows):
                 _flush(rows, sink)
-                record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
+                record(model, state, work, course.reals[time_loop.TIME], course.reals[time_loop.STEP], rows)
             _flush(rows, sink)
     return course
 
 
 def _rests(assembly: Assembly, control: Control, course: Course) -> bool:
     """Return whether a run is in a last phase that ends at rest, and nothing has moved for the window of rest."""
-    last = course.counts[PHASE] == len(assembly.model.phases.duration) - 1
-    ended = last and _ends_at_rest(assembly, course) and course.counts[STATUS] == OK
-    return bool(ended and course.reals[PAUSE] >= control.window)
+    last = course.counts[time_loop.PHASE] == len(assembly.model.phases.duration) - 1
+    ended = last and _ends_at_rest(assembly, course) and course.counts[time_loop.STATUS] == time_loop.OK
+    return bool(ended and course.reals[time_loop.PAUSE] >= control.window)
 
 
 def _ends_at_rest(assembly: Assembly, course: Course) -> bool:
     """Return whether the current phase has neither a duration nor an event that ends it."""
-    phases, phase = assembly.model.phases, course.counts[PHASE]
+    phases, phase = assembly.model.phases, course.counts[time_loop.PHASE]
     return bool(phases.duration[phase] == np.inf and phases.trigger[phase] < 0)
 
 
 def _rests_early(assembly: Assembly, control: Control, course: Course) -> bool:
     """Return whether a run is at rest before its horizon."""
-    return _rests(assembly, control, course) and course.reals[TIME] < course.reals[PHASE_END] - 0.5 * control.step
+    early = course.reals[time_loop.TIME] < course.reals[time_loop.PHASE_END] - 0.5 * control.step
+    return bool(early and _rests(assembly, control, course))
 
 
 @contextmanager
 def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
-    """Yield the flag that ends the time loop, set by another thread or, after some real time [s], by the clock.
-
-    If ``cancel`` is None, only the clock sets it.
-    """
+    """Yield the flag that ends the time loop, set by another thread or, after some real time [s], by the clock."""
     stop = (cancel or Cancel()).flag
     try:
         with set_after(seconds, stop, TIMEOUT):

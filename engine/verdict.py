@@ -24,8 +24,7 @@ from engine.kernels.projection import REACH
 from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
-from engine.mechanism.conditions import Event
-from engine.mechanism.responses import Formula, Mean, in_formulas
+from engine.mechanism.responses import Event, Formula, Mean, in_formulas
 from engine.platform.linear_algebra import one_thread
 from engine.run import Status
 
@@ -46,16 +45,11 @@ class Jam:
 
 
 def find_jam(assembly: Assembly, status: int) -> Jam | None:
-    """Return why the last step of a failed run has no solution; None if it may have one.
-
-    ``status`` is the final one of `kernels.time_loop`. The friction problem of the assembly is overwritten.
-    """
+    """Return why a run with a final ``status`` has no solution; None if it may. The friction problem is overwritten."""
     with one_thread():
         if status == time_loop.NOT_CONVERGED:
             return _jam_of_velocities(assembly)
-        if status == time_loop.PENETRATION or status == time_loop.VIOLATION:
-            return _jam_of_positions(assembly)
-    return None
+        return _jam_of_positions(assembly) if status in (time_loop.PENETRATION, time_loop.VIOLATION) else None
 
 
 def _jam_of_velocities(assembly: Assembly) -> Jam | None:
@@ -112,8 +106,7 @@ def _squeeze(numbers: Integers, rows: Array, q: Array, speed: float, J: Array, l
     impulses = squeezing_impulses(rows, q, speed, J)
     if impulses is None:
         return None
-    length = np.linalg.norm(J, axis=1)
-    held = np.zeros(len(J))
+    length, held = np.linalg.norm(J, axis=1), np.zeros(len(J))
     acts = length > 0.0
     if acts.any():
         held[acts] = np.linalg.lstsq((J[acts] / length[acts, None]).T, rows.T @ impulses, rcond=None)[0]
@@ -169,17 +162,12 @@ def judge(
             f"(simulation.horizon, or the duration of the last phase), or hold the body{meant}"
         )
     if missing:
-        return (
-            "not_converged",
-            f"{', '.join(missing)}: at rest, but no contact forces were found that balance the loads at this pose",
-        )
+        text = "at rest, but no contact forces were found that balance the loads at this pose"
+        return "not_converged", f"{', '.join(missing)}: {text}"
     for condition in mechanism.validity:
         if not condition.holds(measured):
-            value, of = measured[condition.response], mechanism.response_units()[condition.response]
-            return (
-                "invalid",
-                f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}",
-            )
+            name, of = condition.response, mechanism.response_units()[condition.response]
+            return "invalid", f"validity condition {condition} is broken: {name} = {measured[name]:.6g} {of}"
     return "ok", ""
 
 
@@ -194,9 +182,8 @@ def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> 
         return "not_at_rest", f"not at rest at {horizon}{moving}"
     beyond = f"above {awaited.above:g}" if awaited.above is not None else f"below {awaited.below:g}"
     of = mechanism.response_units()[awaited.response]
-    missed = (
-        f"phase {mechanism.phases[phase].name} did not end by {horizon}: {awaited.response} was never {beyond} {of}"
-    )
+    name = mechanism.phases[phase].name
+    missed = f"phase {name} did not end by {horizon}: {awaited.response} was never {beyond} {of}"
     if settled:
         return "invalid", f"{missed}, and the mechanism is at rest; check the event, or give the phase a duration"
     return "not_at_rest", f"{missed}{moving}; raise simulation.horizon, or give the phase a duration"
@@ -244,9 +231,8 @@ def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:
     if not jam.contacts:
         return f"{_list(held)} contradict each other at this pose; {travel}, or remove one of them"
     names = [assembly.contact_names[i] for i in jam.contacts]
-    contacts = ("contact " if len(names) == 1 else "contacts ") + _list(
-        [f"{name} ({' and '.join(bodies_of_contact(mechanism, name)[1])})" for name in names]
-    )
+    squeezed = [f"{name} ({' and '.join(bodies_of_contact(mechanism, name)[1])})" for name in names]
+    contacts = f"contact{'s' if len(names) > 1 else ''} {_list(squeezed)}"
     holding = f" while {_list(held)} {'act' if len(held) > 1 else 'acts'}" if held else ""
     if jam.locked:
         return f"friction locks {contacts}{holding}; {travel}, or allow for less friction, a clearance or a spring"

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from campaign.inputs.distributions import DISTRIBUTIONS
-from engine.faults.fault import Fault
+from engine.errors import Fault
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, locate
 
 _LONGEST_VALUE = 60  # characters of a value in a line

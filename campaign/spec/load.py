@@ -28,8 +28,7 @@ from engine.faults.toml_positions import with_positions
 from engine.mechanism import Mechanism, full_key, get_value, library_names, unit_of
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
-from engine.mechanism.keys.key_paths import SETTINGS, following
-from engine.mechanism.parameters import PREFIX
+from engine.mechanism.keys.key_paths import PREFIX, SETTINGS, following
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 

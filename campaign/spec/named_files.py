@@ -24,7 +24,7 @@ from engine.mechanism import Mechanism, library_names
 from engine.mechanism.faults import did_you_mean
 from engine.platform.child import Child, ChildEnded, ChildRaised, Limits, python_environment
 from engine.platform.regular_file import UnfitFile, read_regular_file
-from engine.preflight.start_gaps import with_start_gaps
+from engine.preflight.cautions import with_start_gaps
 
 MOST_FILES = 100  # given with a campaign's text
 LARGEST_TOTAL = 200_000_000  # bytes of all given files

@@ -183,7 +183,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from clearcap.questions.mechanisms import converted_surfaces, geometry_lines, mechanism_warnings
     from engine.cad_import.proposed_text import questions_of_file
-    from engine.preflight.start_gaps import with_start_gaps
+    from engine.preflight.cautions import with_start_gaps
 
     questions = questions_of_file(mechanism)
     for question in () if json else questions:

@@ -16,7 +16,7 @@ from campaign.errors import CampaignError, SpecError, StoreError, UnreachableErr
 from campaign.processes import SERVER, TOKEN
 
 if TYPE_CHECKING:
-    from engine.faults.fault import Fault
+    from engine.errors import Fault
 
 
 try:
@@ -190,7 +190,7 @@ def _faults(listed: Any) -> "list[Fault]":
     tables = [each for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
     if not tables:
         return []
-    from engine.faults.fault import Fault  # imported here, because it loads the engine
+    from engine.errors import Fault  # imported here, because it loads the engine
 
     return [
         Fault(

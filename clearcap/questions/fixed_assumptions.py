@@ -12,8 +12,7 @@ from typing import Any
 from campaign.plan import Plan
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, full_key, set_values, unit_of
-from engine.mechanism.base import TableModel
-from engine.mechanism.components import declared
+from engine.mechanism.base import TableModel, declared
 from engine.mechanism.faults import field_of
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.references import pair_between

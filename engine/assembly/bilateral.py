@@ -11,8 +11,8 @@ from engine.assembly.loads import active_phases
 from engine.friction.blocks import BODY, ROW, Elimination
 from engine.friction.elimination import eliminate_nodes
 from engine.kernels.model import SLIDE, TURN, BilateralRows, Bodies, State
+from engine.mechanism.loads import Translation
 from engine.mechanism.models import Mechanism
-from engine.mechanism.time_laws import Translation
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,9 @@ from engine.assembly.contacts import KINDS, NO_TERMS, Pair, geometry_row, plane_
 from engine.assembly.frames import BodyFrame, tangent
 from engine.kernels.model import COUPLED, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN, State, Terms
 from engine.mechanism.base import TableModel
-from engine.mechanism.contacts import Side
-from engine.mechanism.couplings import Coupling
-from engine.mechanism.joints import Cylindrical, Joint, Prismatic, Revolute, Spherical, ring_of
+from engine.mechanism.contacts import Side, Socket
+from engine.mechanism.joints import Coupling, Cylindrical, Joint, Prismatic, Revolute, Spherical, ring_of
 from engine.mechanism.models import Mechanism
-from engine.mechanism.primitives import Socket
 
 # The directions along which the points are held, and those about which the bodies are held. n is the joint's axis or
 # normal in the first body; e and f are perpendicular to it.

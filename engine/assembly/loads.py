@@ -8,19 +8,24 @@ import numpy as np
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, quaternion
 from engine.kernels.model import Loads, Phases, TimeLaws
-from engine.mechanism.conditions import Event
 from engine.mechanism.loads import (
+    FactorSine,
+    FactorTable,
     Force,
     ForceAction,
+    Law,
+    Led,
     LinearDamper,
     LinearSpring,
+    Sine,
+    TableLaw,
     Torque,
     TorqueAction,
     TorsionDamper,
     TorsionSpring,
 )
 from engine.mechanism.models import Mechanism
-from engine.mechanism.time_laws import FactorSine, FactorTable, Law, Led, Sine, TableLaw
+from engine.mechanism.responses import Event
 
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 

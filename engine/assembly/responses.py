@@ -8,13 +8,12 @@ from engine.arrays import Array
 from engine.assembly.contacts import Pair
 from engine.assembly.frames import BodyFrame
 from engine.assembly.loads import event_limit
-from engine.errors import MechanismError
-from engine.faults.fault import Fault
+from engine.errors import Fault, MechanismError
 from engine.kernels import model
 from engine.kernels.model import Responses, State
-from engine.mechanism.conditions import Peak
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism
+from engine.mechanism.responses import Peak
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {

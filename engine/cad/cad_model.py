@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_type_hints
 import numpy as np
 
 from engine.arrays import Array, Integers
-from engine.faults.fault import some
+from engine.errors import some
 
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "surface"]
 

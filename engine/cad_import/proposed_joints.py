@@ -19,9 +19,9 @@ from engine.cad.findings.facing_rounds import WHOLE, ExtrudedProfile, FacingRoun
 from engine.cad.findings.joints import NearMiss, PinInHole, UndrawnPin
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 from engine.cad_import.proposed_text import key_line, marked, question, value
-from engine.faults.fault import some
+from engine.errors import some
 from engine.mechanism.geometry.cad_table import AS_DRAWN, NearPlace, RoundFace
-from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, axis_of
+from engine.mechanism.geometry.drawn_features import NotOneFace, PartSearch, axis_of
 
 LAW = "contact"  # the material pair of all proposed joints and contacts
 

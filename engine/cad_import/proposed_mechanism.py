@@ -30,8 +30,7 @@ from engine.cad_import.proposed_joints import (
     stop_tables,
 )
 from engine.cad_import.proposed_text import key_line, marked, question, value
-from engine.errors import EngineError
-from engine.faults.fault import some
+from engine.errors import EngineError, some
 from engine.mechanism import mechanism_from
 from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, without_selectors
 from engine.preflight.cautions import MOST_BODIES

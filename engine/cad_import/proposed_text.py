@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from engine.faults.fault import one_line
+from engine.errors import one_line
 from engine.mechanism import library_names
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST

@@ -6,11 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from engine.faults.fault import Fault
+from engine.errors import Fault
 from engine.platform.toml_file import TOKEN
 
-Keys = tuple[str, ...]
-"""Keys from the outermost inwards; entries of lists by their index from 0."""
+Keys = tuple[str, ...]  # keys from the outermost inwards; entries of lists by their index from 0
 
 
 @dataclass(frozen=True)
@@ -46,15 +45,7 @@ def position_of(text: str, keys: Sequence[str]) -> TextPosition:
 
 
 def with_positions(faults: Iterable[Fault], content: bytes) -> tuple[Fault, ...]:
-    """Return the faults of a text with the line and column of their keys.
-
-    Parameters
-    ----------
-    faults : iterable of Fault
-        Faults whose keys refer to the text.
-    content : bytes
-        The text, which `engine.platform.toml_file.parse_toml` accepts.
-    """
+    """Return the faults of a text, which `parse_toml` accepts, with the line and column of their keys."""
     known = key_positions(content.decode("utf-8-sig"))
     places = ((fault, _nearest(known, fault.keys)) for fault in faults)
     return tuple(replace(fault, line=place.line, column=place.column) for fault, place in places)
@@ -80,22 +71,14 @@ def _nearest(known: dict[Keys, TextPosition], keys: Sequence[str]) -> TextPositi
 
 
 class _KeyReader:
-    """Parses a text token by token, and records where its keys start.
-
-    Attributes
-    ----------
-    written : dict
-        Full path of an explicitly written key or table -> index of its first character.
-    implied : dict
-        Tables named only in the paths of their keys -> index of the first character of the first such path.
-    """
+    """Parses a text token by token, and records the index of the first character of each full path of keys."""
 
     def __init__(self, text: str) -> None:
         tokens = ((token.lastgroup, token[0], token.start()) for token in TOKEN.finditer(text))
         self._tokens = [token for token in tokens if token[0] not in ("skipped", "dot")][::-1]
         self._entries: Counter[Keys] = Counter()  # entries so far of each array of tables
         self.written: dict[Keys, int] = {}
-        self.implied: dict[Keys, int] = {}
+        self.implied: dict[Keys, int] = {}  # tables named only in the paths of their keys, by the first such path
 
     def read(self) -> None:
         """Read the whole text."""

@@ -1,10 +1,16 @@
-"""Building blocks of the tables in the file formats: the base class of their models, numbers, vectors and names."""
+"""Building blocks of the tables in the file formats: the base class of their models, numbers, vectors and names.
+
+The numbers of a list have names: x, y, z of a vector, xx, xy, ... of an inertia, otherwise 0, 1, ...
+"""
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, Self
+from itertools import combinations_with_replacement
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -19,11 +25,107 @@ from pydantic import (
     ValidationInfo,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from engine.mechanism.components import Axes, holds_numbers, written
 from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.quantities import Quantity
+
+At = tuple[int, ...]  # indices of a number in nested lists
+Kind = TypeVar("Kind")
+
+
+class Components:
+    """The numbers of a list, named by their indices: 0, 1, ..."""
+
+    def places(self, items: Sequence[Any]) -> Mapping[str, tuple[At, ...]]:
+        """Return the places of the number with each name; two places if the list holds it twice."""
+        return {str(i): ((i,),) for i in range(len(items))}
+
+
+class Axes(Components):
+    """The components x, y, z of a vector."""
+
+    def places(self, items: Sequence[Any]) -> Mapping[str, tuple[At, ...]]:
+        """Return the place of each component."""
+        return {"x": ((0,),), "y": ((1,),), "z": ((2,),)}
+
+
+class Tensor(Components):
+    """The components xx, xy, ... of a symmetric tensor; xy also stands for yx. A file may give only the diagonal."""
+
+    def places(self, items: Sequence[Any]) -> Mapping[str, tuple[At, ...]]:
+        """Return the places of each component."""
+        if not isinstance(items[0], list | tuple):
+            return {"xx": ((0,),), "yy": ((1,),), "zz": ((2,),)}
+        pairs = combinations_with_replacement(range(3), 2)
+        return {"xyz"[i] + "xyz"[j]: tuple({(i, j): None, (j, i): None}) for i, j in pairs}
+
+
+@dataclass(frozen=True)
+class Each:
+    """A lower limit of each number in a list, checked by the reader of the list."""
+
+    gt: float
+
+
+def written(value: Any) -> Any:
+    """Return a value as written in the file: for a direction the original vector, otherwise the value itself."""
+    return getattr(value, "written", value)
+
+
+def item(items: Any, at: At) -> Any:
+    """Return the item at a place in nested lists."""
+    for i in at:
+        items = items[i]
+    return items
+
+
+def with_item(items: Any, at: At, new: Any) -> Any:
+    """Return nested lists, as tuples, with the item at a place replaced."""
+    if not at:
+        return new
+    return tuple(with_item(part, at[1:], new) if i == at[0] else part for i, part in enumerate(items))
+
+
+def declared(field: FieldInfo | None, kind: type[Kind]) -> Kind | None:
+    """Return the declaration of a given kind, such as a quantity, on a field of a table; None if it has none."""
+    return next((found for found in _metadata(field) if isinstance(found, kind)), None) if field else None
+
+
+def limits(field: FieldInfo | None) -> dict[str, float]:
+    """Return the limits of a number by their relation: ``{"gt": 0.0}``, or ``ge``, ``lt``, ``le``."""
+    found: dict[str, float] = {}
+    for mark in _metadata(field) if field else ():
+        for relation in ("gt", "ge", "lt", "le"):
+            if hasattr(mark, relation):
+                found.setdefault(relation, getattr(mark, relation))
+    return found
+
+
+def _metadata(field: FieldInfo) -> Iterator[Any]:
+    """Yield the declarations on a field and on the alternatives of its type."""
+    yield from field.metadata
+    yield from _metadata_of(field.annotation)
+
+
+def _metadata_of(annotation: Any) -> Iterator[Any]:
+    for part in get_args(annotation) if get_origin(annotation) in (Union, UnionType, Annotated) else ():
+        if isinstance(part, FieldInfo):
+            yield from part.metadata
+        else:
+            yield part
+            yield from _metadata_of(part)
+
+
+def holds_numbers(annotation: Any) -> bool:
+    """Return whether a type is a number or lists of numbers."""
+    if get_origin(annotation) in (Union, UnionType, Annotated, tuple):
+        return any(map(holds_numbers, get_args(annotation)))
+    return annotation is float
+
+
+# Tables and the values in them.
 
 LARGEST_NUMBER = 1e100  # in a file, so that squares and products of such numbers are finite
 SMALLEST_NUMBER = 1e-100  # of numbers used as divisors
@@ -65,41 +167,48 @@ class TableModel(BaseModel):
         for name, value in self.__dict__.items():  # written for speed: this runs for every sample
             for number in _numbers(value) if isinstance(value, tuple | dict) else (value,):
                 if isinstance(number, float) and number and not smallest <= abs(number) <= LARGEST_NUMBER:
-                    raise refuse(_no_real_size(smallest), key=_keys(type(self))[name], value=number)
+                    sizes = f"0, and sizes from {smallest:g} to" if smallest else "sizes up to"
+                    text = f"no size of a real quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
+                    key = next(key for key, (own, _) in fields_by_key(type(self)).items() if own == name)
+                    raise refuse(text, key=key, value=number)
         return self
 
     def entries(self) -> dict[str, Any]:
         """Return the table by the keys used in the file (``from``, not ``from_``); its sub-tables remain models."""
-        return {key: getattr(self, name) for name, key in _keys(type(self)).items()}
+        return {key: getattr(self, name) for key, (name, _) in fields_by_key(type(self)).items()}
+
+
+def optional(description: str, **declared: Any) -> Any:
+    """Declare a key that need not be given; its value is then None."""
+    return Field(default=None, description=description, **declared)
+
+
+def added(description: str, **declared: Any) -> Any:
+    """Declare an optional key of a later version; not given, it is left out of digests, so that earlier ones stay."""
+    return optional(description, exclude_if=lambda value: value is None, **declared)
 
 
 def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
-    """Return the error that a validator raises to refuse a value.
-
-    The text says what is wrong; what is allowed; what to do. ``key`` is the key at fault inside the table, dotted;
-    empty if the validated value itself is at fault.
-    """
+    """Return a validator's error: what is wrong; what is allowed; what to do. ``key``, dotted, is inside the table."""
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
 
 
 @cache
-def _keys(model: type[BaseModel]) -> dict[str, str]:
-    """Return the key in the file for the name of each field of a table."""
-    return {name: field.alias or name for name, field in model.model_fields.items()}
+def fields_by_key(model: type[BaseModel]) -> dict[str, tuple[str, FieldInfo]]:
+    """Return name and declaration of each field of a table by its key in the file (``from`` is the field ``from_``)."""
+    return {field.alias or name: (name, field) for name, field in model.model_fields.items()}
 
 
 @cache
 def _number_keys(model: type[BaseModel]) -> frozenset[str]:
     """Return the keys of a table that hold a number or lists of numbers."""
-    fields = model.model_fields.items()
-    return frozenset(field.alias or name for name, field in fields if holds_numbers(field.annotation))
+    return frozenset(key for key, (_, field) in fields_by_key(model).items() if holds_numbers(field.annotation))
 
 
 def with_numbers(value: Any, parameters: Mapping[str, float], key: str = "") -> Any:
-    """Return a value from a file with each expression, also in nested lists, replaced by its number.
+    """Return a value from a file with each expression, but no number in quotes, replaced by its number, also in lists.
 
-    Anything else is returned unchanged, as is a number in quotes; ``key`` is the position within the enclosing lists.
-    Raise the error of `refuse` if an expression has no finite value.
+    ``key`` is the position within the enclosing lists. Raise the error of `refuse` if an expression has no value.
     """
     if isinstance(value, list | tuple):
         return [with_numbers(item, parameters, f"{key}.{i}" if key else str(i)) for i, item in enumerate(value)]
@@ -130,18 +239,8 @@ def _numbers(value: Any) -> Iterator[float]:
             yield from _numbers(item)
 
 
-def _no_real_size(smallest: float) -> str:
-    """Return the message about a number too large or too small to describe anything real."""
-    sizes = f"0, and sizes from {smallest:g} to" if smallest else "sizes up to"
-    return f"no size of a real quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
-
-
 def one_of(**keys: str) -> Discriminator:
-    """Return the discriminator for a choice of tables, each of which has a key that the others lack.
-
-    Each table in the choice has this key as its tag and as its class variable ``distinguishing_key``; ``keys`` gives
-    the meaning of each, for the error if none or several of them are given.
-    """
+    """Return the discriminator for a choice of tables by the key that only one has: its tag, `distinguishing_key`."""
 
     def tag_of(value: Any) -> str | None:
         entries = value.entries() if isinstance(value, TableModel) else value if isinstance(value, Mapping) else {}
@@ -153,9 +252,30 @@ def one_of(**keys: str) -> Discriminator:
     return Discriminator(tag_of, custom_error_type="refused", custom_error_message=text)
 
 
+def unless_none(read: Callable[[Any], Any]) -> BeforeValidator:
+    """Declare the reader of a key that need not be given."""
+    return BeforeValidator(lambda value: None if value is None else read(value))
+
+
 def is_number(value: Any) -> bool:
     """Return whether ``value`` is a finite int or float; a bool is not a number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def are_numbers(value: Any, count: int | None = None) -> bool:
+    """Return whether ``value`` is a list of finite numbers, at least one or ``count`` of them."""
+    return isinstance(value, list | tuple) and len(value) == (count or len(value) or 1) and all(map(is_number, value))
+
+
+def numbers_or(text: str, count: int | None = None, sound: Callable[[Any], bool] = bool) -> Callable[[Any], Any]:
+    """Return a reader of a list of finite numbers, ``count`` or at least one, that refuses all else with a text."""
+
+    def read(value: Any) -> tuple[float, ...]:
+        if not are_numbers(value, count) or not sound(value):
+            raise refuse(text)
+        return tuple(map(float, value))
+
+    return read
 
 
 class UnitVector(tuple[float, float, float]):
@@ -166,7 +286,7 @@ class UnitVector(tuple[float, float, float]):
 
 def _three_numbers(value: Any) -> tuple[float, float, float]:
     value = written(value)
-    if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(is_number, value)):
+    if not are_numbers(value, 3):
         raise refuse("not a vector; allowed: three finite numbers [x, y, z]; write all three")
     return (float(value[0]), float(value[1]), float(value[2]))
 
@@ -175,10 +295,8 @@ def _unit(value: tuple[float, float, float]) -> UnitVector:
     length = math.hypot(*value)
     if not 0 < length < math.inf:
         raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
-    if abs(length - 1) >= 1e-14:  # a division would otherwise change only the last bits
-        direction = UnitVector((value[0] / length, value[1] / length, value[2] / length))
-    else:
-        direction = UnitVector(value)
+    # a division by almost 1 would change only the last bits
+    direction = UnitVector(value if abs(length - 1) < 1e-14 else [x / length for x in value])
     direction.written = value
     return direction
 
@@ -196,9 +314,12 @@ Direction = Annotated[Vector, AfterValidator(_unit), PlainSerializer(written, re
 Point = Annotated[Vector, Quantity("length")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
 
+NonNegative = Annotated[Number, Field(ge=0)]
+Radian = Annotated[Number, Quantity("angle")]
 Length = Annotated[Number, Quantity("length")]
 PositiveLength = Annotated[PositiveNumber, Quantity("length")]
-Friction = Annotated[Number, Field(ge=0), Quantity("number")]
+OptionalLength = Annotated[PositiveLength | None, Quantity("length")]
+Friction = Annotated[NonNegative, Quantity("number")]
 Restitution = Annotated[Number, Field(ge=0, le=1), Quantity("number")]
 
 
@@ -217,14 +338,12 @@ class BodyPoint(TableModel):
 class PairLaw(TableModel):
     """The contact law between two bodies: that of a pair of materials, or its own numbers."""
 
-    material: Name | None = Field(
-        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
+    material: Name | None = optional("the pair of materials, a table of [materials]; default: that between the bodies'")
+    friction: Annotated[Friction | None, Quantity("number")] = optional(
+        "the coefficient of friction, instead of the material's"
     )
-    friction: Annotated[Friction | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of friction, instead of the material's"
-    )
-    restitution: Annotated[Restitution | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of restitution, instead of the material's"
+    restitution: Annotated[Restitution | None, Quantity("number")] = optional(
+        "the coefficient of restitution, instead of the material's"
     )
 
     @property
@@ -233,35 +352,19 @@ class PairLaw(TableModel):
         return 0.0, 0.0
 
 
-def not_given(value: Any) -> bool:
-    """Return whether there is none; what is not given is left out of digests, so that those of earlier files stay."""
-    return value is None
-
-
 def check_spring(table: Any) -> None:
     """Refuse the table of a contact or stop with a damping and no stiffness, or a stiffness and a restitution."""
     if table.damping is not None and table.stiffness is None:
-        raise refuse(
-            "a rigid contact has no damping of its own; allowed: with a stiffness; give one, or write a restitution",
-            key="damping",
-            value=table.damping,
-        )
+        text = "a rigid contact has no damping of its own; allowed: with a stiffness; give one, or write a restitution"
+        raise refuse(text, key="damping", value=table.damping)
     if table.stiffness is not None and table.restitution:
-        raise refuse(
-            "a contact with a stiffness bounces by itself; allowed: one of the two; remove it, and let damping take "
-            "the energy, or remove the stiffness",
-            key="restitution",
-            value=table.restitution,
-        )
+        text = "a contact with a stiffness bounces by itself; allowed: one of the two; remove it, and let damping take "
+        raise refuse(f"{text}the energy, or remove the stiffness", key="restitution", value=table.restitution)
 
 
 def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:
     """Refuse the table if direction ``names[1]`` is not perpendicular to ``names[0]``; both have unit length."""
     lean = sum(a * b for a, b in zip(first, second, strict=True))
     if abs(lean) > PERPENDICULAR:
-        raise refuse(
-            f"not across {names[0]} ({names[0]} . {names[1]} = {lean:.2g}); allowed: perpendicular to {names[0]}; "
-            "correct one of the two",
-            key=names[1],
-            value=list(second),
-        )
+        text = f"not across {names[0]} ({names[0]} . {names[1]} = {lean:.2g}); allowed: perpendicular to {names[0]}; "
+        raise refuse(f"{text}correct one of the two", key=names[1], value=list(second))

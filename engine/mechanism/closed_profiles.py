@@ -13,7 +13,16 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from engine.mechanism.base import Direction, Point, PositiveLength, TableModel, check_perpendicular, is_number, refuse
+from engine.mechanism.base import (
+    Direction,
+    OptionalLength,
+    Point,
+    TableModel,
+    check_perpendicular,
+    numbers_or,
+    optional,
+    refuse,
+)
 from engine.mechanism.quantities import Quantity
 
 MOST_SEGMENTS = 500
@@ -101,10 +110,8 @@ def closed_curve(start: complex, segments: Sequence[Any], *, on_axis: bool = Fal
     arc miss its circle, a segment has no length, turns back or meets another one, or there are no segments or too many.
     """
     if not 0 < len(segments) <= MOST_SEGMENTS:
-        raise refuse(
-            f"{len(segments)} segments; allowed: 1 to {MOST_SEGMENTS}; write the lines and arcs of a closed curve",
-            key="profile",
-        )
+        text = f"{len(segments)} segments; allowed: 1 to {MOST_SEGMENTS}; write the lines and arcs of a closed curve"
+        raise refuse(text, key="profile")
     points = [start, *(complex(*segment.to) for segment in segments)]
     circles = (abs(complex(*segment.centre) - start) for segment in segments if segment.centre)
     size = max(abs(p - start) for p in points) or max(circles, default=0.0)
@@ -130,23 +137,15 @@ def _piece(start: complex, end: complex, segment: Any, i: int, size: float) -> P
     centre, left = complex(*(segment.centre or segment.to)), segment.turn == "left"
     first, last = abs(start - centre), abs(end - centre)
     if abs(chord) <= CLOSE * size and first <= CLOSE * size:
-        raise refuse(
-            "ends where it begins; allowed: a line or an arc with a length; correct the point, or remove the segment: "
-            "a profile closes by itself",
-            key=f"{key}.to",
-            value=list(segment.to),
-        )
+        text = "ends where it begins; allowed: a line or an arc with a length; correct the point, or remove the "
+        raise refuse(f"{text}segment: a profile closes by itself", key=f"{key}.to", value=list(segment.to))
     if segment.centre is None:
         return Piece(start, end)
     if abs(chord) <= CLOSE * size:
         return Piece(start, start, centre, left)
     if not abs(first - last) <= ON_CIRCLE * min(first, abs(chord)):
-        raise refuse(
-            f"the arc begins {first:.9g} and ends {last:.9g} from its centre; allowed: the same distance; "
-            "correct the centre or one of the ends",
-            key=f"{key}.centre",
-            value=list(segment.centre),
-        )
+        text = f"the arc begins {first:.9g} and ends {last:.9g} from its centre; allowed: the same distance; correct "
+        raise refuse(f"{text}the centre or one of the ends", key=f"{key}.centre", value=list(segment.centre))
     across, middle = 1j * chord / abs(chord), 0.5 * (start + end)
     return Piece(start, end, middle + across * (across.conjugate() * (centre - middle)).real, left)
 
@@ -155,15 +154,11 @@ def _refuse_corners(pieces: Sequence[Piece], names: Sequence[str]) -> None:
     """Refuse a profile whose curve turns back on itself, or that has other segments besides a full circle."""
     for i, piece in enumerate(pieces):
         if piece.start == piece.end and len(pieces) > 1:
-            raise refuse(
-                "a full circle; allowed: as the only segment; give it a contact of its own", key=f"profile.{i}"
-            )
+            text = "a full circle; allowed: as the only segment; give it a contact of its own"
+            raise refuse(text, key=f"profile.{i}")
         if abs(pieces[i - 1].direction(1.0) + piece.direction(0.0)) < BACKWARDS:
-            raise refuse(
-                f"{names[i]} turns back along {names[i - 1]}; allowed: any other angle between the two; "
-                "give the tip or the groove there a width",
-                key="profile",
-            )
+            text = f"{names[i]} turns back along {names[i - 1]}; allowed: any other angle between the two; give the "
+            raise refuse(f"{text}tip or the groove there a width", key="profile")
 
 
 def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float) -> None:
@@ -175,20 +170,15 @@ def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float)
         near = np.all((low[i] <= high[i + 1 :]) & (low[i + 1 :] <= high[i]), axis=1)
         for j in (i + 1 + np.flatnonzero(near)).tolist():
             shared = [p for p in (piece.end, piece.start) if p in (pieces[j].start, pieces[j].end)]
-            for at in _meetings(piece, pieces[j], CLOSE * size):
+            other, close = pieces[j], CLOSE * size
+            meetings = [p for p in (piece.start, piece.end) if other.has(p, close)]
+            meetings += [p for p in (other.start, other.end) if piece.has(p, close)]
+            crossings = _crossings(piece, other, close)
+            meetings += [p for p in crossings if piece.has(p, close) and other.has(p, close)]
+            for at in meetings:
                 if all(abs(at - corner) > BESIDE_A_CORNER * size for corner in shared):
-                    raise refuse(
-                        f"{names[i]} meets {names[j]} at [{at.real:.6g}, {at.imag:.6g}]; allowed: a "
-                        "curve that neither crosses nor touches itself; correct one of the two",
-                        key="profile",
-                    )
-
-
-def _meetings(one: Piece, other: Piece, close: float) -> list[complex]:
-    """Return points common to two pieces."""
-    ends = [p for p in (one.start, one.end) if other.has(p, close)]
-    ends += [p for p in (other.start, other.end) if one.has(p, close)]
-    return ends + [p for p in _crossings(one, other, close) if one.has(p, close) and other.has(p, close)]
+                    text = f"{names[i]} meets {names[j]} at [{at.real:.6g}, {at.imag:.6g}]; allowed: a curve that "
+                    raise refuse(f"{text}neither crosses nor touches itself; correct one of the two", key="profile")
 
 
 def _crossings(one: Piece, other: Piece, close: float) -> list[complex]:
@@ -209,23 +199,16 @@ def _crossings(one: Piece, other: Piece, close: float) -> list[complex]:
         return []
     along = 0.5 * (abs(between) + (one.radius**2 - other.radius**2) / abs(between))
     square = one.radius**2 - along**2
-    way = between / abs(between)
-    reach = math.sqrt(max(square, 0.0))
-    return (
-        [one.centre + way * (along + sign * 1j * reach) for sign in (-1, 1)] if square > -2 * close * one.radius else []
-    )
+    if not square > -2 * close * one.radius:
+        return []
+    way, reach = between / abs(between), math.sqrt(max(square, 0.0))
+    return [one.centre + way * (along + sign * 1j * reach) for sign in (-1, 1)]
 
 
 # Contact primitives made from a profile of lines and arcs: turned about an axis, or extruded along it.
 
 
-def _two_numbers(value: Any) -> tuple[float, float]:
-    """Read a point of the profile's plane."""
-    if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_number, value)):
-        raise refuse("not a point of a profile; allowed: two finite numbers; write both")
-    return (float(value[0]), float(value[1]))
-
-
+_two_numbers = numbers_or("not a point of a profile; allowed: two finite numbers; write both", 2)
 PlanePoint = Annotated[
     tuple[float, float], BeforeValidator(_two_numbers), WithJsonSchema(_TWO_NUMBERS), Quantity("length")
 ]
@@ -235,10 +218,8 @@ class ProfileSegment(TableModel):
     """A line or an arc of a profile; it starts at the end of the previous segment."""
 
     to: PlanePoint = Field(description="the end of the segment, in the plane of the profile")
-    centre: PlanePoint | None = Field(default=None, description="the centre of an arc; without it, a line")
-    turn: Literal["left", "right"] | None = Field(
-        default=None, description="the way in which an arc turns: left (counterclockwise) or right"
-    )
+    centre: PlanePoint | None = optional("the centre of an arc; without it, a line")
+    turn: Literal["left", "right"] | None = optional("the way in which an arc turns: left (counterclockwise) or right")
 
     @model_validator(mode="after")
     def _line_or_arc(self) -> Self:
@@ -275,19 +256,13 @@ class Turned(TableModel):
         size = max(abs(p - q) for q in self._closed[0].extremes() for piece in self._closed for p in piece.extremes())
         least = min((p.real, p.imag) for piece in self._closed for p in piece.extremes())
         if least[0] < -CLOSE * size:
-            raise refuse(
-                f"reaches the other side of the axis at [{least[0]:.6g}, {least[1]:.6g}]; allowed: r >= 0; "
-                "draw one half of the section",
-                key="profile",
-            )
+            text = f"reaches the other side of the axis at [{least[0]:.6g}, {least[1]:.6g}]; allowed: r >= 0; draw one "
+            raise refuse(f"{text}half of the section", key="profile")
         for piece in self.curve:
             for at, share in ((piece.start, 0.0), (piece.end, 1.0)):
                 if not at.real and abs(piece.direction(share).real) < BACKWARDS:
-                    raise refuse(
-                        f"ends on the axis, at z = {at.imag:.6g}, in a needle or a slit without width; allowed: any "
-                        "angle to the axis; leave a small flat there",
-                        key="profile",
-                    )
+                    text = f"ends on the axis, at z = {at.imag:.6g}, in a needle or a slit without width; allowed: any "
+                    raise refuse(f"{text}angle to the axis; leave a small flat there", key="profile")
         return self
 
 
@@ -297,9 +272,7 @@ class Extruded(TableModel):
     point: Point = Field(description="the origin of the profile, at half the length of the solid")
     axis: Direction = Field(description="the direction in which the profile is extruded")
     along: Direction = Field(description="the direction of the profile's x; y is across the axis and x")
-    half_length: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="half the length between the flat ends, a number > 0; default: without ends"
-    )
+    half_length: OptionalLength = optional("half the length between the flat ends, a number > 0; default: without ends")
     start: PlanePoint = Field(description="where the profile begins: [x, y]")
     profile: Segments = Field(description="lines and arcs to points [x, y]; from the last a line leads to the start")
 

@@ -1,4 +1,4 @@
-"""Find the known word that an unknown one is likely meant to be: a typing error, or a word that shares its parts."""
+"""What an unknown word is likely meant to be: a known one, or something for which docs/modelling.md has a recipe."""
 
 import re
 from collections.abc import Iterable
@@ -10,16 +10,15 @@ MOST_SLIPS = 3
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the word most likely meant; None if none is likely.
+    """Return the word most likely meant: it differs by few slips, or else begins with the given word or has its parts.
 
-    A word is likely if it differs by few slips, a slip being a letter added, left out, replaced or swapped with the
-    next one: up to one slip in words of up to 5 letters, two in longer ones, three from 12 letters on. Failing that, a
-    word is likely if it begins with the given word or contains all its parts: ``clearance`` is taken for
-    ``radial_clearance``.
+    Up to one slip in words of up to 5 letters, two in longer ones, three from 12 on. ``clearance`` is taken for
+    ``radial_clearance``. None if none is likely.
     """
     given = word[:LONGEST].lower()
     known = list(islice(words, MOST_WORDS))
-    likely = [(count, i) for i, one in enumerate(known) if (count := _slips(given, one[:LONGEST].lower())) is not None]
+    plain = [one[:LONGEST].lower() for one in known]
+    likely = [(n, i) for i, one in enumerate(plain) if (n := slip_count(given, one)) <= _allowed(given, one)]
     if likely:
         return known[min(likely)[1]]
     parts = _parts(given)
@@ -45,15 +44,6 @@ def slip_count(first: str, second: str) -> int:
     return max(row[-1], min(row))
 
 
-def _slips(first: str, second: str) -> int | None:
-    """Return the number of slips between two words; None if there are too many."""
-    most = _allowed(first, second)
-    if abs(len(first) - len(second)) > most:
-        return None
-    count = slip_count(first, second)
-    return count if count <= most else None
-
-
 def _allowed(first: str, second: str) -> int:
     """Return the number of slips allowed between words of these lengths; J2 is not taken for J1."""
     length = min(len(first), len(second))
@@ -65,3 +55,29 @@ def _allowed(first: str, second: str) -> int:
 def _parts(word: str) -> frozenset[str]:
     """Return the parts of a word separated by underscores, hyphens or dots; short parts are ignored."""
     return frozenset(part for part in re.split(r"[^a-z0-9]+", word) if len(part) > 2)
+
+
+RECIPES = {
+    "A pair of gears, with backlash": "gear belt chain pulley coupler spline tooth",
+    "A rack, a screw": "rack pinion screw thread spindle",
+    "A planetary set": "planet epicyclic",
+    "A motor": "motor engine",
+    "A solenoid or magnet": "solenoid magnet electro",
+    "A progressive, bistable or gas spring": "bistable progressive gas nonlinear dome snap_disc",
+    "A one-way clutch": "clutch freewheel ratchet one_way overrunning",
+    "A brake, or the friction of a guide or hinge": "brake bearing_friction seal stiction",
+    "A rope, and a spring that lifts off": "rope cable wire tension_only",
+    "An end stop that bounces": "limit stop range",
+    "A press fit": "press_fit interference",
+    "The effort, stroke and energy of a push-button": "effort stroke actuation operating_force",
+    "What there is none of yet, and what to do instead": "mesh stl universal cardan hooke snap beam leaf flex"
+    " bushing rolling bearing",
+}
+"""The titles of recipes, and what in the name of a key or type asks for one."""
+
+
+def recipe_for(word: str) -> str:
+    """Return `; see "TITLE" in docs/modelling.md` for an unknown key or type, or an empty text if no recipe fits."""
+    asked = f"_{word.lower().replace('-', '_')}"  # a known word begins a part of it: a track is no rack
+    titles = [title for title, words in RECIPES.items() if any(f"_{known}" in asked for known in words.split())]
+    return f'; see "{titles[0]}" in docs/modelling.md' if titles else ""

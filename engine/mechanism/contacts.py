@@ -1,26 +1,149 @@
-"""Unilateral contacts between two named primitives."""
+"""Unilateral contacts between two primitives: shapes fixed to a body, whose distances have a closed form or almost.
 
+Lengths and directions are in the frame of the body. A face is the top of a plate: a body that slides over its edge
+meets the side of the plate, and one that has come more than half its depth behind it is let out at the back.
+"""
+
+import math
 from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from engine.mechanism.base import (
+    Direction,
+    Each,
     Length,
     Name,
-    Number,
+    NonNegative,
+    OptionalLength,
     PairLaw,
     Point,
+    PositiveLength,
     PositiveNumber,
     TableModel,
+    added,
+    check_perpendicular,
     check_spring,
-    not_given,
+    numbers_or,
+    optional,
     refuse,
 )
 from engine.mechanism.closed_profiles import Extruded, Turned
-from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
+
+_TWO_SIZES = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 2, "maxItems": 2}
+
+
+_two_sizes = numbers_or(
+    "not two half sides; allowed: two finite numbers > 0; write half the length and half the width",
+    2,
+    lambda sizes: min(sizes) > 0,
+)
+
+
+class Sphere(TableModel):
+    """The outside of a sphere."""
+
+    centre: Point = Field(description="the centre of the sphere, in the body frame")
+    radius: PositiveLength = Field(description="the radius of the sphere, a number > 0")
+
+
+class Socket(TableModel):
+    """The inside of a sphere."""
+
+    centre: Point = Field(description="the centre of the hollow sphere, in the body frame")
+    radius: PositiveLength = Field(description="the radius of the hollow sphere, a number > 0")
+
+
+class Arc(TableModel):
+    """A circular arc or a full circle; with an edge radius it is a rounded edge, a piece of a torus."""
+
+    centre: Point = Field(description="the centre of the circle, in the body frame")
+    normal: Direction = Field(description="the normal of the circle's plane")
+    middle: Direction | None = optional(
+        "the direction from the centre to the middle of the arc; a full circle needs none"
+    )
+    radius: PositiveLength = Field(description="the radius of the arc, a number > 0")
+    half_angle: Annotated[PositiveNumber, Field(le=3.1415926535897936), Quantity("angle")] = Field(
+        default=math.pi, description="half the angle the arc spans, in rad; pi for a full circle"
+    )
+    edge_radius: Annotated[NonNegative, Quantity("length")] = Field(
+        default=0.0, description="the radius of the edge's rounding, whose centres lie on the arc, a number >= 0"
+    )
+
+    @model_validator(mode="after")
+    def _in_plane(self) -> Self:
+        if self.middle is not None:
+            check_perpendicular(self.normal, self.middle, ("normal", "middle"))
+        elif self.half_angle < math.pi:
+            raise refuse("missing; an arc needs the direction to its middle; add it, or drop half_angle", key="middle")
+        return self
+
+
+class Ring(TableModel):
+    """The ring of a bore around a cylinder, or a ring on a pin inside a bore; its tilt is neglected."""
+
+    centre: Point = Field(description="the centre of the ring, in the body frame")
+    radius: PositiveLength = Field(description="the radius of the ring where it touches, a number > 0")
+
+
+class Cylinder(TableModel):
+    """The outside of a cylinder; ``point`` is at mid-height of the working patch."""
+
+    point: Point = Field(description="the point of the axis at mid-height of the working patch")
+    axis: Direction = Field(description="the direction of the cylinder's axis")
+    radius: PositiveLength = Field(description="the radius of the cylinder, a number > 0")
+    half_length: OptionalLength = optional("half the length between the flat ends, a number > 0; default: without ends")
+
+
+class Bore(TableModel):
+    """The inside of a cylinder; with ends it is a hole through a plate."""
+
+    point: Point = Field(description="the point of the axis at mid-height of the working patch")
+    axis: Direction = Field(description="the direction of the bore's axis")
+    radius: PositiveLength = Field(description="the radius of the bore, a number > 0")
+    half_length: OptionalLength = optional("half the length of the hole, a number > 0; default: without ends")
+
+
+class Plane(TableModel):
+    """A plane; its normal points to the free side."""
+
+    point: Point = Field(description="a point of the plane, in the body frame")
+    normal: Direction = Field(description="the normal of the plane, pointing to the free side")
+
+
+class Disc(TableModel):
+    """A round face: the top of a round plate."""
+
+    centre: Point = Field(description="the centre of the face, in the body frame")
+    normal: Direction = Field(description="the normal of the face, pointing to the free side")
+    radius: PositiveLength = Field(description="the radius of the face, a number > 0")
+    depth: OptionalLength = optional("the thickness of the plate behind the face, a number > 0; default: the radius")
+
+
+class Rectangle(TableModel):
+    """A rectangular face: the top of a rectangular plate."""
+
+    centre: Point = Field(description="the centre of the face, in the body frame")
+    normal: Direction = Field(description="the normal of the face, pointing to the free side")
+    along: Direction = Field(description="the direction of the face's first side")
+    half_lengths: Annotated[
+        tuple[float, float], BeforeValidator(_two_sizes), WithJsonSchema(_TWO_SIZES), Quantity("length"), Each(gt=0.0)
+    ] = Field(description="half the sides of the face, along `along` and across it, two numbers > 0")
+    depth: OptionalLength = optional(
+        "the thickness of the plate behind the face, a number > 0; default: the smaller half side"
+    )
+
+    @model_validator(mode="after")
+    def _in_plane(self) -> Self:
+        check_perpendicular(self.normal, self.along, ("normal", "along"))
+        return self
+
+
+# Unilateral contacts between two named primitives.
+
 
 PRIMITIVES = (
     *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
@@ -44,28 +167,20 @@ class Side(TableModel):
     """One side of a contact: a body, and exactly one primitive fixed to it."""
 
     body: Name = Field(description="the body the primitive belongs to")
-    point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
-    sphere: Sphere | None = Field(default=None, description="a sphere: { centre, radius }")
-    arc: Arc | None = Field(default=None, description="an arc, circle or rounded edge: { centre, normal, radius, ... }")
-    ring: Ring | None = Field(default=None, description="a ring: { centre, radius }")
-    cylinder: Cylinder | None = Field(default=None, description="a cylinder: { point, axis, radius, ... }")
-    bore: Bore | None = Field(default=None, description="the inside of a cylinder: { point, axis, radius, ... }")
-    socket: Socket | None = Field(default=None, description="the inside of a sphere: { centre, radius }")
-    plane: Plane | None = Field(default=None, description="a plane: { point, normal }")
-    disc: Disc | None = Field(default=None, description="a round face: { centre, normal, radius, ... }")
-    rectangle: Rectangle | None = Field(
-        default=None, description="a rectangular face: { centre, normal, along, half_lengths, ... }"
-    )
+    point: Annotated[Point | None, Quantity("length")] = optional("a point: [x, y, z]")
+    sphere: Sphere | None = optional("a sphere: { centre, radius }")
+    arc: Arc | None = optional("an arc, circle or rounded edge: { centre, normal, radius, ... }")
+    ring: Ring | None = optional("a ring: { centre, radius }")
+    cylinder: Cylinder | None = optional("a cylinder: { point, axis, radius, ... }")
+    bore: Bore | None = optional("the inside of a cylinder: { point, axis, radius, ... }")
+    socket: Socket | None = optional("the inside of a sphere: { centre, radius }")
+    plane: Plane | None = optional("a plane: { point, normal }")
+    disc: Disc | None = optional("a round face: { centre, normal, radius, ... }")
+    rectangle: Rectangle | None = optional("a rectangular face: { centre, normal, along, half_lengths, ... }")
     # excluded from digests if unused, so that the digests of mechanisms older than these kinds do not change
-    turned: Turned | None = Field(
-        default=None, exclude_if=not_given, description="a turned solid: { point, axis, start, profile }"
-    )
-    extruded: Extruded | None = Field(
-        default=None, exclude_if=not_given, description="an extruded solid: { point, axis, along, start, profile, ... }"
-    )
-    surface: FreeFormSurface | None = Field(
-        default=None, exclude_if=not_given, description="faces of any shape: { patches } or a B-spline surface"
-    )
+    turned: Turned | None = added("a turned solid: { point, axis, start, profile }")
+    extruded: Extruded | None = added("an extruded solid: { point, axis, along, start, profile, ... }")
+    surface: FreeFormSurface | None = added("faces of any shape: { patches } or a B-spline surface")
 
     @cached_property
     def kind(self) -> str:
@@ -81,10 +196,8 @@ class Side(TableModel):
     def _one_primitive(self) -> Self:
         given = [kind for kind in PRIMITIVES if getattr(self, kind) is not None]
         if len(given) != 1:
-            raise refuse(
-                f"has {' and '.join(given) or 'no primitive'}; "
-                f"allowed: exactly one of {', '.join(PRIMITIVES)}; keep one"
-            )
+            has = " and ".join(given) or "no primitive"
+            raise refuse(f"has {has}; allowed: exactly one of {', '.join(PRIMITIVES)}; keep one")
         return self
 
 
@@ -94,26 +207,17 @@ class Contact(PairLaw):
     a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
-    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the normal force per overlap, a number > 0; default: rigid, no overlap",
+    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = added(
+        "the normal force per overlap, a number > 0; default: rigid, no overlap"
     )
-    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("damping")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="what the normal force of a contact with a stiffness has more per closing speed, a number >= 0",
+    damping: Annotated[NonNegative | None, Quantity("damping")] = added(
+        "what the normal force of a contact with a stiffness has more per closing speed, a number >= 0"
     )
 
     @property
     def spring(self) -> tuple[float, float]:
         """Stiffness and damping where it overlaps; 0: rigid."""
         return self.stiffness or 0.0, self.damping or 0.0
-
-    @model_validator(mode="after")
-    def _rigid_or_not(self) -> Self:
-        check_spring(self)
-        return self
 
     @cached_property
     def kind(self) -> str:
@@ -126,41 +230,27 @@ class Contact(PairLaw):
         return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in PAIRS else (self.b, self.a)
 
     @model_validator(mode="after")
-    def _supported(self) -> Self:
-        if self.kind not in PAIRS:
-            raise refuse(
-                f"{self.a.kind} against {self.b.kind} has no gap function; "
-                f"allowed pairs: {', '.join(PAIRS)}; {_remedy({self.a.kind, self.b.kind})}"
-            )
-        return self
-
-    @model_validator(mode="after")
     def _fits(self) -> Self:
+        check_spring(self)
+        if self.kind not in PAIRS:
+            what = f"{self.a.kind} against {self.b.kind} has no gap function"
+            raise refuse(f"{what}; allowed pairs: {', '.join(PAIRS)}; {_remedy({self.a.kind, self.b.kind})}")
         first, second = self.sides
         key = f"{'a' if first is self.a else 'b'}.{first.kind}"
         one, other = first.primitive, second.primitive
         if self.kind in ("sphere-bore", "ring-bore", "sphere-socket") and one.radius >= other.radius:
-            raise refuse(
-                f"does not fit into the {second.kind} of radius {other.radius:g}; allowed: 0 < radius < "
-                f"{other.radius:g}; make it smaller, or the {second.kind} larger",
-                key=f"{key}.radius",
-                value=one.radius,
-            )
+            text = f"does not fit into the {second.kind} of radius {other.radius:g}; allowed: 0 < radius < "
+            text += f"{other.radius:g}; make it smaller, or the {second.kind} larger"
+            raise refuse(text, key=f"{key}.radius", value=one.radius)
         if self.kind == "ring-cylinder" and one.radius <= other.radius:
-            raise refuse(
-                f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
-                "make it larger, or the cylinder smaller",
-                key=f"{key}.radius",
-                value=one.radius,
-            )
+            text = f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
+            raise refuse(f"{text}make it larger, or the cylinder smaller", key=f"{key}.radius", value=one.radius)
         for side, partner in ((first, second), (second, first)):
             if side.kind == "cylinder" and partner.kind in ("ring", *FLATS) and side.primitive.half_length is not None:
                 end = "its two end circles, an arc each" if partner.kind in FLATS else "arcs in place of the ring"
-                raise refuse(
-                    f"a {partner.kind} does not see the ends of a cylinder; allowed: none; remove it, or write {end}",
-                    key=f"{'a' if side is self.a else 'b'}.cylinder.half_length",
-                    value=side.primitive.half_length,
-                )
+                text = f"a {partner.kind} does not see the ends of a cylinder; allowed: none; remove it, or write {end}"
+                where = f"{'a' if side is self.a else 'b'}.cylinder.half_length"
+                raise refuse(text, key=where, value=side.primitive.half_length)
         return self
 
 

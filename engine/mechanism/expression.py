@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
+from operator import add, mul, sub, truediv
 from typing import Any
 
 from engine.mechanism.closest import closest
@@ -44,6 +45,7 @@ _TOKEN = re.compile(
     re.ASCII,
 )
 _BINDS = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+_OPERATORS: dict[str, Callable[..., float]] = {"+": add, "-": sub, "*": mul, "/": truediv, "**": math.pow}
 _SIGN_BINDS = 3  # -a**2 is -(a**2), and -a*b is (-a)*b
 _END = ("end", "the end")
 
@@ -54,10 +56,7 @@ class ExpressionFault(ValueError):
 
 @lru_cache(maxsize=4096)
 def parse(text: str) -> Node:
-    """Return the tree of an expression.
-
-    Raise ExpressionFault if the text is not an expression, is longer than 200 characters, or nests deeper than 30.
-    """
+    """Return the tree of an expression; raise ExpressionFault if a text is none, too long, or nested too deeply."""
     if len(text) > LONGEST:
         raise ExpressionFault(f"an expression of {len(text)} characters; allowed: up to {LONGEST}; use more parameters")
     reader = ExpressionReader(text)
@@ -75,11 +74,16 @@ def names_in(node: Node) -> Iterator[str]:
             yield from names_in(operand)
 
 
-def evaluate(node: Node, values: Mapping[str, float]) -> float:
-    """Return the value of an expression, from the tree and the numbers of the parameters.
+def names_in_text(text: str) -> list[str]:
+    """Return the names in a text, once per use; none if it is not an expression."""
+    try:
+        return list(names_in(parse(text)))
+    except ExpressionFault:
+        return []
 
-    Raise ExpressionFault if a name is not a parameter, or an operation has no finite real value.
-    """
+
+def evaluate(node: Node, values: Mapping[str, float]) -> float:
+    """Return the value of an expression; raise ExpressionFault if a name is no parameter, or it has no real value."""
     if isinstance(node, float):
         return node
     if isinstance(node, str):
@@ -98,7 +102,8 @@ def evaluate(node: Node, values: Mapping[str, float]) -> float:
     except (ValueError, OverflowError, ZeroDivisionError):
         result = math.nan
     if not math.isfinite(result):
-        shown = _shown(operation, numbers)
+        texts = [f"{number:g}" for number in numbers]
+        shown = f"{operation}({', '.join(texts)})" if operation in FUNCTIONS else f" {operation} ".join(texts)
         raise ExpressionFault(f"{shown} is not a finite number; change the expression or a parameter")
     return result
 
@@ -109,25 +114,7 @@ def _apply(operation: str, numbers: list[float]) -> float:
         return FUNCTIONS[operation][1](*numbers)
     if len(numbers) == 1:
         return -numbers[0] if operation == "-" else numbers[0]
-    a, b = numbers
-    match operation:
-        case "+":
-            return a + b
-        case "-":
-            return a - b
-        case "*":
-            return a * b
-        case "/":
-            return a / b
-    return math.pow(a, b)
-
-
-def _shown(operation: str, numbers: list[float]) -> str:
-    """Return an operation as text, with its numbers."""
-    texts = [f"{number:g}" for number in numbers]
-    if operation in FUNCTIONS:
-        return f"{operation}({', '.join(texts)})"
-    return f" {operation} ".join(texts)
+    return _OPERATORS[operation](*numbers)
 
 
 class ExpressionReader:

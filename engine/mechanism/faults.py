@@ -11,12 +11,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from engine.faults.fault import Fault
-from engine.mechanism.base import is_number
-from engine.mechanism.closest import closest
-from engine.mechanism.components import declared
+from engine.errors import Fault
+from engine.mechanism.base import declared, fields_by_key, is_number
+from engine.mechanism.closest import closest, recipe_for
 from engine.mechanism.quantities import Quantity, UnitSystem
-from engine.mechanism.recipes import recipe_for
 
 MOST_FAULTS = 50  # listed per file
 
@@ -32,8 +30,7 @@ class Location:
     @property
     def known_keys(self) -> list[str]:
         """The keys allowed in the table."""
-        fields = self.owner.model_fields.items() if self.owner else ()
-        return [field.alias or name for name, field in fields]
+        return list(fields_by_key(self.owner)) if self.owner else []
 
 
 def listed(faults: Sequence[Any], count: int) -> list[Any]:
@@ -49,11 +46,8 @@ def did_you_mean(word: str, words: Iterable[str]) -> str:
 
 
 def field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
-    """Return the field for a key of the file (``from`` is the field ``from_``)."""
-    for name, field in model.model_fields.items():
-        if key == (field.alias or name):
-            return field
-    return None
+    """Return the field for a key of the file."""
+    return fields_by_key(model)[key][1] if key in fields_by_key(model) else None
 
 
 def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem) -> list[Fault]:
@@ -87,7 +81,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
             text = f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known) or recipe_for(tag)}"
             return Fault((*keys, "type"), text, tag)
     if details["loc"] and details["loc"][-1] == "[key]":
-        return Fault(keys, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")
+        return Fault(keys, f"{_PLAIN['string_pattern_mismatch']}; rename it")
     return Fault(keys, _what(kind, context, field), value, _unit(field, system, value))
 
 
@@ -98,6 +92,17 @@ def _unit(field: FieldInfo | None, system: UnitSystem, value: Any) -> str:
 
 
 _BOUNDS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le")}
+_PLAIN = {
+    "float_type": "not a finite number",
+    "finite_number": "not a finite number",
+    "model_type": "not a table",
+    "dict_type": "not a table",
+    "string_pattern_mismatch": "not a usable name; allowed: a letter, then letters, digits, '-', '_'",
+    "bool_type": "not true or false",
+    "string_type": "not a text",
+    "tuple_type": "not a list",
+    "too_short": "empty",
+}
 
 
 def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str:
@@ -106,32 +111,15 @@ def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str
     if kind in _BOUNDS:
         relation, name = _BOUNDS[kind]
         return f"out of range; allowed: {relation} {context[name]:g}{should}"
-    if kind in ("float_type", "finite_number"):
-        return f"not a finite number{should}"
     if kind == "literal_error":
         return f"not known; allowed: {context['expected']}{should}"
-    if kind in ("model_type", "dict_type"):
-        return f"not a table{should}"
-    if kind == "string_pattern_mismatch":
-        return f"not a usable name; allowed: a letter, then letters, digits, '-', '_'{should}"
-    plain = {
-        "bool_type": "not true or false",
-        "string_type": "not a text",
-        "tuple_type": "not a list",
-        "too_short": "empty",
-    }
-    return f"{plain.get(kind, 'not allowed')}{should}"
+    return f"{_PLAIN.get(kind, 'not allowed')}{should}"
 
 
 def locate(root: type[BaseModel], loc: Sequence[str | int]) -> Location:
-    """Find the position of an error by following its path through the models.
-
-    ``loc`` is pydantic's path, including the tags that pydantic adds for a choice of models.
-    """
+    """Find the position of an error: ``loc`` is pydantic's path, with the tags that it adds for a choice of models."""
     annotation: Any = root
-    path: list[str] = []
-    owner: type[BaseModel] | None = None
-    field: FieldInfo | None = None
+    path, owner, field = list[str](), None, None
     for token in loc:
         options = _options(annotation)
         models = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]

@@ -17,20 +17,28 @@ from engine.mechanism.base import (
     SMALLEST_NUMBER,
     BodyPoint,
     Direction,
+    Each,
     Length,
+    Name,
+    NonNegative,
     Number,
+    OptionalLength,
     PairLaw,
     PositiveLength,
     PositiveNumber,
+    Radian,
     Restitution,
     TableModel,
+    added,
+    are_numbers,
     check_perpendicular,
     check_spring,
     is_number,
-    not_given,
+    numbers_or,
+    optional,
     refuse,
+    unless_none,
 )
-from engine.mechanism.components import Each
 from engine.mechanism.quantities import Quantity
 
 WIDEST = 3.0  # rad between the stops of a rotation: a little less than half a turn
@@ -57,26 +65,18 @@ class Deviation(TableModel):
     """
 
     off: Length = Field(default=0.0, description="the distance of the axis from its true position")
-    way: Annotated[Number, Quantity("angle")] = Field(
-        default=0.0, description="the direction of this distance, an angle about the axis"
-    )
+    way: Radian = Field(default=0.0, description="the direction of this distance, an angle about the axis")
     tilt: Annotated[Number, Field(ge=-1.5, le=1.5), Quantity("angle")] = Field(
         default=0.0, description="the angle by which the axis is tilted, from -1.5 to 1.5"
     )
-    tilt_way: Annotated[Number, Quantity("angle")] = Field(
-        default=0.0, description="the direction to which it is tilted, an angle about the axis"
-    )
+    tilt_way: Radian = Field(default=0.0, description="the direction to which it is tilted, an angle about the axis")
 
 
 class Line(BodyPoint):
     """A straight line that moves with a body."""
 
     axis: Direction = Field(description="the direction of the axis, in the frame of the body")
-    deviation: Deviation | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="how the part is off its drawing: { off, way, tilt, tilt_way }",
-    )
+    deviation: Deviation | None = added("how the part is off its drawing: { off, way, tilt, tilt_way }")
 
     @property
     def place(self) -> tuple[float, float, float]:
@@ -210,20 +210,14 @@ class Joint(PairLaw):
 class TravelLimits(TableModel):
     """The stops of a displacement: of the second side's point along the axis, from the first side's point."""
 
-    lower: Length | None = Field(default=None, description="the smallest displacement; default: none")
-    upper: Length | None = Field(default=None, description="the largest displacement; default: none")
-    restitution: Annotated[Restitution, Quantity("number")] = Field(
-        default=0.0, description="the coefficient of restitution of both stops"
+    lower: Length | None = optional("the smallest displacement; default: none")
+    upper: Length | None = optional("the largest displacement; default: none")
+    restitution: Restitution = Field(default=0.0, description="the coefficient of restitution of both stops")
+    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = added(
+        "the force of both stops per length beyond them, a number > 0; default: rigid"
     )
-    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the force of both stops per length beyond them, a number > 0; default: rigid",
-    )
-    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("damping")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="what that force has more per speed, a number >= 0",
+    damping: Annotated[NonNegative | None, Quantity("damping")] = added(
+        "what that force has more per speed, a number >= 0"
     )
 
     @model_validator(mode="after")
@@ -240,19 +234,13 @@ class AngleLimits(TableModel):
     """The stops of a rotation: of the second side about the first side's axis, 0 at the start."""
 
     lower: Annotated[Number, Field(le=0), Quantity("angle")] = Field(description="the smallest angle, <= 0")
-    upper: Annotated[Number, Field(ge=0), Quantity("angle")] = Field(description="the largest angle, >= 0")
-    restitution: Annotated[Restitution, Quantity("number")] = Field(
-        default=0.0, description="the coefficient of restitution of both stops"
+    upper: Annotated[NonNegative, Quantity("angle")] = Field(description="the largest angle, >= 0")
+    restitution: Restitution = Field(default=0.0, description="the coefficient of restitution of both stops")
+    stiffness: Annotated[PositiveNumber | None, Quantity("torsional stiffness")] = added(
+        "the torque of both stops per angle beyond them, a number > 0; default: rigid"
     )
-    stiffness: Annotated[PositiveNumber | None, Quantity("torsional stiffness")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the torque of both stops per angle beyond them, a number > 0; default: rigid",
-    )
-    damping: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("torsional damping")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="what that torque has more per speed, a number >= 0",
+    damping: Annotated[NonNegative | None, Quantity("torsional damping")] = added(
+        "what that torque has more per speed, a number >= 0"
     )
 
     @model_validator(mode="after")
@@ -265,57 +253,37 @@ class AngleLimits(TableModel):
 
 
 FrictionForce = Annotated[
-    Annotated[Number, Field(ge=0)] | None,
+    NonNegative | None,
     Quantity("force"),
-    Field(
-        default=None,
-        exclude_if=not_given,
-        description="the force with which an ideal joint resists sliding, whatever it carries, a number >= 0",
-    ),
+    added("the force with which an ideal joint resists sliding, whatever it carries, a number >= 0"),
 ]
 FrictionTorque = Annotated[
-    Annotated[Number, Field(ge=0)] | None,
+    NonNegative | None,
     Quantity("torque"),
-    Field(
-        default=None,
-        exclude_if=not_given,
-        description="the torque with which an ideal joint resists turning, whatever it carries, a number >= 0",
-    ),
+    added("the torque with which an ideal joint resists turning, whatever it carries, a number >= 0"),
 ]
 BreakawayForce = Annotated[
     PositiveNumber | None,
     Quantity("force"),
-    Field(
-        default=None,
-        exclude_if=not_given,
-        description="the force at which an ideal joint that sticks begins to slide; default: friction_force",
-    ),
+    added("the force at which an ideal joint that sticks begins to slide; default: friction_force"),
 ]
 BreakawayTorque = Annotated[
     PositiveNumber | None,
     Quantity("torque"),
-    Field(
-        default=None,
-        exclude_if=not_given,
-        description="the torque at which an ideal joint that sticks begins to turn; default: friction_torque",
-    ),
+    added("the torque at which an ideal joint that sticks begins to turn; default: friction_torque"),
 ]
 OneWay = Annotated[
     Literal["forward", "backward"] | None,
-    Field(
-        default=None,
-        exclude_if=not_given,
-        description="the only way in which an ideal joint moves, along or about the first side's axis (forward) or "
-        "against it (backward), as a clutch or fine ratchet has it; default: both",
+    added(
+        "the only way in which an ideal joint moves, along or about the first side's axis (forward) or "
+        "against it (backward), as a clutch or fine ratchet has it; default: both"
     ),
 ]
 
 
-def stations(value: Any) -> tuple[float, ...] | None:
+def stations(value: Any) -> tuple[float, ...]:
     """Read stations along an axis [length]: at least one, no two alike."""
-    if value is None:
-        return None
-    if not isinstance(value, list | tuple) or not value or not all(map(is_number, value)):
+    if not are_numbers(value):
         raise refuse("not a list of ring stations; allowed: one or more finite numbers; two rings carry tilt")
     if len(set(value)) != len(value):
         raise refuse("two rings at one station; allowed: different stations; remove one")
@@ -329,7 +297,6 @@ class Fixed(Joint):
     """Two bodies as one: the points coincide, and the bodies stay turned to each other as they are at the start."""
 
     SIDES: ClassVar[tuple[str, str]] = ("a", "b")
-
     type: Literal["fixed"] = Field(description="the kind of joint")
     a: BodyPoint = Field(description="one side: { body, point }")
     b: BodyPoint = Field(description="the other side: { body, point }")
@@ -346,7 +313,6 @@ class Planar(Joint):
 
     SIDES: ClassVar[tuple[str, str]] = ("a", "b")
     DIRECTION: ClassVar[str] = "normal"
-
     type: Literal["planar"] = Field(description="the kind of joint")
     a: Face = Field(description="the plane of one body: { body, point, normal }")
     b: Face = Field(description="the plane of the other body: { body, point, normal }")
@@ -363,9 +329,7 @@ class Planar(Joint):
 class Ball(BodyPoint):
     """The ball; ``point`` is its centre."""
 
-    radius: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="the radius of the ball, a number > 0"
-    )
+    radius: OptionalLength = optional("the radius of the ball, a number > 0")
 
 
 class Spherical(Joint):
@@ -374,13 +338,10 @@ class Spherical(Joint):
     SIDES: ClassVar[tuple[str, str]] = ("socket", "ball")
     CLEARANCE: ClassVar[str] = "radial_clearance"
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
-
     type: Literal["spherical", "clearance_spherical"] = Field(description="the kind of joint")
     socket: BodyPoint = Field(description="the socket and its centre: { body, point }")
     ball: Ball = Field(description="the ball and its centre: { body, point, radius }")
-    radial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="socket radius minus ball radius, a number > 0"
-    )
+    radial_clearance: OptionalLength = optional("socket radius minus ball radius, a number > 0")
 
     def _check_play(self) -> None:
         self._need("ball.radius", "radial_clearance")
@@ -392,7 +353,7 @@ class Spherical(Joint):
 class Slideway(Line):
     """The guide's or the slider's axis, and the direction of its height."""
 
-    normal: Direction | None = Field(default=None, description="the direction of the height, across the axis")
+    normal: Direction | None = optional("the direction of the height, across the axis")
 
     @model_validator(mode="after")
     def _across(self) -> Self:
@@ -427,22 +388,17 @@ class Prismatic(Joint):
     SIDES: ClassVar[tuple[str, str]] = ("guide", "slider")
     CLEARANCE: ClassVar[str] = "clearance"
     CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
-
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
+    limits: TravelLimits | None = added(LIMITS)
     friction_force: FrictionForce
     breakaway_force: BreakawayForce
     one_way: OneWay
     guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")
     slider: Slideway = Field(description="the block or shaft: { body, point, axis, normal }")
-    block: Block | None = Field(default=None, description="a block: { half_length, half_height, half_width }")
-    shaft: Shaft | None = Field(default=None, description="a shaft: { radius, rings, turning }")
-    clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="the play on each side of the height, or around the shaft, a number > 0"
-    )
-    width_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="the play of a block on each side of its width, a number > 0"
-    )
+    block: Block | None = optional("a block: { half_length, half_height, half_width }")
+    shaft: Shaft | None = optional("a shaft: { radius, rings, turning }")
+    clearance: OptionalLength = optional("the play on each side of the height, or around the shaft, a number > 0")
+    width_clearance: OptionalLength = optional("the play of a block on each side of its width, a number > 0")
 
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at a face of the slot or at a ring."""
@@ -466,43 +422,26 @@ class Prismatic(Joint):
 # A journal in a bearing: it turns, and slides unless it is held axially (the paper's section 3.1).
 
 
-def _radii(value: Any) -> float | tuple[float, ...] | None:
+def _radii(value: Any) -> float | tuple[float, ...]:
     """Read one positive radius, or one for each ring."""
-    if value is None:
-        return None
     if is_number(value) and value > 0:
         return float(value)
-    if isinstance(value, list | tuple) and value and all(is_number(r) and r > 0 for r in value):
-        return tuple(float(r) for r in value)
+    if are_numbers(value) and min(value) > 0:
+        return tuple(map(float, value))
     raise refuse("not a radius; allowed: a number > 0, or a list with one number > 0 for each ring")
 
 
-def _ends(value: Any) -> tuple[float, float] | None:
-    """Read the stations of the two end faces of a bearing."""
-    if value is None:
-        return None
-    if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_number, value)) or value[0] > value[1]:
-        raise refuse("not the two ends of a bearing; allowed: two numbers, the smaller first")
-    return (float(value[0]), float(value[1]))
+_ends = numbers_or(
+    "not the two ends of a bearing; allowed: two numbers, the smaller first", 2, lambda ends: ends[0] <= ends[1]
+)
+_numbers = numbers_or("not a list of numbers; allowed: one finite number for each ring")
 
 
-def _offsets(value: Any) -> tuple[tuple[float, float, float], ...] | None:
+def _offsets(value: Any) -> tuple[tuple[float, ...], ...]:
     """Read one vector for each ring."""
-    if value is None:
-        return None
-    vectors = value if isinstance(value, list | tuple) else ()
-    if not vectors or not all(isinstance(v, list | tuple) and len(v) == 3 and all(map(is_number, v)) for v in vectors):
+    if not isinstance(value, list | tuple) or not value or not all(are_numbers(v, 3) for v in value):
         raise refuse("not a list of vectors; allowed: one [x, y, z] of finite numbers for each ring")
-    return tuple((float(v[0]), float(v[1]), float(v[2])) for v in vectors)
-
-
-def _numbers(value: Any) -> tuple[float, ...] | None:
-    """Read one number for each ring."""
-    if value is None:
-        return None
-    if not isinstance(value, list | tuple) or not value or not all(map(is_number, value)):
-        raise refuse("not a list of numbers; allowed: one finite number for each ring")
-    return tuple(float(v) for v in value)
+    return tuple(tuple(map(float, v)) for v in value)
 
 
 class Lobes(TableModel):
@@ -512,10 +451,10 @@ class Lobes(TableModel):
     """
 
     number: Annotated[int, Field(ge=2, le=12, strict=True)] = Field(description="how many there are, 2 to 12")
-    height: Annotated[Number, Field(ge=0), Quantity("length")] = Field(
+    height: Annotated[NonNegative, Quantity("length")] = Field(
         description="the largest less the smallest radius, which is the deviation from roundness, a number >= 0"
     )
-    phase: Annotated[Number, Quantity("angle")] = Field(
+    phase: Radian = Field(
         default=0.0, description="the angle of the first narrowest place of a bore, or tip of a pin, about the axis"
     )
 
@@ -530,22 +469,17 @@ class Lobes(TableModel):
         return [self.phase + 2.0 * pi * i / self.number for i in range(self.number)]
 
 
-LobedForm = Annotated[
-    Lobes | None,
-    Field(default=None, exclude_if=not_given, description="its form, if it is not round: { number, height, phase }"),
-]
+LobedForm = Annotated[Lobes | None, added("its form, if it is not round: { number, height, phase }")]
 
 
 class Journal(Line):
     """The pin; if it is centred in the bearing, its ``point`` coincides with the bearing's."""
 
-    radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length"), Each(gt=0.0)] = (
-        Field(default=None, description="the radius of the pin, a number > 0, or a list with one for each ring")
+    radius: Annotated[float | tuple[float, ...] | None, unless_none(_radii), Quantity("length"), Each(gt=0.0)] = (
+        optional("the radius of the pin, a number > 0, or a list with one for each ring")
     )
-    diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the diameter of the pin, a number > 0, in place of its radius; with that of the bearing",
+    diameter: OptionalLength = added(
+        "the diameter of the pin, a number > 0, in place of its radius; with that of the bearing"
     )
     lobes: LobedForm
 
@@ -553,10 +487,8 @@ class Journal(Line):
 class Bearing(Line):
     """The bore; its ``point`` is the joint's place on its body."""
 
-    diameter: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the diameter of the bore, a number > 0; with that of the journal, in place of radial_clearance",
+    diameter: OptionalLength = added(
+        "the diameter of the bore, a number > 0; with that of the journal, in place of radial_clearance"
     )
     lobes: LobedForm
 
@@ -568,10 +500,10 @@ class Flanges(TableModel):
     sides: Literal["both", "start", "end"] = Field(
         default="both", description="the ends of the bearing that have a flange: both, start or end"
     )
-    ends: Annotated[tuple[float, float] | None, BeforeValidator(_ends), Quantity("length")] = Field(
-        default=None, description="the stations of the bearing's end faces; default: the first and the last ring"
+    ends: Annotated[tuple[float, float] | None, unless_none(_ends), Quantity("length")] = optional(
+        "the stations of the bearing's end faces; default: the first and the last ring"
     )
-    phase: Annotated[Number, Quantity("angle")] = Field(
+    phase: Radian = Field(
         default=0.0, description="the angle of the first of the three points about the bearing's axis"
     )
 
@@ -587,33 +519,24 @@ class JournalJoint(Joint):
     SIDES: ClassVar[tuple[str, str]] = ("bearing", "journal")
     CLEARANCE: ClassVar[str] = "radial_clearance"
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "taper")
-
     bearing: Bearing = Field(description="the bore: { body, point, axis, diameter, lobes, deviation }")
     journal: Journal = Field(description="the pin: { body, point, axis, radius or diameter, lobes, deviation }")
-    rings: Annotated[tuple[float, ...] | None, BeforeValidator(stations), Quantity("length")] = Field(
-        default=None, description="the stations of the bearing's rings along its axis, one or more numbers"
+    rings: Annotated[tuple[float, ...] | None, unless_none(stations), Quantity("length")] = optional(
+        "the stations of the bearing's rings along its axis, one or more numbers"
     )
-    radial_clearance: Annotated[Length | None, Quantity("length")] = Field(
-        default=None,
-        description="bore radius minus journal radius, the same at every ring, a number > 0",
+    radial_clearance: Annotated[Length | None, Quantity("length")] = optional(
+        "bore radius minus journal radius, the same at every ring, a number > 0",
         json_schema_extra={"exclusiveMinimum": 0},
     )
-    radial_clearance_limit: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None,
-        description="the largest clearance the bore as drawn allows",
-    )
-    taper: Annotated[tuple[float, ...] | None, BeforeValidator(_numbers), Quantity("length")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="by how much the clearance at each ring exceeds radial_clearance, one number for each ring",
+    radial_clearance_limit: OptionalLength = optional("the largest clearance the bore as drawn allows")
+    taper: Annotated[tuple[float, ...] | None, unless_none(_numbers), Quantity("length")] = added(
+        "by how much the clearance at each ring exceeds radial_clearance, one number for each ring"
     )
     ring_offsets: Annotated[
-        tuple[tuple[float, float, float], ...] | None, BeforeValidator(_offsets), Quantity("length")
-    ] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="how far the centre of each ring is off the bearing's axis, as of bores in two walls: one vector"
-        " for each ring, in the frame of the body",
+        tuple[tuple[float, float, float], ...] | None, unless_none(_offsets), Quantity("length")
+    ] = added(
+        "how far the centre of each ring is off the bearing's axis, as of bores in two walls: one vector"
+        " for each ring, in the frame of the body"
     )
 
     @property
@@ -668,12 +591,8 @@ class JournalJoint(Joint):
             self._need("journal.radius", "radial_clearance")
         rings = self.rings or ()
         if len(self.radii) != len(rings):
-            raise refuse(
-                f"{len(self.radii)} radii for {len(rings)} rings; "
-                "allowed: one number, or one for each ring; give as many",
-                key="journal.radius",
-                value=list(self.radii),
-            )
+            text = f"{len(self.radii)} radii for {len(rings)} rings; allowed: one number, or one for each ring; give "
+            raise refuse(f"{text}as many", key="journal.radius", value=list(self.radii))
         for key, stated in (("taper", self.taper), ("ring_offsets", self.ring_offsets)):
             if stated is not None and len(stated) != len(rings):
                 text = f"{len(stated)} entries for {len(rings)} rings; allowed: one for each ring; give as many"
@@ -707,7 +626,7 @@ class Cylindrical(JournalJoint):
     """A journal that turns and slides in its bearing."""
 
     type: Literal["cylindrical", "clearance_cylindrical"] = Field(description="the kind of joint")
-    limits: TravelLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
+    limits: TravelLimits | None = added(LIMITS)
     friction_force: FrictionForce
     breakaway_force: BreakawayForce
     friction_torque: FrictionTorque
@@ -718,16 +637,13 @@ class Revolute(JournalJoint):
     """A journal that turns in its bearing; flanges limit how far it slides."""
 
     CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "taper", "axial_clearance")
-
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
-    limits: AngleLimits | None = Field(default=None, exclude_if=not_given, description=LIMITS)
+    limits: AngleLimits | None = added(LIMITS)
     friction_torque: FrictionTorque
     breakaway_torque: BreakawayTorque
     one_way: OneWay
-    flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")
-    axial_clearance: Annotated[PositiveLength | None, Quantity("length")] = Field(
-        default=None, description="the play at each flange when the journal is centred, a number > 0"
-    )
+    flanges: Flanges | None = optional("the axial stops: { radius, sides, ends, phase }")
+    axial_clearance: OptionalLength = optional("the play at each flange when the journal is centred, a number > 0")
 
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at a ring or flange."""
@@ -761,7 +677,47 @@ class Revolute(JournalJoint):
             raise refuse(text, key="axial_clearance", value=self.axial_clearance)
 
 
-AnyJoint = Annotated[
-    Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar,
-    Field(discriminator="type"),
-]
+AnyJoint = Annotated[Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar, Field(discriminator="type")]
+
+
+# Couplings.
+
+
+class Term(TableModel):
+    """A coordinate of an ideal joint, 0 at the start: rotation of its second side about the first axis, or its way."""
+
+    joint: Name = Field(description="an ideal revolute, prismatic or cylindrical joint")
+    of: Literal["angle", "travel"] | None = optional(
+        "which coordinate of a cylindrical joint; the others have only one"
+    )
+    factor: Annotated[Number, Quantity("number")] = Field(
+        description="what it is multiplied with, not 0: a number of teeth, a radius, a lead over 2 pi"
+    )
+
+    @model_validator(mode="after")
+    def _counts(self) -> Self:
+        if self.factor == 0:
+            raise refuse("a factor of 0 couples nothing; allowed: any other number; correct it", key="factor", value=0)
+        return self
+
+
+class Coupling(TableModel):
+    """The sum of factor times coordinate over some joints stays 0, to within half the backlash on either side."""
+
+    terms: Annotated[tuple[Term, ...], Field(min_length=2)] = Field(
+        description="the coordinates, two or more: { joint, of, factor }"
+    )
+    backlash: Annotated[NonNegative, Quantity("number")] = Field(
+        default=0.0, description="how far the first coordinate is free while the others stand, in its unit, >= 0"
+    )
+    restitution: Restitution = Field(default=0.0, description="the coefficient of restitution of both flanks")
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        seen: set[tuple[str, str | None]] = set()
+        for i, term in enumerate(self.terms):
+            if (term.joint, term.of) in seen:
+                text = f"{term.joint} is there twice; allowed: every coordinate once; add up the factors"
+                raise refuse(text, key=f"terms.{i}.joint", value=term.joint)
+            seen.add((term.joint, term.of))
+        return self

@@ -7,8 +7,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from engine.errors import MechanismError
-from engine.faults.fault import Fault
+from engine.errors import Fault, MechanismError
 from engine.faults.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.faults.toml_positions import with_positions
 from engine.mechanism.faults import did_you_mean

@@ -1,6 +1,11 @@
-"""Springs, dampers, forces and torques."""
+"""Springs, dampers, forces, torques and prescribed motions, and the laws of time that they follow.
 
+Time 0 is the start of the run. A table may also give what depends on a length, an angle or a speed.
+"""
+
+import math
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, Tag, model_validator
@@ -9,19 +14,227 @@ from engine.mechanism.base import (
     BodyPoint,
     Direction,
     Name,
+    NonNegative,
     Number,
     Point,
     PositiveNumber,
+    Radian,
     TableModel,
     Vector,
-    not_given,
+    added,
+    are_numbers,
     one_of,
+    optional,
     refuse,
 )
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.time_laws import FactorLaw, Points, TableLaw, read_points
+
+Points = tuple[tuple[float, float], ...]
+
+
+def read_points(value: Any, over: str, apart: str) -> Points:
+    """Read two or more points [``over``, value], the first numbers increasing; a jump is two points ``apart``."""
+    rows = value if isinstance(value, list | tuple) else ()
+    if len(rows) < 2 or not all(are_numbers(p, 2) for p in rows):
+        raise refuse(f"not a table; allowed: two or more points [{over}, value] of finite numbers; write all of them")
+    points = tuple((float(t), float(y)) for t, y in rows)
+    for (before, _), (after, _) in pairwise(points):
+        if after <= before:
+            text = f"{over} {after:g} comes after {over} {before:g}; allowed: increasing {over}s; sort the points, "
+            raise refuse(f"{text}and write a jump as two points {apart}")
+    return points
+
+
+class TableLaw(TableModel):
+    """A law given by points; constant before the first point and after the last one."""
+
+    distinguishing_key: ClassVar[str] = "table"
+    points: Annotated[Points, BeforeValidator(partial(read_points, over="time", apart="a short time apart"))] = Field(
+        alias="table",
+        description="the points [time, value], two or more, at increasing times",
+        json_schema_extra={"minItems": 2},
+    )
+    over_quantity: ClassVar[str] = "time"
+    """The physical quantity of the first numbers; empty: it depends on what the file names."""
+
+    value_quantity: ClassVar[str]
+    """The physical quantity of the values."""
+
+    interpolation: Literal["linear", "smooth"] = Field(
+        default="linear", description="between the points: linear, or smooth (monotone cubics, flat at both ends)"
+    )
+
+
+class FactorTable(TableLaw):
+    """A table of factors, over time or over a response."""
+
+    value_quantity: ClassVar[str] = "number"
+    over: Name | None = added("a response that the factor depends on, a position, angle or speed, instead of the time")
+
+
+class MotionTable(TableLaw):
+    """A table of a motion; it starts from the pose in the file."""
+
+    @model_validator(mode="after")
+    def _starts_at_the_pose(self) -> Self:
+        t, value = self.points[0]
+        if t != 0 or value != 0:
+            text = f"begins with [{t:g}, {value:g}]; allowed: [0, 0], as a motion is measured from the pose of the "
+            raise refuse(f"{text}file; shift the table, or place the body elsewhere", key="table")
+        return self
+
+
+class TravelTable(MotionTable):
+    """A table of a translation."""
+
+    value_quantity: ClassVar[str] = "length"
+
+
+class TurnTable(MotionTable):
+    """A table of a rotation."""
+
+    value_quantity: ClassVar[str] = "angle"
+
+
+class Sine(TableModel):
+    """The keys common to all sines: their frequency, and their phase at the start."""
+
+    distinguishing_key: ClassVar[str] = "amplitude"
+    frequency: Annotated[PositiveNumber | None, Quantity("frequency")] = optional("periods per time, a number > 0")
+    period: Annotated[PositiveNumber | None, Quantity("time")] = optional(
+        "the period, a number > 0, instead of frequency"
+    )
+    phase: Radian = Field(default=0.0, description="the angle of the sine at the start of the run")
+
+    @property
+    def angular_frequency(self) -> float:
+        """Angle per time [rad/time]."""
+        return 2 * math.pi * (1 / self.period if self.frequency is None else self.frequency)  # type: ignore[operator]
+
+    @model_validator(mode="after")
+    def _how_fast(self) -> Self:
+        if (self.frequency is None) == (self.period is None):
+            raise refuse("how fast is it? allowed: exactly one of frequency, period; keep or add one")
+        return self
+
+
+class FactorSine(Sine):
+    """The factor mean + amplitude sin(2 pi frequency t + phase)."""
+
+    amplitude: Annotated[Number, Quantity("number")] = Field(description="the amplitude of the factor")
+    mean: Annotated[Number, Quantity("number")] = Field(
+        default=0.0, description="the factor about which the sine swings"
+    )
+
+
+class TravelSine(Sine):
+    """The displacement amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
+
+    amplitude: Annotated[Number, Quantity("length")] = Field(description="the amplitude of the way, a length")
+
+
+class TurnSine(Sine):
+    """The angle amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
+
+    amplitude: Radian = Field(description="the amplitude of the angle")
+
+
+class TravelRamp(TableModel):
+    """The displacement speed t."""
+
+    distinguishing_key: ClassVar[str] = "speed"
+    speed: Annotated[Number, Quantity("speed")] = Field(description="the constant speed")
+
+
+class TurnRamp(TableModel):
+    """The angle speed t."""
+
+    distinguishing_key: ClassVar[str] = "speed"
+    speed: Annotated[Number, Quantity("angular speed")] = Field(description="the constant angular speed")
+
+
+_TABLE, _SINE, _RAMP = "points of time", "a sine", "a constant speed"
+
+FactorLaw = Annotated[
+    Annotated[FactorTable, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
+    one_of(table=_TABLE, amplitude=_SINE),
+]
+TravelLaw = Annotated[
+    Annotated[TravelTable, Tag("table")]
+    | Annotated[TravelSine, Tag("amplitude")]
+    | Annotated[TravelRamp, Tag("speed")],
+    one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
+]
+TurnLaw = Annotated[
+    Annotated[TurnTable, Tag("table")] | Annotated[TurnSine, Tag("amplitude")] | Annotated[TurnRamp, Tag("speed")],
+    one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
+]
+
+
+# Prescribed (rheonomic) motions: one coordinate of a body follows a time law, whatever force that takes.
+
+
+class Along(TableModel):
+    """A point of the moving body, and the direction of its motion, fixed in the other body."""
+
+    point: Point = Field(default=(0.0, 0.0, 0.0), description="the point that is led, in the frame of body")
+    direction: Direction = Field(description="the direction, in the frame of relative_to")
+
+
+class About(TableModel):
+    """The axis of the moving body's rotation, fixed in the other body."""
+
+    axis: Direction = Field(description="the axis, in the frame of relative_to")
+
+
+class Led(TableModel):
+    """Base class of the prescribed motions: the two bodies that move relative to each other."""
+
+    body: Name = Field(description="the body that is moved")
+    relative_to: Name | None = optional("the body it is moved against; default: the world")
+    phases: Annotated[tuple[Name, ...] | None, Field(min_length=1)] = optional(
+        "when it acts: phases that follow each other; the body is free in the others, and the way counts "
+        "from where it is when the first of them begins; default: in all phases"
+    )
+    since: Name | None = optional(
+        "the phase from whose beginning the time of the law counts; until then the body is held; "
+        "default: the first in which the motion acts"
+    )
+
+
+class Translation(Led):
+    """direction . (displacement of a point of the body relative to the other body) follows a law, 0 where it begins."""
+
+    distinguishing_key: ClassVar[str] = "along"
+    along: Along = Field(description="what is led where: { point, direction }")
+    law: TravelLaw = Field(description="the way as a law of time: { table }, { speed } or { amplitude, frequency }")
+
+
+class Rotation(Led):
+    """The angle of the body about an axis of the other body follows a law, 0 where it begins."""
+
+    distinguishing_key: ClassVar[str] = "about"
+    about: About = Field(description="the axis of the rotation: { axis }")
+    law: TurnLaw = Field(description="the angle as a law of time: { table }, { speed } or { amplitude, frequency }")
+
+
+Motion = Annotated[
+    Annotated[Translation, Tag("along")] | Annotated[Rotation, Tag("about")],
+    one_of(along="a translation", about="a rotation"),
+]
+
+
+# Springs, dampers, forces and torques.
 
 Frame = Literal["world", "body"]
+Law = TableLaw | FactorSine | TravelSine | TurnSine | TravelRamp | TurnRamp
+LawOfLoad = Annotated[
+    FactorLaw | None,
+    optional("what it is multiplied with: { table }, { table, over } or { amplitude, frequency }; default: 1"),
+]
+Since = Annotated[
+    Name | None, optional("the phase from whose beginning the time of the law counts; default: the first")
+]
 
 
 class Action(TableModel):
@@ -34,7 +247,6 @@ class ForceAction(Action):
     """A force at a point of a body, proportional to the force or torque of a spring."""
 
     distinguishing_key: ClassVar[str] = "force"
-
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where the force acts, in the body frame")
     force: Vector
 
@@ -43,7 +255,6 @@ class TorqueAction(Action):
     """A torque on a body, proportional to the force or torque of a spring."""
 
     distinguishing_key: ClassVar[str] = "torque"
-
     torque: Vector
 
 
@@ -80,14 +291,8 @@ class TorqueOfTorque(TorqueAction):
 
 
 _TOLD_BY = one_of(force="a force at a point", torque="a torque")
-ActionOfForce = Annotated[
-    Annotated[ForceOfForce, Tag("force")] | Annotated[TorqueOfForce, Tag("torque")],
-    _TOLD_BY,
-]
-ActionOfTorque = Annotated[
-    Annotated[ForceOfTorque, Tag("force")] | Annotated[TorqueOfTorque, Tag("torque")],
-    _TOLD_BY,
-]
+ActionOfForce = Annotated[Annotated[ForceOfForce, Tag("force")] | Annotated[TorqueOfForce, Tag("torque")], _TOLD_BY]
+ActionOfTorque = Annotated[Annotated[ForceOfTorque, Tag("force")] | Annotated[TorqueOfTorque, Tag("torque")], _TOLD_BY]
 
 
 # Springs and dampers whose force is a table, instead of a stiffness or a damping.
@@ -111,7 +316,6 @@ class ForceOverLength(TableLaw):
 
     over_quantity: ClassVar[str] = "length"
     value_quantity: ClassVar[str] = "force"
-
     points: _table("length", "force", "a small length apart")  # type: ignore[valid-type]
 
 
@@ -120,7 +324,6 @@ class TorqueOverAngle(TableLaw):
 
     over_quantity: ClassVar[str] = "angle"
     value_quantity: ClassVar[str] = "torque"
-
     points: _table("angle", "torque", "a small angle apart")  # type: ignore[valid-type]
 
 
@@ -138,11 +341,8 @@ class Resistance(TableLaw):
                     key="table",
                 )
         if self.points[0][0] > 0 or self.points[-1][0] < 0:
-            raise refuse(
-                f"runs from {self.points[0][0]:g} to {self.points[-1][0]:g}, and would resist at rest; allowed: "
-                "speeds on both sides of 0; add the other side",
-                key="table",
-            )
+            text = f"runs from {self.points[0][0]:g} to {self.points[-1][0]:g}, and would resist at rest; allowed: "
+            raise refuse(f"{text}speeds on both sides of 0; add the other side", key="table")
         return self
 
 
@@ -151,7 +351,6 @@ class ForceOverSpeed(Resistance):
 
     over_quantity: ClassVar[str] = "speed"
     value_quantity: ClassVar[str] = "force"
-
     points: _table("speed", "force", "a small speed apart")  # type: ignore[valid-type]
 
 
@@ -160,7 +359,6 @@ class TorqueOverSpeed(Resistance):
 
     over_quantity: ClassVar[str] = "angular speed"
     value_quantity: ClassVar[str] = "torque"
-
     points: _table("speed", "torque", "a small speed apart")  # type: ignore[valid-type]
 
 
@@ -182,16 +380,14 @@ class LinearSpring(TableModel):
     type: Literal["linear"] = Field(description="the kind of spring")
     a: BodyPoint = Field(description="one end: { body, point }")
     b: BodyPoint = Field(description="the other end: { body, point }")
-    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = Field(
-        default=None, description="the stiffness of the spring, a number > 0"
+    stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = optional(
+        "the stiffness of the spring, a number > 0"
     )
-    free_length: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
-        default=None, description="the length without force (with the preload alone), a number >= 0"
+    free_length: Annotated[NonNegative | None, Quantity("length")] = optional(
+        "the length without force (with the preload alone), a number >= 0"
     )
-    law: ForceOverLength | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the force over the length, { table }, instead of stiffness and free_length; > 0 pushes",
+    law: ForceOverLength | None = added(
+        "the force over the length, { table }, instead of stiffness and free_length; > 0 pushes"
     )
     preload: Annotated[Number, Quantity("force")] = Field(
         default=0.0, description="the force at free_length; > 0 pushes the ends apart"
@@ -199,7 +395,7 @@ class LinearSpring(TableModel):
     acts: Literal["both", "push", "pull"] = Field(
         default="both", description="both ways, or only while it pushes (lifts off), or only while it pulls (a rope)"
     )
-    damping: Annotated[Number, Field(ge=0), Quantity("damping")] = Field(
+    damping: Annotated[NonNegative, Quantity("damping")] = Field(
         default=0.0, description="force per speed of its length, a number >= 0"
     )
     actions: tuple[ActionOfForce, ...] = Field(
@@ -223,19 +419,17 @@ class TorsionSpring(TableModel):
     a: Name = Field(description="the body in which the axis is fixed")
     b: Name = Field(description="the other body")
     axis: Direction = Field(description="the axis of the couple, in the frame of a")
-    stiffness: Annotated[PositiveNumber | None, Quantity("torsional stiffness")] = Field(
-        default=None, description="the torsional stiffness, a number > 0"
+    stiffness: Annotated[PositiveNumber | None, Quantity("torsional stiffness")] = optional(
+        "the torsional stiffness, a number > 0"
     )
-    free_angle: Annotated[Number | None, Quantity("angle")] = Field(
-        default=None, description="the rotation of b relative to a without couple (before the preload)"
+    free_angle: Annotated[Number | None, Quantity("angle")] = optional(
+        "the rotation of b relative to a without couple (before the preload)"
     )
-    law: TorqueOverAngle | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the torque on b over the rotation of b relative to a, { table }, instead of stiffness, free_angle",
+    law: TorqueOverAngle | None = added(
+        "the torque on b over the rotation of b relative to a, { table }, instead of stiffness, free_angle"
     )
-    preload: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the deflection")
-    damping: Annotated[Number, Field(ge=0), Quantity("torsional damping")] = Field(
+    preload: Radian = Field(default=0.0, description="an angle added to the deflection")
+    damping: Annotated[NonNegative, Quantity("torsional damping")] = Field(
         default=0.0, description="torque per angular speed, a number >= 0"
     )
     actions: tuple[ActionOfTorque, ...] = Field(
@@ -257,13 +451,11 @@ class LinearDamper(TableModel):
     type: Literal["linear"] = Field(description="the kind of damper")
     a: BodyPoint = Field(description="one end: { body, point }")
     b: BodyPoint = Field(description="the other end: { body, point }")
-    damping: Annotated[PositiveNumber | None, Quantity("damping")] = Field(
-        default=None, description="force per speed of its length, a number > 0"
+    damping: Annotated[PositiveNumber | None, Quantity("damping")] = optional(
+        "force per speed of its length, a number > 0"
     )
-    law: ForceOverSpeed | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the force over the rate of its length, with its sign, { table }, instead of damping",
+    law: ForceOverSpeed | None = added(
+        "the force over the rate of its length, with its sign, { table }, instead of damping"
     )
 
     @model_validator(mode="after")
@@ -279,13 +471,11 @@ class TorsionDamper(TableModel):
     a: Name = Field(description="the body in which the axis is fixed")
     b: Name = Field(description="the other body")
     axis: Direction = Field(description="the axis of the couple, in the frame of a")
-    damping: Annotated[PositiveNumber | None, Quantity("torsional damping")] = Field(
-        default=None, description="torque per angular speed, a number > 0"
+    damping: Annotated[PositiveNumber | None, Quantity("torsional damping")] = optional(
+        "torque per angular speed, a number > 0"
     )
-    law: TorqueOverSpeed | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the torque over the angular speed, with its sign, { table }, instead of damping",
+    law: TorqueOverSpeed | None = added(
+        "the torque over the angular speed, with its sign, { table }, instead of damping"
     )
 
     @model_validator(mode="after")
@@ -301,38 +491,22 @@ class Force(TableModel):
     """A force at a point of a body: constant, or multiplied by a time law."""
 
     body: Name = Field(description="the body the force acts on")
-    against: Name | None = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the body on which the opposite force acts, at the same place; default: none",
-    )
+    against: Name | None = added("the body on which the opposite force acts, at the same place; default: none")
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where it acts, in the body frame")
     force: Annotated[Vector, Quantity("force")] = Field(description="the force [x, y, z]")
     frame: Frame = Field(default="world", description="the axes of the force: world or body")
-    law: FactorLaw | None = Field(
-        default=None,
-        description="what it is multiplied with: { table }, { table, over } or { amplitude, frequency }; default: 1",
-    )
-    phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
-    since: Name | None = Field(
-        default=None, description="the phase from whose beginning the time of the law counts; default: the first"
-    )
+    law: LawOfLoad
+    phases: tuple[Name, ...] | None = optional("when it acts; default: in all phases")
+    since: Since
 
 
 class Torque(TableModel):
     """A torque on a body: constant, or multiplied by a time law."""
 
     body: Name = Field(description="the body the torque acts on")
-    against: Name | None = Field(
-        default=None, exclude_if=not_given, description="the body on which the opposite torque acts; default: none"
-    )
+    against: Name | None = added("the body on which the opposite torque acts; default: none")
     torque: Annotated[Vector, Quantity("torque")] = Field(description="the torque [x, y, z]")
     frame: Frame = Field(default="world", description="the axes of the torque: world or body")
-    law: FactorLaw | None = Field(
-        default=None,
-        description="what it is multiplied with: { table }, { table, over } or { amplitude, frequency }; default: 1",
-    )
-    phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
-    since: Name | None = Field(
-        default=None, description="the phase from whose beginning the time of the law counts; default: the first"
-    )
+    law: LawOfLoad
+    phases: tuple[Name, ...] | None = optional("when it acts; default: in all phases")
+    since: Since

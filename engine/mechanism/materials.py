@@ -15,84 +15,49 @@ from collections.abc import Mapping
 
 from engine.mechanism.faults import did_you_mean
 
-DENSITIES = {
-    "steel": 7.85e-3,
-    "stainless steel": 7.9e-3,
-    "cast iron": 7.2e-3,
-    "aluminium": 2.7e-3,
-    "magnesium": 1.81e-3,
-    "titanium": 4.43e-3,
-    "brass": 8.47e-3,
-    "bronze": 8.8e-3,
-    "copper": 8.96e-3,
-    "zinc": 6.7e-3,
-    "glass": 2.5e-3,
-    "FR4": 1.85e-3,
-    "ABS": 1.05e-3,
-    "PA6": 1.13e-3,
-    "PA6-GF30": 1.36e-3,
-    "PA66": 1.14e-3,
-    "PA66-GF30": 1.37e-3,
-    "PA12": 1.01e-3,
-    "PBT": 1.31e-3,
-    "PBT-GF30": 1.53e-3,
-    "PC": 1.2e-3,
-    "PC-ABS": 1.14e-3,
-    "PE-HD": 0.95e-3,
-    "PEEK": 1.3e-3,
-    "PETG": 1.27e-3,
-    "PLA": 1.24e-3,
-    "PMMA": 1.19e-3,
-    "POM": 1.41e-3,
-    "PP": 0.905e-3,
-    "PPS-GF40": 1.65e-3,
-    "PTFE": 2.17e-3,
+# density in g/mm3, coefficient of linear thermal expansion in 1/K
+_MATERIALS: dict[str, tuple[float, float | None]] = {
+    "steel": (7.85e-3, 12e-6),
+    "stainless steel": (7.9e-3, 16e-6),
+    "cast iron": (7.2e-3, 11.4e-6),
+    "aluminium": (2.7e-3, 23e-6),
+    "magnesium": (1.81e-3, 26e-6),
+    "titanium": (4.43e-3, 8.6e-6),
+    "brass": (8.47e-3, 20.5e-6),
+    "bronze": (8.8e-3, 18e-6),
+    "copper": (8.96e-3, 17e-6),
+    "zinc": (6.7e-3, 27.4e-6),
+    "glass": (2.5e-3, 9e-6),
+    "FR4": (1.85e-3, 15e-6),
+    "ABS": (1.05e-3, 90e-6),
+    "PA6": (1.13e-3, 90e-6),
+    "PA6-GF30": (1.36e-3, 25e-6),
+    "PA66": (1.14e-3, 90e-6),
+    "PA66-GF30": (1.37e-3, 30e-6),
+    "PA12": (1.01e-3, 110e-6),
+    "PBT": (1.31e-3, 110e-6),
+    "PBT-GF30": (1.53e-3, 30e-6),
+    "PC": (1.2e-3, 65e-6),
+    "PC-ABS": (1.14e-3, 80e-6),
+    "PE-HD": (0.95e-3, 150e-6),
+    "PEEK": (1.3e-3, 48e-6),
+    "PETG": (1.27e-3, None),
+    "PLA": (1.24e-3, None),
+    "PMMA": (1.19e-3, 70e-6),
+    "POM": (1.41e-3, 110e-6),
+    "PP": (0.905e-3, 100e-6),
+    "PPS-GF40": (1.65e-3, 25e-6),
+    "PTFE": (2.17e-3, 140e-6),
 }
-"""Densities in g/mm3, by the name of the material."""
-
-EXPANSIONS = {
-    "steel": 12e-6,
-    "stainless steel": 16e-6,
-    "cast iron": 11.4e-6,
-    "aluminium": 23e-6,
-    "magnesium": 26e-6,
-    "titanium": 8.6e-6,
-    "brass": 20.5e-6,
-    "bronze": 18e-6,
-    "copper": 17e-6,
-    "zinc": 27.4e-6,
-    "glass": 9e-6,
-    "FR4": 15e-6,
-    "ABS": 90e-6,
-    "PA6": 90e-6,
-    "PA6-GF30": 25e-6,
-    "PA66": 90e-6,
-    "PA66-GF30": 30e-6,
-    "PA12": 110e-6,
-    "PBT": 110e-6,
-    "PBT-GF30": 30e-6,
-    "PC": 65e-6,
-    "PC-ABS": 80e-6,
-    "PE-HD": 150e-6,
-    "PEEK": 48e-6,
-    "PMMA": 70e-6,
-    "POM": 110e-6,
-    "PP": 100e-6,
-    "PPS-GF40": 25e-6,
-    "PTFE": 140e-6,
-}
-"""Coefficients of linear thermal expansion in 1/K, by the name of the material."""
-
+DENSITIES = {name: density for name, (density, _) in _MATERIALS.items()}
+EXPANSIONS = {name: expansion for name, (_, expansion) in _MATERIALS.items() if expansion is not None}
 REFERENCE = 20.0  # degC, at which drawings state sizes (ISO 1)
 
 _OTHER_NAMES = {"aluminum": "aluminium", "iron": "cast iron", "nylon": "PA66", "acetal": "POM", "HDPE": "PE-HD"}
 
 
 def density_of(name: str) -> float | None:
-    """Return the density of a material in g/mm3; None if the table has none of this name.
-
-    Capitals, spaces, hyphens and underscores do not count.
-    """
+    """Return the density of a material in g/mm3; None if none has this name. Capitals, spaces, hyphens do not count."""
     return _named(DENSITIES, name)
 
 
@@ -102,17 +67,14 @@ def expansion_of(name: str) -> float | None:
 
 
 def _named(table: Mapping[str, float], name: str) -> float | None:
-    known = {_plain(each): number for each, number in table.items()}
-    known |= {_plain(other): table[each] for other, each in _OTHER_NAMES.items()}
-    return known.get(_plain(name))
+    named = {**table, **{other: table[each] for other, each in _OTHER_NAMES.items()}}
+    return {_plain(each): number for each, number in named.items()}.get(_plain(name))
 
 
 def unknown_material(name: str) -> str:
     """Return what is wrong with the name of a material that is not in the table."""
-    return (
-        f"no material of this name; allowed: a number > 0, or one of {', '.join(DENSITIES)}"
-        f"{did_you_mean(name, DENSITIES)}; write its density as a number"
-    )
+    known = f"{', '.join(DENSITIES)}{did_you_mean(name, DENSITIES)}"
+    return f"no material of this name; allowed: a number > 0, or one of {known}; write its density as a number"
 
 
 def _plain(name: str) -> str:

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 import tomli_w
 from pydantic import (
-    BeforeValidator,
     Field,
     PrivateAttr,
     SerializerFunctionWrapHandler,
@@ -22,58 +21,64 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from engine.errors import MechanismError
-from engine.faults.fault import Fault
+from engine.errors import Fault, MechanismError
 from engine.mechanism.base import (
     SMALLEST_NUMBER,
     Direction,
     Friction,
     Name,
+    NonNegative,
     Number,
     Point,
+    PositiveLength,
     PositiveNumber,
+    Radian,
     Restitution,
     TableModel,
+    Tensor,
     Vector,
+    added,
+    are_numbers,
     is_number,
-    not_given,
+    optional,
     refuse,
+    unless_none,
     with_numbers,
 )
-from engine.mechanism.components import Tensor
-from engine.mechanism.conditions import Event, ValidityCondition
 from engine.mechanism.contacts import Contact
-from engine.mechanism.couplings import Coupling
-from engine.mechanism.dimensions import fits, quantity_of
 from engine.mechanism.expression import ExpressionFault, parse
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.geometry.cad_table import GeometryCertificate
-from engine.mechanism.joints import AnyJoint, Joint
-from engine.mechanism.keys.key_paths import Place, along, formulas_in, with_formulas
-from engine.mechanism.loads import Damper, Force, Spring, Torque
-from engine.mechanism.materials import REFERENCE, expansion_of
-from engine.mechanism.parameters import (
+from engine.mechanism.joints import AnyJoint, Coupling, Joint
+from engine.mechanism.keys.key_paths import (
     PREFIX,
+    Place,
     Uses,
+    along,
     conflicting_units,
+    formulas_in,
     parameter_units,
     parameter_values,
     unused_parameters,
+    with_formulas,
 )
-from engine.mechanism.quantities import Quantity, UnitSystem, quantity_with_unit
+from engine.mechanism.loads import Damper, Force, Motion, Rotation, Spring, Torque
+from engine.mechanism.materials import REFERENCE, expansion_of
+from engine.mechanism.quantities import Quantity, UnitSystem, fits, quantity_of, quantity_with_unit
 from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import (
     Derived,
+    Event,
     Formula,
     Impulse,
     Mean,
     MotionTravel,
     Response,
     ResponseDifference,
+    ValidityCondition,
     in_formulas,
     order_of_derived,
 )
-from engine.mechanism.time_laws import Motion, Rotation
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -86,15 +91,12 @@ Table = dict[str, Any]
 Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
 
 
-def _inertia(value: Any) -> Matrix | None:
+def _inertia(value: Any) -> Matrix:
     """Read three principal moments or a full tensor, and refuse values that no rigid body can have."""
-    if value is None:
-        return None
     rows = value if isinstance(value, list | tuple) else ()
-    if len(rows) == 3 and all(map(is_number, rows)):
+    if are_numbers(rows, 3):
         rows = np.diag(np.array(rows, dtype=float)).tolist()
-    lengths = [len(row) if isinstance(row, list | tuple) else 0 for row in rows]
-    if lengths != [3, 3, 3] or not all(is_number(x) for row in rows for x in row):
+    if len(rows) != 3 or not all(are_numbers(row, 3) for row in rows):
         raise refuse(
             "not an inertia; allowed: three rows of three finite numbers, or the three principal moments; "
             "give it about the centre of mass, in body axes"
@@ -119,52 +121,36 @@ def _inertia(value: Any) -> Matrix | None:
     return tuple(tuple(row) for row in tensor.tolist())  # type: ignore[return-value]
 
 
-def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
+def _outline(value: Any) -> tuple[tuple[float, ...], ...]:
     """Read the corners of a polygon, each [x, y] or [x, y, z]."""
-    if value is None:
-        return None
     corners = value if isinstance(value, list | tuple) else ()
-    sound = [isinstance(c, list | tuple) and len(c) in (2, 3) and all(map(is_number, c)) for c in corners]
-    if len(corners) < 3 or not all(sound):
+    if len(corners) < 3 or not all(are_numbers(c, 2) or are_numbers(c, 3) for c in corners):
         raise refuse(
             "not a polygon; allowed: three or more corners, each [x, y] or [x, y, z] of finite numbers, in the body "
             "frame; write the corners in order, the first one once"
         )
-    return tuple((float(c[0]), float(c[1]), float(c[2]) if len(c) == 3 else 0.0) for c in corners)
+    return tuple(tuple(float(x) for x in (*c, 0.0)[:3]) for c in corners)
 
 
 class Body(TableModel):
     """A rigid body. At the start its frame is at ``origin``, rotated by ``angle`` about ``axis``."""
 
     fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")
-    mass: Annotated[PositiveNumber | None, Quantity("mass")] = Field(
-        default=None, description="the mass of the body, a positive number"
-    )
+    mass: Annotated[PositiveNumber | None, Quantity("mass")] = optional("the mass of the body, a positive number")
     inertia: Annotated[
-        Matrix | None, BeforeValidator(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia"), Tensor()
-    ] = Field(
-        default=None,
-        description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
+        Matrix | None, unless_none(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia"), Tensor()
+    ] = optional("the inertia about the centre of mass in body axes: 3 x 3, or three principal moments")
+    material: Name | None = optional("the material the body is made of, as `between` of [materials] calls it")
+    expansion: Annotated[Annotated[Number, Field(ge=-1e-3, le=1e-3)] | None, Quantity("expansion")] = added(
+        "the coefficient of linear thermal expansion, a number; default: that of its material by name"
     )
-    material: Name | None = Field(
-        default=None, description="the material the body is made of, as `between` of [materials] calls it"
-    )
-    expansion: Annotated[Annotated[Number, Field(ge=-1e-3, le=1e-3)] | None, Quantity("expansion")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the coefficient of linear thermal expansion, a number; default: that of its material by name",
-    )
-    growth: Annotated[Annotated[Number, Field(ge=-0.5, le=0.5)] | None, Quantity("number")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="by which share all lengths of the body exceed those of the file, as by shrinkage or moisture",
+    growth: Annotated[Annotated[Number, Field(ge=-0.5, le=0.5)] | None, Quantity("number")] = added(
+        "by which share all lengths of the body exceed those of the file, as by shrinkage or moisture"
     )
     center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
     axis: Direction = Field(default=(0.0, 0.0, 1.0), description="the axis about which the frame is turned")
-    angle: Annotated[Number, Quantity("angle")] = Field(
-        default=0.0, description="the angle by which the body frame is turned about axis"
-    )
+    angle: Radian = Field(default=0.0, description="the angle by which the body frame is turned about axis")
     velocity: Annotated[Vector, Quantity("speed")] = Field(
         default=(0.0, 0.0, 0.0), description="the initial velocity of the centre of mass, in the world"
     )
@@ -172,11 +158,10 @@ class Body(TableModel):
         default=(0.0, 0.0, 0.0), description="the initial angular velocity, in body axes"
     )
     outline: Annotated[
-        tuple[tuple[float, float, float], ...] | None, BeforeValidator(_outline), WithJsonSchema(_OUTLINE_SCHEMA)
-    ] = Field(
-        default=None,
-        description="how pictures draw the body: the corners of a polygon, [x, y] or [x, y, z] each, in the body "
-        "frame; without effect on its motion",
+        tuple[tuple[float, float, float], ...] | None, unless_none(_outline), WithJsonSchema(_OUTLINE_SCHEMA)
+    ] = optional(
+        "how pictures draw the body: the corners of a polygon, [x, y] or [x, y, z] each, in the body "
+        "frame; without effect on its motion"
     )
 
     @model_validator(mode="after")
@@ -185,12 +170,9 @@ class Body(TableModel):
             if not self.fixed and getattr(self, key) is None:
                 raise refuse("missing; a body that moves needs it; give it, or write fixed = true", key=key)
         for key in ("velocity", "angular_velocity"):
-            if self.fixed and any(getattr(self, key)):
-                raise refuse(
-                    "a fixed body does not move; allowed: [0, 0, 0]; remove this key, or fixed = true",
-                    key=key,
-                    value=getattr(self, key),
-                )
+            if self.fixed and any(value := getattr(self, key)):
+                text = "a fixed body does not move; allowed: [0, 0, 0]; remove this key, or fixed = true"
+                raise refuse(text, key=key, value=value)
         return self
 
 
@@ -214,10 +196,10 @@ class Bench(TableModel):
 
     title: str = Field(default="", description="what the test is called")
     without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
-    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    plot: Plot | None = optional("two responses to draw against each other: { x, y }")
     simulation: Table = Field(default={}, description="keys of [simulation] that differ")
-    phases: tuple[Table, ...] | None = Field(default=None, description="the parts of the run, in the place of those")
-    validity: tuple[str, ...] | None = Field(default=None, description="the conditions, in the place of those")
+    phases: tuple[Table, ...] | None = optional("the parts of the run, in the place of those")
+    validity: tuple[str, ...] | None = optional("the conditions, in the place of those")
     parameters: dict[Name, Any] = Field(default={}, description="parameters that are added, or replace those here")
     materials: Tables
     bodies: Tables
@@ -239,20 +221,15 @@ NAMED = (
 
 
 def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
-    """Return a mechanism's plain data with a bench's tables added and removed.
-
-    Raise MechanismError if the bench removes a table that does not exist.
-    """
+    """Return a mechanism's plain data on a bench; raise MechanismError if that removes a table that is not there."""
     merged = {**data, "bench": name, "benches": {}, "presets": {}}
     tables = {table: dict(data.get(table, {})) for table in NAMED}
     for path in bench.without:
         table, _, entry = path.partition(".")
         if entry not in tables.get(table, {}):
-            available = [f"{t}.{e}" for t in tables for e in tables[t]]
-            raise MechanismError(
-                f"benches.{name}.without = {path!r}: no such table; allowed: TABLE.NAME of one that is there"
-                f"{did_you_mean(path, available)}"
-            )
+            meant = did_you_mean(path, [f"{t}.{e}" for t in tables for e in tables[t]])
+            text = f"{path!r}: no such table; allowed: TABLE.NAME of one that is there{meant}"
+            raise MechanismError(f"benches.{name}.without = {text}")
         del tables[table][entry]
     for table in NAMED:
         tables[table].update(getattr(bench, table))
@@ -268,7 +245,7 @@ class Rest(TableModel):
     """The criterion of rest: for some time no measured quantity moves, and no contact that carries load."""
 
     window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
-    drift: Annotated[PositiveNumber, Quantity("length")] = Field(
+    drift: PositiveLength = Field(
         description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
 
@@ -279,7 +256,7 @@ class Adaptive(TableModel):
     longest: Annotated[PositiveNumber, Quantity("time")] = Field(
         description="the longest time step, a number > 0; the shortest is step"
     )
-    travel: Annotated[PositiveNumber, Quantity("length")] = Field(
+    travel: PositiveLength = Field(
         description="how far a body may move in a step longer than the shortest, a number > 0"
     )
 
@@ -292,22 +269,18 @@ class Simulation(TableModel):
     tolerance: Annotated[PositiveNumber, Field(le=1e-3), Quantity("number")] = Field(
         default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
     )
-    penetration: Annotated[PositiveNumber, Quantity("length")] = Field(
-        description="the largest gap violation after a step, a number > 0"
-    )
+    penetration: PositiveLength = Field(description="the largest gap violation after a step, a number > 0")
     wall_limit: Annotated[PositiveNumber, Quantity("real time")] = Field(
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
-    joint_violation: Annotated[PositiveNumber, Quantity("length")] = Field(
+    joint_violation: PositiveLength = Field(
         default=0.0,
         validate_default=False,  # `_default_violation` replaces it; 0 itself is refused
         description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
     )
-    assembly_travel: Annotated[Annotated[Number, Field(ge=0)] | None, Quantity("length")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
-        " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism",
+    assembly_travel: Annotated[NonNegative | None, Quantity("length")] = added(
+        "how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
+        " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism"
     )
     scheme: Literal["combined", "moreau_jean"] = Field(
         default="combined",
@@ -316,9 +289,8 @@ class Simulation(TableModel):
     theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
         default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
     )
-    adaptive: Adaptive | None = Field(
-        default=None,
-        description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
+    adaptive: Adaptive | None = optional(
+        "longer steps while everything is slow: { longest, travel }; default: one fixed step"
     )
     rest: Rest = Field(description="the stop criterion: { window, drift }")
 
@@ -339,13 +311,11 @@ class Phase(TableModel):
     """A part of the run; it ends at rest, after ``duration`` or at the event ``until``, whichever comes first."""
 
     name: Name = Field(description="what forces and torques call it")
-    duration: Annotated[PositiveNumber | None, Quantity("time")] = Field(
-        default=None, description="how long it lasts, a number > 0; default: until its event, or rest"
+    duration: Annotated[PositiveNumber | None, Quantity("time")] = optional(
+        "how long it lasts, a number > 0; default: until its event, or rest"
     )
-    until: Event | None = Field(
-        default=None, description="the event that ends it: { response, above } or { response, below }; default: none"
-    )
-    damping: Annotated[Number, Field(ge=0), Quantity("rate")] = Field(
+    until: Event | None = optional("the event that ends it: { response, above } or { response, below }; default: none")
+    damping: Annotated[NonNegative, Quantity("rate")] = Field(
         default=0.0,
         description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
     )
@@ -354,10 +324,9 @@ class Phase(TableModel):
 class Material(TableModel):
     """The contact law of a pair of materials."""
 
-    between: tuple[Name, Name] | None = Field(
-        default=None,
-        description='the materials of the two bodies, in any order, such as ["steel", "plastic"]; where no joint or '
-        "contact between them names a pair, this one holds",
+    between: tuple[Name, Name] | None = optional(
+        'the materials of the two bodies, in any order, such as ["steel", "plastic"]; where no joint or '
+        "contact between them names a pair, this one holds"
     )
     friction: Friction = Field(description="the coefficient of friction, a number >= 0")
     restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
@@ -378,10 +347,8 @@ class Mechanism(TableModel):
     gravity: Annotated[Vector, Quantity("acceleration")] = Field(
         default=(0.0, 0.0, 0.0), description="the acceleration of gravity, in the world"
     )
-    temperature: Annotated[Annotated[Number, Field(gt=-273.15, le=1000)] | None, Quantity("temperature")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="the temperature of all bodies, whose lengths in the file are those at 20 degC; default: 20",
+    temperature: Annotated[Annotated[Number, Field(gt=-273.15, le=1000)] | None, Quantity("temperature")] = added(
+        "the temperature of all bodies, whose lengths in the file are those at 20 degC; default: 20"
     )
     validity: tuple[ValidityCondition, ...] = Field(
         default=(), description='the conditions a valid result meets, such as "latch_overlap > 0"'
@@ -408,14 +375,14 @@ class Mechanism(TableModel):
     torques: dict[Name, Torque] = Field(default={}, description="the torques")
     motions: dict[Name, Motion] = Field(default={}, description="the prescribed motions")
     responses: dict[Name, Response] = Field(default={}, description="what is read off")
-    bench: Name | None = Field(default=None, description="the bench the mechanism is on; written by on_bench")
-    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    bench: Name | None = optional("the bench the mechanism is on; written by on_bench")
+    plot: Plot | None = optional("two responses to draw against each other: { x, y }")
     benches: dict[Name, Bench] = Field(
         default={}, description="test benches: tables of this file that are added to it, and what is taken away"
     )
     presets: dict[Name, Preset] = Field(default={}, description="named sets of values, such as a measured prototype's")
-    geometry: GeometryCertificate | None = Field(
-        default=None, description="what came from a CAD file, and how exactly; written by load_mechanism"
+    geometry: GeometryCertificate | None = optional(
+        "what came from a CAD file, and how exactly; written by load_mechanism"
     )
 
     _formulas: dict[str, str] = PrivateAttr(default_factory=dict)
@@ -509,10 +476,7 @@ class Mechanism(TableModel):
         return {name: self._quantity(name).unit(self.units) for name in self.responses}
 
     def _quantity(self, name: str) -> Quantity:
-        """Return the quantity of a response; that of a difference or formula follows from its responses.
-
-        A formula without one, which `quantity_faults` reports, counts as a number.
-        """
+        """Return the quantity of a response; a formula without one, which `quantity_faults` reports, has a number's."""
         response = self.responses[name]
         if isinstance(response, ResponseDifference):
             return self._quantity(response.of[0])
@@ -529,12 +493,11 @@ class Mechanism(TableModel):
 
     def _quantity_of_formula(self, response: Formula) -> Quantity:
         """Return the quantity of a formula; raise ExpressionFault if it has none, or not the one that is stated."""
-        known, names = in_formulas(self.responses), {}
-        for part in response.sources:
-            if part in known:
-                names[part] = self._quantity(known[part])
-            else:
-                names[part] = quantity_with_unit(self.parameter_units[part], self.units)
+        known, units = in_formulas(self.responses), self.parameter_units
+        names = {
+            part: self._quantity(known[part]) if part in known else quantity_with_unit(units[part], self.units)
+            for part in response.sources
+        }
         node = parse(response.formula)
         if response.stated is None:
             return quantity_of(node, names)
@@ -565,10 +528,7 @@ class Mechanism(TableModel):
         return faults
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
-        """Return (friction, restitution) of a joint or contact.
-
-        They are its own; else those of the material pair it names; else those of the pair of its bodies' materials.
-        """
+        """Return (friction, restitution): its own; else of the pair it names; else of the pair of its bodies."""
         bodies = [self.bodies[side.body].material for side in pair.sides]
         pairs = {name: material.between for name, material in self.materials.items()}
         name = pair.material or pair_between(bodies, pairs)
@@ -648,11 +608,8 @@ class Mechanism(TableModel):
 
     def loose_joints(self) -> list[str]:
         """Return the names of the joints that can be used as the key of a clearance."""
-        return [
-            name
-            for name, joint in self.joints.items()
-            if not joint.ideal and getattr(joint, joint.CLEARANCE) is not None
-        ]
+        joints = self.joints.items()
+        return [name for name, joint in joints if not joint.ideal and getattr(joint, joint.CLEARANCE) is not None]
 
     def digest(self) -> str:
         """Return the sha256 of the description in canonical form, 64 hexadecimal digits.
@@ -683,10 +640,7 @@ def python_data(value: Any) -> Any:
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
-    """Create a mechanism from the content of a mechanism file, and check it.
-
-    Raise MechanismError with one line for each fault, not only the first, under the name ``source``.
-    """
+    """Return a file's mechanism, checked; raise MechanismError with all its faults under the name ``source``."""
     table = data.get("parameters", {})
     values, faults = parameter_values(table) if isinstance(table, dict) else ({}, [])
     if faults:  # otherwise every use of such a parameter would be a fault, too

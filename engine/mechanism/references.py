@@ -4,12 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-from engine.faults.fault import Fault
-from engine.mechanism.conditions import CONDITION
-from engine.mechanism.expression import ExpressionFault, names_in, parse
+from engine.errors import Fault
+from engine.mechanism.expression import names_in_text
 from engine.mechanism.faults import as_table, did_you_mean, list_under, named_tables, phase_names, sub_table
 from engine.mechanism.materials import EXPANSIONS, expansion_of
-from engine.mechanism.responses import in_formulas
+from engine.mechanism.responses import CONDITION, in_formulas
 
 _PAIRED = {
     "joints": (("bearing", "journal"), ("guide", "slider"), ("socket", "ball"), ("a", "b")),
@@ -31,10 +30,7 @@ Reference = tuple[str, tuple[str, ...], Any]
 
 
 def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
-    """Find every reference to something that does not exist.
-
-    This works on plain data, so that a file with faults in its tables is still checked here.
-    """
+    """Find every reference to something that does not exist, in plain data: a file with faults is checked, too."""
     return [
         *_unknown_names(data),
         *_used_twice(data),
@@ -273,11 +269,8 @@ def _pair(value: Any) -> tuple[str, str] | None:
 def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
     responses = named_tables(data, "responses")
     defined = list(responses)
-    stated: list[tuple[tuple[str, ...], Any]] = [
-        (("validity",), condition) for condition in list_under(data, "validity")
-    ]
-    stated += [(("responses", name, "condition"), entry.get("condition", "")) for name, entry in responses.items()]
-    for key, condition in stated:
+    stated = [(("responses", name, "condition"), entry.get("condition", "")) for name, entry in responses.items()]
+    for key, condition in [*((("validity",), condition) for condition in list_under(data, "validity")), *stated]:
         match = CONDITION.fullmatch(str(condition))
         if match and match[1] not in defined:
             names = ", ".join(defined) or "none is defined"
@@ -294,8 +287,9 @@ def _derived_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         parts = [part for part in list_under(entry, "of") if isinstance(part, str)]
         used = [*parts, *([match[1]] if match else [])]
         if entry.get("type") == "formula" and isinstance(entry.get("formula"), str):
-            in_text = list(dict.fromkeys(_names_in(entry["formula"])))
-            yield from _unknown_in_formula(name, in_text, known, parameters)
+            in_text = list(dict.fromkeys(names_in_text(entry["formula"])))
+            key = ("responses", name, "formula")
+            yield from (Fault(key, text) for part in in_text if (text := _meaningless(part, known, parameters)))
             used = [known[part] for part in in_text if part in known]
         needs[name] = used
     try:
@@ -306,61 +300,44 @@ def _derived_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         yield Fault(("responses", circle[0]), f"follows from itself: {way}; allowed: no circle; name what is measured")
 
 
-def _names_in(text: str) -> list[str]:
-    """Return the names in a formula; none if it is not an expression, which is a fault of its own."""
-    try:
-        return list(names_in(parse(text)))
-    except ExpressionFault:
-        return []
-
-
-def _unknown_in_formula(
-    name: str, names: Sequence[str], known: Mapping[str, str], parameters: Mapping[str, Any]
-) -> Iterator[Fault]:
-    for part in names:
-        if part in known and part in parameters:
-            text = f"{part} is both a response and a parameter; allowed: one of them; rename the parameter"
-            yield Fault(("responses", name, "formula"), text)
-        elif part not in known and part not in parameters:
-            names_here = ", ".join([*known, *parameters][:20])
-            meant = did_you_mean(part, [*known, *parameters])
-            text = f"{part} is no response and no parameter; defined here: {names_here}{meant}"
-            yield Fault(("responses", name, "formula"), text)
+def _meaningless(part: str, known: Mapping[str, str], parameters: Mapping[str, Any]) -> str:
+    """Return why a name in a formula means nothing, or two things; empty if it means one."""
+    if part in known and part in parameters:
+        return f"{part} is both a response and a parameter; allowed: one of them; rename the parameter"
+    if part in known or part in parameters:
+        return ""
+    names = [*known, *parameters]
+    there = f"{', '.join(names[:20])}{did_you_mean(part, names)}"
+    return f"{part} is no response and no parameter; defined here: {there}"
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield faults where an event, peak, impulse, mean or plot refers to a response without a value at each step."""
-    responses = named_tables(data, "responses")
+    responses, plot = named_tables(data, "responses"), sub_table(data, "plot")
     watching: list[tuple[tuple[str, ...], Any]] = [
-        (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
-    ]
-    watching += [(("responses", name, "response"), entry) for name, entry in responses.items()]
-    for i, phase in enumerate(list_under(data, "phases")):
-        watching.append((("phases", str(i), "until", "response"), sub_table(phase, "until")))
-    watching += [
-        (("plot", axis), {"response": sub_table(data, "plot").get(axis), "drawn": True}) for axis in ("x", "y")
+        *((("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()),
+        *((("responses", name, "response"), entry) for name, entry in responses.items()),
+        *(
+            (("phases", str(i), "until", "response"), sub_table(phase, "until"))
+            for i, phase in enumerate(list_under(data, "phases"))
+        ),
+        *((("plot", axis), {"response": plot.get(axis), "drawn": True}) for axis in ("x", "y")),
     ]
     for key, at in watching:
         watched = at.get("response")
-        if "drawn" in at and not (isinstance(watched, str) and _follows(sub_table(responses, watched))):
+        response = sub_table(responses, watched) if isinstance(watched, str) else {}
+        if "drawn" in at and not _follows(response):
             continue  # whenever it is read, it has a value in each step
-        if isinstance(watched, str) and sub_table(responses, watched).get("at", "end") != "end":
-            text = (
-                f"responses.{watched} is itself read at a peak or an event; allowed: responses with "
-                'at = "end"; watch one of the same kind without at'
-            )
-            yield Fault(key, text, watched)
-        elif isinstance(watched, str) and "type" in at and sub_table(responses, watched).get("type") in _ADDED_UP:
-            text = (
-                f"responses.{watched} is itself added up; allowed: what is measured in each step; name what it adds up"
-            )
-            yield Fault(key, text, watched)
-        elif isinstance(watched, str) and _follows(sub_table(responses, watched)):
-            text = (
-                f"responses.{watched} is known only after the run; allowed: what is measured at each step; "
-                "watch one it follows from"
-            )
-            yield Fault(key, text, watched)
+        if response.get("at", "end") != "end":
+            text = 'itself read at a peak or an event; allowed: responses with at = "end"; watch one of the same kind'
+            text += " without at"
+        elif "type" in at and response.get("type") in _ADDED_UP:
+            text = "itself added up; allowed: what is measured in each step; name what it adds up"
+        elif _follows(response):
+            text = "known only after the run; allowed: what is measured at each step; watch one it follows from"
+        else:
+            continue
+        yield Fault(key, f"responses.{watched} is {text}", watched)
 
 
 def _follows(response: Mapping[str, Any]) -> bool:

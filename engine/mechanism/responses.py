@@ -1,10 +1,28 @@
-"""The responses of a mechanism: quantities measured, each read at an instant, and those derived from others."""
+"""The responses of a mechanism: quantities measured, each read at an instant, and those derived from others.
 
+A response is read at the end of a run, at its own peak or another response's, or at an event: the first instant at
+which another response is beyond a limit. A result that violates a condition of validity does not count.
+"""
+
+import math
+import operator
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 
 from engine.mechanism.base import (
     BodyPoint,
@@ -14,14 +32,104 @@ from engine.mechanism.base import (
     Number,
     Point,
     PositiveNumber,
+    Radian,
     TableModel,
-    not_given,
+    added,
+    is_quoted_number,
+    optional,
     refuse,
 )
-from engine.mechanism.conditions import At, ValidityCondition
-from engine.mechanism.dimensions import MeasurableQuantity
 from engine.mechanism.expression import LONGEST, ExpressionFault, names_in, parse
-from engine.mechanism.quantities import Quantity
+from engine.mechanism.faults import did_you_mean
+from engine.mechanism.quantities import MeasurableQuantity, Quantity
+
+CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
+
+MOMENTS = ("end", "maximum", "minimum")
+Moment = Literal["end", "maximum", "minimum"]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A response above or below a limit. A settled run that violates one of its validity conditions is ``invalid``."""
+
+    response: str
+    relation: str  # "<" or ">"
+    limit: float  # in the unit of the response
+
+    def __str__(self) -> str:
+        return f"{self.response} {self.relation} {repr(self.limit).removesuffix('.0')}"
+
+    def holds(self, responses: Mapping[str, float]) -> bool:
+        """Return whether ``responses`` (name -> value) satisfy the condition."""
+        compare = operator.lt if self.relation == "<" else operator.gt
+        return bool(compare(responses[self.response], self.limit))
+
+
+def _condition(value: Any) -> Condition:
+    """Read ``"response > number"``."""
+    if isinstance(value, Condition):
+        return value
+    match = CONDITION.fullmatch(value) if isinstance(value, str) else None
+    if match and is_quoted_number(match[3]) and abs(limit := float(match[3])) < math.inf:
+        return Condition(match[1], match[2], limit)
+    text = 'not a condition; allowed: "response > number" or "response < number"; write for example '
+    raise refuse(f'{text}"latch_overlap > 0"')
+
+
+ValidityCondition = Annotated[
+    Condition,
+    BeforeValidator(_condition),
+    PlainSerializer(str),
+    WithJsonSchema({"type": "string", "examples": ["latch_overlap > 0"]}),
+]
+
+
+class Event(TableModel):
+    """The first instant at which another response is beyond a limit."""
+
+    response: Name = Field(description="the response that is watched, a table of [responses]")
+    above: Number | None = optional("the limit it is above from then on, in its unit")
+    below: Number | None = optional("the limit it is below from then on, in its unit")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.above is None) == (self.below is None):
+            raise refuse("needs one limit; allowed: exactly one of above, below")
+        return self
+
+
+class Peak(TableModel):
+    """The instant at which another response is at its largest or smallest."""
+
+    response: Name = Field(description="the response whose peak it is, a table of [responses]")
+    peak: Literal["maximum", "minimum"] = Field(description="which peak: maximum or minimum")
+
+
+def _moment(value: Any) -> Any:
+    """Accept a table, which is an event or a peak, or the name of an instant."""
+    if isinstance(value, Mapping | Event | Peak) or (isinstance(value, str) and value in MOMENTS):
+        return value
+    text = f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }}, {{ response, below }} or "
+    raise refuse(f"{text}{{ response, peak }}{did_you_mean(str(value), MOMENTS)}")
+
+
+def _kind(value: Any) -> str:
+    """Return the tag of the value: Moment, Peak or Event."""
+    if isinstance(value, str):
+        return "Moment"
+    return "Peak" if isinstance(value, Peak) or (isinstance(value, Mapping) and "peak" in value) else "Event"
+
+
+At = Annotated[
+    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")] | Annotated[Peak, Tag("Peak")],
+    Discriminator(_kind),
+    BeforeValidator(_moment),
+]
+
+
+# What is measured, and what follows from it.
+
 
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
 
@@ -86,11 +194,8 @@ class Formula(Derived):
     formula: Annotated[str, StringConstraints(max_length=LONGEST), AfterValidator(_readable)] = Field(
         description='the expression over responses and parameters, such as "-pull / 2"; in a name, _ stands for -'
     )
-    stated: MeasurableQuantity | None = Field(
-        default=None,
-        alias="quantity",
-        exclude_if=not_given,
-        description="what it measures, such as energy, where the formula does not show it",
+    stated: MeasurableQuantity | None = added(
+        "what it measures, such as energy, where the formula does not show it", alias="quantity"
     )
 
     @property
@@ -106,10 +211,7 @@ def in_formulas(responses: Iterable[str]) -> dict[str, str]:
 
 
 def order_of_derived(responses: Mapping[str, Any]) -> list[str]:
-    """Return the names of the responses that follow from others, each after those.
-
-    Raise graphlib.CycleError if one follows from itself.
-    """
+    """Return the names of the responses that follow from others, each after those; CycleError if one cannot."""
     known = in_formulas(responses)
     derived = {name: response for name, response in responses.items() if isinstance(response, Derived)}
     needs = {name: [known[part] for part in each.sources if part in known] for name, each in derived.items()}
@@ -121,20 +223,15 @@ class Measured(TableModel):
 
     measures: ClassVar[Quantity]
     adds_up: ClassVar[bool] = False  # from the beginning of from_phase, whenever it is read
-
     title: str = Field(default="", description="what the response is called in a report")
     at: At = Field(
         default="end",
         description="when it is read: end of the run, maximum or minimum over it, or at an event "
         "{ response, above or below }, or at another's peak { response, peak }",
     )
-    from_phase: Name | None = Field(
-        default=None, description="the phase with which the search for at begins; default: the first"
-    )
-    to_phase: Name | None = Field(
-        default=None,
-        description="the phase with which the search for at ends, or at whose end the response is read; "
-        "default: the last",
+    from_phase: Name | None = optional("the phase with which the search for at begins; default: the first")
+    to_phase: Name | None = optional(
+        "the phase with which the search for at ends, or at whose end the response is read; default: the last"
     )
 
     @property
@@ -145,12 +242,8 @@ class Measured(TableModel):
     @model_validator(mode="after")
     def _searched(self) -> Self:
         if self.from_phase is not None and self.at == "end" and not self.adds_up:
-            raise refuse(
-                "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
-                "or an event; remove it, or give at",
-                key="from_phase",
-                value=self.from_phase,
-            )
+            text = "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
+            raise refuse(f"{text}or an event; remove it, or give at", key="from_phase", value=self.from_phase)
         return self
 
 
@@ -165,8 +258,8 @@ class Reference(TableModel):
     """The reference of a position: a point of a body, or the foot point on an axis of a body."""
 
     body: Name = Field(description="the body the point or axis belongs to")
-    point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
-    axis: Axis | None = Field(default=None, description="a line: { point, axis }; from its foot point")
+    point: Annotated[Point | None, Quantity("length")] = optional("a point: [x, y, z]")
+    axis: Axis | None = optional("a line: { point, axis }; from its foot point")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -178,7 +271,7 @@ class Reference(TableModel):
 class ResponseDirection(TableModel):
     """A direction, in the axes of a body or of the world."""
 
-    body: Name | None = Field(default=None, description="the body whose axes are meant; default: the world's")
+    body: Name | None = optional("the body whose axes are meant; default: the world's")
     vector: Direction = Field(description="the direction [x, y, z]")
 
 
@@ -186,7 +279,6 @@ class Position(Measured):
     """direction . (to - from) + offset."""
 
     measures = Quantity("length")
-
     type: Literal["position"] = Field(description="the kind of response")
     from_: Reference = Field(alias="from", description="where the measure starts: { body, point or axis }")
     to: BodyPoint = Field(description="where the measure ends: { body, point }")
@@ -198,12 +290,9 @@ class Velocity(Measured):
     """The rate of direction . (to - from)."""
 
     measures = Quantity("speed")
-
     type: Literal["velocity"] = Field(description="the kind of response")
-    from_: Reference | None = Field(
-        default=None,
-        alias="from",
-        description="what the speed is relative to: { body, point or axis }; default: the world",
+    from_: Reference | None = optional(
+        "what the speed is relative to: { body, point or axis }; default: the world", alias="from"
     )
     to: BodyPoint = Field(description="the point whose speed it is: { body, point }")
     direction: ResponseDirection = Field(description="along what: { vector } or { body, vector }")
@@ -213,19 +302,14 @@ class Turning(Measured):
     """A body that turns about an axis of another body."""
 
     body: Name = Field(description="the body that turns")
-    relative_to: Name | None = Field(
-        default=None, description="the body in which the axis is fixed; default: the world"
-    )
+    relative_to: Name | None = optional("the body in which the axis is fixed; default: the world")
     axis: Direction = Field(description="the axis, in the frame of relative_to")
 
     @model_validator(mode="after")
     def _two(self) -> Self:
         if self.body == self.relative_to:
-            raise refuse(
-                "a body does not turn relative to itself; allowed: another body, or the world; remove it",
-                key="relative_to",
-                value=self.relative_to,
-            )
+            text = "a body does not turn relative to itself; allowed: another body, or the world; remove it"
+            raise refuse(text, key="relative_to", value=self.relative_to)
         return self
 
 
@@ -233,16 +317,14 @@ class Angle(Turning):
     """The angle by which a body has turned about an axis since the start, including full turns, plus an offset."""
 
     measures = Quantity("angle")
-
     type: Literal["angle"] = Field(description="the kind of response")
-    offset: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the measure")
+    offset: Radian = Field(default=0.0, description="an angle added to the measure")
 
 
 class AngularVelocity(Turning):
     """The angular velocity of a body about an axis."""
 
     measures = Quantity("angular speed")
-
     type: Literal["angular_velocity"] = Field(description="the kind of response")
 
 
@@ -250,7 +332,6 @@ class Gap(Measured):
     """The gap of a contact as computed by its gap function; for a ring, its clearance minus its eccentricity."""
 
     measures = Quantity("length")
-
     type: Literal["gap"] = Field(description="the kind of response")
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
 
@@ -260,7 +341,6 @@ class ContactImpulse(Measured):
 
     measures = Quantity("impulse")
     adds_up = True
-
     type: Literal["contact_impulse"] = Field(description="the kind of response")
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
 
@@ -269,12 +349,9 @@ class Force(Measured):
     """A force that contacts transmit."""
 
     measures = Quantity("force")
-
-    averaged_over: Annotated[PositiveNumber | None, Quantity("time")] = Field(
-        default=None,
-        exclude_if=not_given,
-        description="time constant of a mean over the past, as a load cell shows it behind a filter of first order; "
-        "default: the force of one step, which at an impact depends on the step",
+    averaged_over: Annotated[PositiveNumber | None, Quantity("time")] = added(
+        "time constant of a mean over the past, as a load cell shows it behind a filter of first order; "
+        "default: the force of one step, which at an impact depends on the step"
     )
 
 
@@ -286,21 +363,16 @@ class ContactForce(Force):
     component: Literal["normal", "friction"] = Field(
         default="normal", description="which part of the force: normal or friction"
     )
-    bound: Literal["least", "largest"] | None = Field(
-        default=None,
-        description="in the place of the force the least or the largest normal force that friction allows at rest, "
-        "as where contacts stick forces are not unique; default: the force",
+    bound: Literal["least", "largest"] | None = optional(
+        "in the place of the force the least or the largest normal force that friction allows at rest, "
+        "as where contacts stick forces are not unique; default: the force"
     )
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
         if self.bound is not None and (self.component != "normal" or self.at != "end" or self.averaged_over):
-            raise refuse(
-                "a bound is that of a normal force at rest; allowed with component = normal and at = end, without "
-                "averaged_over; remove it",
-                key="bound",
-                value=self.bound,
-            )
+            text = "a bound is that of a normal force at rest; allowed with component = normal and at = end, without "
+            raise refuse(f"{text}averaged_over; remove it", key="bound", value=self.bound)
         return self
 
 
@@ -309,8 +381,8 @@ class JointForce(Force):
 
     type: Literal["joint_force"] = Field(description="the kind of response")
     joint: Name = Field(description="the joint, one with clearance")
-    direction: ResponseDirection | None = Field(
-        default=None, description="the component along { vector } or { body, vector }; default: the magnitude"
+    direction: ResponseDirection | None = optional(
+        "the component along { vector } or { body, vector }; default: the magnitude"
     )
 
 
@@ -318,7 +390,6 @@ class SpringForce(Measured):
     """The force of a linear spring; positive values push its points apart."""
 
     measures = Quantity("force")
-
     type: Literal["spring_force"] = Field(description="the kind of response")
     spring: Name = Field(description="the spring, one with type linear")
 
@@ -327,7 +398,6 @@ class SpringTorque(Measured):
     """The torque of a torsion spring on its body b about its axis."""
 
     measures = Quantity("torque")
-
     type: Literal["spring_torque"] = Field(description="the kind of response")
     spring: Name = Field(description="the spring, one with type torsion")
 
@@ -342,7 +412,6 @@ class MotionTravel(Measured, OfMotion):
     """How far a prescribed motion has come since it began: a length, or for a rotation an angle."""
 
     measures = Quantity("length")
-
     type: Literal["motion_travel"] = Field(description="the kind of response")
 
 
@@ -356,7 +425,6 @@ class MotionTorque(Force, OfMotion):
     """The torque with which a rotation moves its body, positive about its axis."""
 
     measures = Quantity("torque")
-
     type: Literal["motion_torque"] = Field(description="the kind of response")
 
 
@@ -365,7 +433,6 @@ class MotionWork(Measured, OfMotion):
 
     measures = Quantity("energy")
     adds_up = True
-
     type: Literal["motion_work"] = Field(description="the kind of response")
 
 
@@ -380,11 +447,9 @@ class Accumulated(Measured):
     """Base class of what is added up over the time of another response, from the beginning of ``from_phase``."""
 
     adds_up = True
-
     response: Name = Field(description="the response, measured in each step, a table of [responses]")
-    window: Annotated[tuple[Number, Number] | None, Quantity("time"), AfterValidator(_window)] = Field(
-        default=None,
-        description="[begin, end] of the time that counts, since the beginning of from_phase; default: all of it",
+    window: Annotated[tuple[Number, Number] | None, Quantity("time"), AfterValidator(_window)] = optional(
+        "[begin, end] of the time that counts, since the beginning of from_phase; default: all of it"
     )
 
 
@@ -392,7 +457,6 @@ class Impulse(Accumulated):
     """The integral of a force over time."""
 
     measures = Quantity("impulse")
-
     type: Literal["impulse"] = Field(description="the kind of response")
 
 
@@ -407,11 +471,10 @@ class Bounces(Measured):
 
     measures = Quantity("number")
     adds_up = True
-
     type: Literal["bounces"] = Field(description="the kind of response")
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
-    opening: Annotated[Number | None, Field(ge=0), Quantity("length")] = Field(
-        default=None, description="the gap from which it counts as open; default: the penetration of [simulation]"
+    opening: Annotated[Number | None, Field(ge=0), Quantity("length")] = optional(
+        "the gap from which it counts as open; default: the penetration of [simulation]"
     )
 
 
@@ -420,7 +483,6 @@ class FrictionWork(Measured):
 
     measures = Quantity("energy")
     adds_up = True
-
     type: Literal["friction_work"] = Field(description="the kind of response")
     contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
 
@@ -429,17 +491,13 @@ class Time(Measured):
     """The time from the start of the run to its end or to an event."""
 
     measures = Quantity("time")
-
     type: Literal["time"] = Field(description="the kind of response")
 
     @model_validator(mode="after")
     def _no_peak(self) -> Self:
         if self.at in ("maximum", "minimum"):
-            raise refuse(
-                "time has no peak; allowed: end, { response, above } or { response, below }; give the event",
-                key="at",
-                value=self.at,
-            )
+            text = "time has no peak; allowed: end, { response, above } or { response, below }; give the event"
+            raise refuse(text, key="at", value=self.at)
         return self
 
 

@@ -5,7 +5,6 @@ The motion seen has a dominant direction, its speed a trend, and some contacts p
 Only runs that did not come to rest are continued, on copies of their arrays, by the same time loop.
 """
 
-import itertools
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -63,11 +62,10 @@ def go_on(
     cancel: Cancel | None,
     every_step: bool = False,
 ) -> Continuation | None:
-    """Continue the phase in which a run reached its horizon; the run itself is not changed.
+    """Continue the phase in which a run reached its horizon, without changing the run; the horizon itself is not used.
 
-    The horizon of `control` is not used. With `every_step` few steps are made and each is kept; otherwise twice as many
-    as the run made, of which some are kept. None if it was cancelled, took longer than `seconds` of real time, or a
-    step failed.
+    With `every_step` few steps are made and each is kept; otherwise twice as many as the run made, of which some are
+    kept. None if it was cancelled, took longer than `seconds` of real time, or a step failed.
     """
     end, steps = float(course.reals[time_loop.TIME]), int(course.counts[time_loop.ACCEPTED])
     most = FINE if every_step else min(max(2 * steps, FEWEST), MOST)
@@ -124,10 +122,7 @@ class SpeedTrend:
 
 
 def speed_trend(time: Array, speed: Array, window: float, drift: float) -> SpeedTrend:
-    """Return how a speed develops; `time` and `speed` have shape (n,), n >= 3.
-
-    A body is at rest if it moves by no more than `drift` in the time `window`.
-    """
+    """Return how a speed, shape (n,), n >= 3, develops; what moves by at most `drift` in a `window` is at rest."""
     turns = turns_of(speed)
     if turns.size:
         return _swing(time, speed, turns, window, drift)
@@ -212,10 +207,7 @@ def dominant_motion(assembly: Assembly, control: Control, twist: Array, own: Arr
 
 
 def _principal(motion: Array) -> tuple[float, Array, Array]:
-    """Return the principal direction of a motion, shape (n, 6): its share of the mean square, itself, and the speed.
-
-    The speed is positive on average.
-    """
+    """Return the principal direction of a motion, (n, 6): its share of the mean square, itself, and the speed, > 0."""
     largest = np.abs(motion).max()
     sizes, directions = np.linalg.eigh(np.einsum("ti,tj->ij", motion / largest, motion / largest))
     direction = directions[:, -1]
@@ -230,9 +222,8 @@ def _restless(assembly: Assembly, control: Control) -> NDArray[np.bool_]:
     model, state = assembly.model, assembly.state
     responses, contacts, nb = model.responses, model.contacts, len(model.bodies.mass)
     found = np.zeros(nb + 1, bool)
-    for kind, bodies in zip(
-        responses.kind[responses.measures_motion], responses.body[responses.measures_motion], strict=True
-    ):
+    moved = responses.measures_motion
+    for kind, bodies in zip(responses.kind[moved], responses.body[moved], strict=True):
         if kind == GAP:
             found[[contacts.a[bodies[0]], contacts.b[bodies[0]]]] = True
         elif kind == POSITION:
@@ -245,18 +236,12 @@ def _restless(assembly: Assembly, control: Control) -> NDArray[np.bool_]:
     return found[:nb] if found[:nb].any() else np.ones(nb, bool)
 
 
-# Find contacts that press alternately at two places: a contact acts at one of them and cannot hold at both.
-
-
 def alternating_contacts(assembly: Assembly, onward: Continuation) -> list[str]:
-    """Return the names of the contacts that press alternately in two different directions.
-
-    `onward` must contain every step. `assembly` is as the run left it, and is not written to.
-    """
+    """Return the contacts that press alternately at two places, and cannot hold at both; `onward` has every step."""
     normals, names = _normals(assembly, onward), []
     for c, name in enumerate(assembly.contact_names):
         pressing = normals[onward.impulse[:, c] > 0.0, c]
-        changes = sum(bool(np.linalg.norm(one - other) > APART) for one, other in itertools.pairwise(pressing))
+        changes = sum(bool(np.linalg.norm(one - other) > APART) for one, other in pairwise(pressing))
         if changes >= OFTEN:
             names.append(name)
     return names

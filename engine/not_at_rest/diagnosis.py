@@ -18,7 +18,6 @@ from engine.kernels.model import SLIDE, Control, Model
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel
 from engine.mechanism import Mechanism
-from engine.mechanism.joints import Joint
 from engine.not_at_rest.continuation import (
     FINE,
     Continuation,
@@ -52,8 +51,8 @@ def describe_motion(
 ) -> str:
     """Describe which body moves most at the end of a run, where to, how fast, and what would bring it to rest.
 
-    `assembly` and `course` are as the run left them; the arrays of loads are overwritten. `seconds` is the real time
-    available to see how the mechanism continues. Returns part of a sentence, empty if nothing could be seen.
+    `assembly` and `course` are as the run left them; the arrays of loads are overwritten. `seconds` of real time may
+    pass. Returns part of a sentence, empty if nothing could be seen.
     """
     fine = go_on(assembly, control, course, seconds, cancel, every_step=True)
     if fine is None or len(fine.time) < 3:
@@ -76,19 +75,13 @@ def describe_motion(
 
 
 def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
-    """Describe which body starts to move at a pose that no contact forces hold; empty if that is not known.
-
-    `pose` is as `engine.equilibrium.forces_at_rest` left it.
-    """
+    """Describe which body starts to move at a pose, as `forces_at_rest` left it, that no contact forces hold."""
     motion = _begun(mechanism, pose, control, pose.state.v, "begins")
     return f"no contact forces hold the pose: {motion}" if motion else ""
 
 
 def flight(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array) -> str:
-    """Describe which body is in flight while everything measured is at rest; empty if none is.
-
-    `pose` is that at the end of the run, `twist`, shape (nb + 1, 6), is from `engine.not_at_rest.in_flight`.
-    """
+    """Describe which body is in flight at the end of a run, with the ``twist`` of `in_flight`; empty if none is."""
     motion = _begun(mechanism, pose, control, twist, "flies")
     return f"{motion}, and no contact, joint or spring holds it" if motion else ""
 
@@ -116,20 +109,17 @@ def _motion(mechanism: Mechanism, assembly: Assembly, dominant: DominantMotion, 
         verb = kind if to_and_fro or kind == "flies" else "slides" if loaded else "floats"
         return f"{body} {verb} along {along}{slides}"
     verb, about = kind if to_and_fro else "turns", direction_words(mechanism, body, R, dominant.about, signed=False)
-    if not moves > PURE or _is_hinged(mechanism, assembly, dominant):
+    if not moves > PURE or _is_hinged(mechanism, body, R, dominant.along, dominant.about / dominant.arm):
         return f"{body} {verb} about {about}{spins}"
     along = direction_words(mechanism, body, R, dominant.along, signed=not to_and_fro)
     return f"{body} moves along {along}{slides} and {verb} about {about}{spins}"
 
 
-def _is_hinged(mechanism: Mechanism, assembly: Assembly, dominant: DominantMotion) -> bool:
+def _is_hinged(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> bool:
     """Return whether a joint of the body lies on the axis of its motion."""
-    body, spin = order_bodies(mechanism)[dominant.body], dominant.about / dominant.arm
-    for _, point, _ in joint_lines(mechanism, body, assembly.state.R[dominant.body]):
-        there = dominant.along + np.cross(spin, point)
-        if np.linalg.norm(there) < HINGED * np.linalg.norm(dominant.along):
-            return True
-    return False
+    points = [point for _, point, _ in joint_lines(mechanism, body, rotation)]
+    least = HINGED * np.linalg.norm(velocity)
+    return any(np.linalg.norm(velocity + np.cross(spin, point)) < least for point in points)
 
 
 def _is_loaded(assembly: Assembly, dominant: DominantMotion, course: Course) -> bool:
@@ -230,22 +220,13 @@ def _places(assembly: Assembly, onward: Continuation) -> str:
     """Return what may help if no shorter step does: a separate contact for each of two places that one has to hold."""
     if names := alternating_contacts(assembly, onward):
         which, needs = ("contact", "it needs") if len(names) == 1 else ("contacts", "they need")
-        return (
-            f"{which} {', '.join(names)} would have to hold at two places at once, and a contact acts at one point: "
-            f"{needs} a contact for each, such as two planes in place of a groove"
-        )
+        places = f"{which} {', '.join(names)} would have to hold at two places at once, and a contact acts at one point"
+        return f"{places}: {needs} a contact for each, such as two planes in place of a groove"
     return "it changes its direction within a few steps: a shorter simulation.step may help"
 
 
-# Directions and axes in words: world axes, axes of the body's joints, otherwise components.
-
-
 def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction: Array, signed: bool = True) -> str:
-    """Return a direction in words, such as ``"-z, the axis of J1"``.
-
-    `rotation` (3, 3) turns the axes of the body, whose joints are considered, into the world's; `direction` (3,) is in
-    world axes, of any length. An axis, whose sign is irrelevant, is not `signed`.
-    """
+    """Return a direction of any length in world axes in words, such as ``"-z, the axis of J1"``; axes are unsigned."""
     unit = direction / np.linalg.norm(direction)
     largest = int(np.abs(unit).argmax())
     joints = [name for name, _, axis in joint_lines(mechanism, body, rotation) if abs(axis @ unit) > PARALLEL]
@@ -259,17 +240,9 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
 
 
 def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> str:
-    """Return a description of a body's motion to and fro: along a direction, about an axis, or both.
-
-    `rotation` (3, 3) turns the body's axes into the world's; `velocity` of the centre of mass and `spin`, both (3,),
-    are in world axes, of any magnitude.
-    """
+    """Return a body's motion to and fro, given in world axes, in words: along a direction, about an axis, or both."""
     about = f"about {direction_words(mechanism, body, rotation, spin, signed=False)}" if spin.any() else ""
-    hinged = any(
-        np.linalg.norm(velocity + np.cross(spin, point)) < HINGED * np.linalg.norm(velocity)
-        for _, point, _ in joint_lines(mechanism, body, rotation)
-    )
-    if about and (hinged or not velocity.any()):
+    if about and (not velocity.any() or _is_hinged(mechanism, body, rotation, velocity, spin)):
         return about
     along = f"along {direction_words(mechanism, body, rotation, velocity, signed=False)}"
     return f"{along} and {about}" if about else along
@@ -279,34 +252,23 @@ def joint_lines(mechanism: Mechanism, body: str, rotation: Array) -> Iterator[tu
     """Yield the joints of a body that have an axis: name, point from the centre of mass, unit axis; in world axes."""
     centre, scale = np.array(mechanism.bodies[body].center_of_mass), mechanism.stretch(body)
     for name, joint in mechanism.joints.items():
-        for side, axis in _own_lines(joint, body):
+        own = [
+            (side.place, axis) for side, axis in zip(joint.sides, joint.axes or (), strict=False) if side.body == body
+        ]
+        for place, axis in own[:1]:
             vector = np.array(axis, float)
-            yield name, scale * rotation @ (np.array(side) - centre), rotation @ (vector / np.linalg.norm(vector))
-
-
-def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Yield point and axis of a joint on a body."""
-    for side, axis in zip(joint.sides, joint.axes or (), strict=False):
-        if side.body == body:
-            yield side.place, axis
-            return
-
-
-# Bodies in flight while everything measured is at rest: they fall, or continue at a constant speed.
-#
-# A part without load that floats in its play does not count: it will meet the other side.
+            yield name, scale * rotation @ (np.array(place) - centre), rotation @ (vector / np.linalg.norm(vector))
 
 
 def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
-    """Return the twists, shape (nb + 1, 6), of bodies in flight; zero for all others.
+    """Return the twists, shape (nb + 1, 6), of bodies in flight while all measured is at rest; zero for all others.
 
     Bodies connected by joints, springs, loaded contacts, friction of joints that stick, or motions form a group. A
     group without such a link to the ground is in flight if a load moves its centre of mass in a direction that joints
-    to the ground allow. Without a load it is in flight if it moves faster than ``least`` in a direction that these
-    joints allow, and closes no gap in doing so.
+    to the ground allow. Without a load it is in flight if it moves faster than ``least`` [length/time] in a direction
+    that these joints allow, and closes no gap in doing so: a part that floats in its play will meet the other side.
 
-    `pose` is a copy of the assembly as `engine.equilibrium.forces_at_rest` left it: loads, and frames of contacts and
-    rows at that pose. `least` is a speed [length/time].
+    `pose` is a copy of the assembly as `engine.equilibrium.forces_at_rest` left it.
     """
     model, velocity, forces = assembly.model, assembly.state.v[:-1, :3], pose.work.wrench[:-1, :3]
     found = np.zeros_like(assembly.state.v)
@@ -323,8 +285,7 @@ def in_flight(assembly: Assembly, pose: Assembly, least: float) -> Array:
 def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
     """Yield the groups of bodies, each a mask of shape (nb,), that are linked to one another and not to the ground.
 
-    An ideal joint to the ground is not such a link, because it may allow the motion. Neither is a spring that only
-    pushes.
+    Neither an ideal joint to the ground, which may allow the motion, nor a spring that only pushes is such a link.
     """
     rows, loads, contacts, ground = model.bilateral, model.loads, model.contacts, len(model.bodies.mass)
     ends = np.stack([rows.a, rows.b], axis=1)

@@ -1,11 +1,110 @@
 """All cautions about a mechanism, and one about a fixed step with which it does not come to rest."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+import numpy as np
+
+from engine.errors import EngineError, some
 from engine.mechanism import Mechanism, set_values
+from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
+from engine.mechanism.geometry.drawn_features import length
 from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
-from engine.preflight.start_gaps import start_gap_cautions
 from engine.simulate import simulate
+
+AGREE = 1e-5  # largest difference [mm] between the two gaps, beyond the errors of recognising and converting the faces
+_ENDS = 1e-6  # share of a joint's length by which a ring at its end may lie beyond it
+
+
+def with_start_gaps(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose certificate of geometry has its gaps at the start, if it can, beside those as drawn."""
+    certificate = mechanism.geometry
+    if certificate is None or not certificate.gaps:
+        return mechanism
+    variants = {"": mechanism}
+    for name in mechanism.benches:
+        if any(key.startswith(f"benches.{name}.") for key in certificate.gaps):
+            variants[f"benches.{name}."] = mechanism.on_bench(name)
+    gaps = dict(certificate.gaps)
+    for prefix, variant in variants.items():
+        tables = f"{prefix}joints", f"{prefix}contacts"
+        own = {key: gap for key, gap in gaps.items() if key.rpartition(".")[0] in tables}
+        gaps |= _compared(variant, certificate, own)
+    completed = certificate.model_copy(update={"gaps": gaps})
+    return mechanism.with_tables({"geometry": completed}, mechanism.formulas)
+
+
+def _compared(
+    mechanism: Mechanism, certificate: GeometryCertificate, gaps: Mapping[str, DrawnGap]
+) -> dict[str, DrawnGap]:
+    """Return the gaps completed with those at the start of a run; unchanged if the mechanism cannot start."""
+    from engine.assembly import assemble
+
+    try:
+        assembly = assemble(mechanism)
+    except EngineError:
+        return dict(gaps)
+    if assembly.travel or any(mechanism.stretch(body) != 1.0 for body in mechanism.bodies):
+        return dict(gaps)  # those of the run are not those of the drawing
+    millimetre = _millimetre(mechanism)
+    at_start = dict(zip(assembly.contact_names, assembly.state.gap.tolist(), strict=True))
+    compared = {}
+    for key, gap in gaps.items():
+        name = key.rpartition(".")[2]
+        if key.endswith(f"contacts.{name}"):
+            start, added = at_start[name], -mechanism.contacts[name].offset
+        else:
+            start, added = _of_joint(mechanism.joints[name], certificate.joints[name], name, at_start)
+        numbers = {"gap": length(start, millimetre), "added": length(added, millimetre)}
+        compared[key] = gap.model_copy(update=numbers) if np.isfinite(start) else gap
+    return compared
+
+
+def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, float]) -> tuple[float, float]:
+    """Return the smallest gap of the rings where pin and hole overlap, or inf, and what the file adds to their play."""
+    reach = (0.5 + _ENDS) * (drawn.length or 0.0)
+    within = [i for i, station in enumerate(joint.rings or (), 1) if abs(station) <= reach]
+    smallest = min((at_start[f"{name}.ring{i}"] for i in within), default=np.inf)
+    return smallest, joint.play("ring1") - drawn.clearance
+
+
+def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield cautions about gaps from `with_start_gaps` that differ from those OCCT measures between the faces."""
+    certificate, unit = mechanism.geometry, mechanism.unit("length")
+    if certificate is None:
+        return
+    if certificate.unreadable:
+        text = f"{certificate.file} is damaged, and what {certificate.unreadable} of its entities describe of "
+        yield Caution("cad.file", text=f"{text}{some(certificate.damaged)} is left out", remedy="export it again")
+    if certificate.not_measured:
+        text = f"no gap was compared with the CAD file ({certificate.not_measured})"
+        yield Caution("geometry", text=text, remedy="see there")
+    for key, gap in certificate.gaps.items():
+        faces = [face for where, face in certificate.faces.items() if where.startswith(f"{key}.")]
+        allowed = AGREE * _millimetre(mechanism) + sum(face.recognition_gap for face in faces)
+        allowed += max((face.conversion_error or 0.0 for face in faces), default=0.0)
+        if gap.difference is None or abs(gap.difference) <= allowed:
+            continue
+        added = f", to which this file adds {gap.added:.6g} {unit}" if gap.added else ""
+        text = f"a run starts from this gap, and the CAD file draws the faces {gap.drawn:.9g} {unit} apart{added}"
+        yield Caution(key, gap.gap, unit, text, f"a difference of up to {allowed:.2g} {unit}", _remedy(key))
+
+
+def _millimetre(mechanism: Mechanism) -> float:
+    """Return the length of a millimetre in a mechanism's unit of length."""
+    return 1.0 if mechanism.units == "mm-g-ms" else 1e-3
+
+
+def _remedy(key: str) -> str:
+    """Return what the user should look at."""
+    if ".joints." in f".{key}":
+        return "look whether points, axes and rings that this file gives lie where hole and pin do"
+    endless = "for a run a plane is endless and an edge ends only where its arc does"
+    return f"look whether the place where they are nearest lies on both faces: {endless}"
+
+
+# All cautions about a mechanism.
+
 
 MOST_BODIES = 40  # in a mechanism whose small motions are examined; the time grows with the third power
 
@@ -42,17 +141,13 @@ def _moved_start(mechanism: Mechanism) -> Iterator[Caution]:
     """Yield a caution if the assembly step moves bodies from where they are drawn."""
     from engine.assembly import assemble
 
-    moved = assemble(mechanism).travel
+    moved, unit = assemble(mechanism).travel, mechanism.unit("length")
     if moved:
-        yield Caution(
-            "simulation.assembly_travel",
-            mechanism.simulation.assembly_travel,
-            mechanism.unit("length"),
-            "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
-            f" so: it moves a body by {moved:.4g} {mechanism.unit('length')}",
-            "",
-            "correct the poses, or let it be if the drawing is meant so; with 0 such a start is refused",
-        )
+        text = "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
+        text += f" so: it moves a body by {moved:.4g} {unit}"
+        remedy = "correct the poses, or let it be if the drawing is meant so; with 0 such a start is refused"
+        limit = mechanism.simulation.assembly_travel
+        yield Caution("simulation.assembly_travel", limit, unit, text, remedy=remedy)
 
 
 def _closed_loops(mechanism: Mechanism) -> list[Caution]:
@@ -60,20 +155,15 @@ def _closed_loops(mechanism: Mechanism) -> list[Caution]:
     if sum(joint.ideal for joint in mechanism.joints.values()) < 2:
         return []
     from engine.assembly import assemble
-    from engine.preflight.closed_loops import closed_loop_cautions
+    from engine.preflight.motion_cautions import closed_loop_cautions
 
     return [*closed_loop_cautions(mechanism, assemble(mechanism))]
-
-
-# Test whether a mechanism comes to rest with a fixed step, and otherwise which shorter step does.
 
 
 def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None) -> Caution | None:
     """Return a caution, naming the longest suitable step, if a mechanism does not come to rest with a fixed step.
 
     Half the step, a quarter of it and so on are tried, one run each. If none comes to rest, the step is not to blame.
-
-    `horizon` is the longest simulated time; None means the mechanism's.
     """
     limit = min(LONGEST_TRIAL, mechanism.simulation.wall_limit)
     mechanism = set_values(mechanism, {"simulation.wall_limit": limit})
@@ -86,11 +176,6 @@ def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None
         message = message or run.message
     if run.status != "ok" or not message:
         return None
-    return Caution(
-        "simulation.step",
-        step,
-        unit,
-        f"with this fixed step the mechanism does not come to rest ({message})",
-        f"up to {shorter:g} {unit}",
-        f"with {shorter:g} {unit} it does: the longest that was tried, half and half again",
-    )
+    text, best = f"with this fixed step the mechanism does not come to rest ({message})", f"{shorter:g} {unit}"
+    remedy = f"with {best} it does: the longest that was tried, half and half again"
+    return Caution("simulation.step", step, unit, text, f"up to {best}", remedy)

@@ -1,4 +1,4 @@
-"""What looks wrong in the small motions about the start pose: no load, no damping, or rest that is detected too early.
+"""What looks wrong in the small motions about the start pose: no load, no damping, too early rest, joints held twice.
 
 Along a motion without any load no force, spring or gravity determines where a body ends up. If the mechanism has
 responses, only motions measured by one of them matter; otherwise all of them.
@@ -7,25 +7,22 @@ responses, only motions measured by one of them matter; otherwise all of them.
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from itertools import combinations, product
 
 import numpy as np
 
 from engine.arrays import Array
+from engine.assembly import Assembly
 from engine.assembly.frames import order_bodies
+from engine.friction.arrays import dense_rows
+from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilateral_rows
 from engine.kernels.model import State
 from engine.kernels.responses import measure
 from engine.mechanism import Mechanism, get_value, unit_of
 from engine.not_at_rest.diagnosis import motion_words
+from engine.platform.linear_algebra import one_thread
 from engine.preflight.plausibility import Caution
-from engine.preflight.small_motions import (
-    NOTHING,
-    SmallMotions,
-    accelerations,
-    displaced,
-    null_space,
-    small_motions,
-)
+from engine.preflight.small_motions import NOTHING, SmallMotions, accelerations, displaced, null_space, small_motions
 
 SEEN = 0.05  # share of a response's gradient that is worth mentioning
 BEGUN = 100.0  # number of small steps after which a motion has begun
@@ -38,13 +35,8 @@ SHORT = 4.0  # windows: a run does not wait for a play of a joint that takes lon
 
 
 def unloaded_cautions(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
-    """Yield cautions about bodies that a response at the end of the run measures along a motion without any load.
-
-    Without responses, all bodies along all such motions are reported, provided that a body is fixed: otherwise all
-    could move together. Prescribed motions push bodies in ways that the start pose does not show, so with one there is
-    no caution.
-    """
-    if mechanism.motions:
+    """Yield cautions about bodies along motions without load that a response at the end, if there is any, measures."""
+    if mechanism.motions:  # they push bodies in ways that the start pose does not show
         return
     if not mechanism.responses:
         for body_name, motion in unloaded_motions(mechanism, small):
@@ -67,11 +59,8 @@ def unloaded_cautions(mechanism: Mechanism, small: SmallMotions) -> Iterator[Cau
 
 
 def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> Iterator[tuple[str, str]]:
-    """Yield the motions without any load, each as the body that takes the largest part in it and a description.
-
-    There is none if no body is fixed, because all could move together.
-    """
-    if any(body.fixed for body in mechanism.bodies.values()):
+    """Yield the motions without any load, each as the body that takes the largest part in it and a description."""
+    if any(body.fixed for body in mechanism.bodies.values()):  # otherwise all could move together
         for body, y in _pure_motions(_unloaded(mechanism, small)):
             if not _is_brought_back(mechanism, small, y):
                 yield _words(mechanism, small, body, y)
@@ -112,14 +101,9 @@ def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> boo
 
 def _caution(body: str, motion: str, measured: str) -> Caution:
     """Return the caution about a body along a motion without any load."""
-    return Caution(
-        f"bodies.{body}",
-        None,
-        "1",
-        f"no force, spring or gravity acts on it {motion}{measured}",
-        "",
-        "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever",
-    )
+    remedy = "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever"
+    text = f"no force, spring or gravity acts on it {motion}{measured}"
+    return Caution(f"bodies.{body}", text=text, remedy=remedy)
 
 
 def values_at(small: SmallMotions, pose: State) -> Array:
@@ -131,10 +115,7 @@ def values_at(small: SmallMotions, pose: State) -> Array:
 
 
 def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
-    """Return a basis, shape (n, k), of the motions that are not loaded in any phase.
-
-    Neither the loads, nor their change with the pose, nor the contacts that they close act on these motions.
-    """
+    """Return a basis, (n, k), of the motions that no loads of a phase, their changes or contacts they close act on."""
     n = len(small.root)
     free = null_space(np.vstack([small.joints, small.rounds]), n)
     horizon, varies = mechanism.simulation.horizon, len(small.assembly.model.time_laws.since) > 0
@@ -178,9 +159,6 @@ def _words(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> tu
     return name, motion_words(mechanism, name, small.assembly.state.R[body], w[0], w[1])
 
 
-# A window of rest so short that the mechanism counts as being at rest before its plays have closed.
-
-
 def early_rest(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     """Yield the slowest play that is still open when the mechanism may count as being at rest.
 
@@ -204,19 +182,12 @@ def early_rest(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
             slowest, which = takes, name
     if which:
         unit = mechanism.unit("time")
-        yield Caution(
-            "simulation.rest.window",
-            rest.window,
-            unit,
-            f"the loads take {slowest:.3g} {unit} to close {_play(mechanism, which)}, and "
-            + (
-                "a body that nothing measures counts as moving only in flight"
-                if seen
-                else "nothing that is measured moves at first: the run could end before"
-            ),
-            f"more than {slowest:.2g} {unit}",
-            "make the window longer",
-        )
+        meanwhile = "nothing that is measured moves at first: the run could end before"
+        if seen:
+            meanwhile = "a body that nothing measures counts as moving only in flight"
+        text = f"the loads take {slowest:.3g} {unit} to close {_play(mechanism, which)}, and {meanwhile}"
+        customary = f"more than {slowest:.2g} {unit}"
+        yield Caution("simulation.rest.window", rest.window, unit, text, customary, "make the window longer")
 
 
 def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
@@ -234,9 +205,6 @@ def _play(mechanism: Mechanism, contact: str) -> str:
         return f"the gap of {contact if face else f'contacts.{contact}'}"
     key = f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
     return f"the play {key} = {get_value(mechanism, key):g} {unit_of(mechanism, key)}"
-
-
-# Motions that lose no energy and so never come to rest: undamped oscillations on springs and in gravity.
 
 
 def undamped_modes(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
@@ -258,14 +226,9 @@ def undamped_modes(mechanism: Mechanism, small: SmallMotions) -> Iterator[Cautio
         flies = np.abs(gradients @ np.where(own, starts, 0.0)).max(initial=0.0)
         size = np.linalg.norm(gradients) if gradients.size else 0.0
         if goes > NOTHING * size * np.linalg.norm(loads) or flies > NOTHING * size * np.linalg.norm(starts):
-            yield Caution(
-                f"bodies.{min(group, key=names.index)}",
-                None,
-                "1",
-                "no contact, damper or damping of the phase takes energy from its motion: it never comes to rest",
-                "",
-                "add what damps it, or give the phase a duration if the motion is the result",
-            )
+            text = "no contact, damper or damping of the phase takes energy from its motion: it never comes to rest"
+            remedy = "add what damps it, or give the phase a duration if the motion is the result"
+            yield Caution(f"bodies.{min(group, key=names.index)}", text=text, remedy=remedy)
 
 
 def _linked(mechanism: Mechanism) -> list[set[str]]:
@@ -284,14 +247,91 @@ def _linked(mechanism: Mechanism) -> list[set[str]]:
 
 def _dissipates(mechanism: Mechanism, body: str) -> bool:
     """Return whether a contact, a joint with play or friction, or a damper acts on a body."""
-    rubbing = ("friction_force", "friction_torque")
-    touches: list[Any] = [
-        joint
-        for joint in mechanism.joints.values()
-        if not joint.ideal or any(getattr(joint, key, None) for key in rubbing)
-    ]
-    touches += mechanism.contacts.values()
-    if any(side.body == body for pair in touches for side in pair.sides):
-        return True
+    for pair in (*mechanism.joints.values(), *mechanism.contacts.values()):
+        smooth = getattr(pair, "ideal", False) and not any(
+            getattr(pair, key, None) for key in ("friction_force", "friction_torque")
+        )
+        if not smooth and body in {side.body for side in pair.sides}:
+            return True
     damped = [link for link in mechanism.springs.values() if link.damping] + [*mechanism.dampers.values()]
     return any(body == (end if isinstance(end, str) else end.body) for link in damped for end in (link.a, link.b))
+
+
+# Closed loops of ideal joints that hold a motion twice, and which joints could let it go. A planar linkage of pins, for
+# instance, is kept in its plane by each of its joints. It moves as it should, but how these share forces across the
+# plane is open, and its axes have to fit.
+
+
+SHARED = 1e-6  # share of a joint in what is held twice; anything smaller is a rounding error of zero
+MOST_ROWS, MOST_JOINTS = 1000, 12  # that are examined; joints of one loop that are tried as others
+# type of joint, the type that it could be, and the last parts of the names of its rows that this lets go
+RELAXED: dict[str, dict[str, tuple[str, ...]]] = {
+    "revolute": {"cylindrical": ("slide1",), "spherical": ("turn1", "turn2")},
+    "prismatic": {"cylindrical": ("turn3",)},
+}
+
+
+def closed_loop_cautions(mechanism: Mechanism, assembly: Assembly) -> Iterator[Caution]:
+    """Yield a caution for each group of ideal joints that hold motions more than once at the start pose."""
+    names = [name for name, law in zip(assembly.row_names, assembly.model.bilateral.law, strict=True) if law < 0]
+    if not assembly.model.bilateral.closed[0] or len(names) > MOST_ROWS:
+        return
+    with one_thread():
+        J = _rows(assembly)[assembly.model.bilateral.law < 0]
+        for joints in _groups(J, [name.rpartition(".")[0] for name in names]):
+            inside = [i for i, name in enumerate(names) if name.rpartition(".")[0] in joints]
+            rows, of = J[inside], [names[i] for i in inside]
+            twice = len(rows) - _rank(rows)
+            motions = "a motion" if twice == 1 else f"{twice} motions"
+            text = f"the loop {'-'.join(joints)} holds {motions} twice: it moves freely only because its joints fit"
+            text += " each other, and how they share forces is open"
+            yield Caution(f"joints.{joints[0]}", text=text, remedy=_remedy(mechanism, joints, rows, of, twice))
+
+
+def _rows(assembly: Assembly) -> Array:
+    """Return the rows of joints and motions at the start, of length one in the metric of bodies of mass 1."""
+    model, state, at_pose, system = assembly.model, assembly.state, assembly.work.bilateral, assembly.problem.bilateral
+    row_violations(
+        model.bilateral, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction
+    )
+    whitened_bilateral_rows(model.metric, model.bilateral, state.x, state.R, at_pose.point, at_pose.direction, system.J)
+    rows = dense_rows(system.node, system.J[:, None], assembly.problem.w.size)[:, 0]
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0.0))
+
+
+def _rank(rows: Array) -> int:
+    """Return how many rows are independent."""
+    return int(np.count_nonzero(np.linalg.svd(rows, compute_uv=False) > REDUNDANT)) if len(rows) else 0
+
+
+def _groups(J: Array, joints: list[str]) -> list[list[str]]:
+    """Return groups of joints whose rows depend on each other, in the file's order; ``joints`` has that of each row."""
+    from scipy.sparse.csgraph import connected_components
+
+    ways, sizes, _ = np.linalg.svd(J)
+    open_ways = ways[:, np.count_nonzero(sizes > REDUNDANT) :]
+    shared = np.abs(open_ways @ open_ways.T)
+    order = list(dict.fromkeys(joints))
+    member = np.array([[joint == name for joint in joints] for name in order])
+    linked = member @ (shared > SHARED) @ member.T
+    _, group = connected_components(linked, directed=False)
+    shares = dict.fromkeys(group[np.diag(linked)].tolist())
+    return [[name for name, own in zip(order, group, strict=True) if own == each] for each in shares]
+
+
+def _remedy(mechanism: Mechanism, joints: list[str], rows: Array, names: list[str], twice: int) -> str:
+    """Return which one or two joints of a loop could be of another type, so that it holds nothing twice."""
+    options = [
+        [(joint, kind, tuple(f"{joint}.{row}" for row in parts)) for kind, parts in RELAXED.get(now, {}).items()]
+        for joint, now in ((joint, str(mechanism.joints[joint].type)) for joint in joints[:MOST_JOINTS])
+    ]
+    for count in (1, 2):
+        for chosen in combinations(options, count):
+            for changes in product(*chosen):
+                gone = {row for *_, parts in changes for row in parts}
+                kept = [i for i, name in enumerate(names) if name not in gone]
+                # exactly what is held twice goes, and nothing else begins to move
+                if len(gone) == twice and _rank(rows[kept]) == len(kept):
+                    return "to change that, make " + " and ".join(f"{joint} {kind}" for joint, kind, _ in changes)
+    return "to change that, give one of its joints play, or fewer constraints"

@@ -39,11 +39,11 @@ class Caution:
     """Something that looks wrong in a mechanism, where it is, and what to do."""
 
     key: str  # dotted path in the mechanism file
-    value: float | None  # the number at this key, if it is a single number
-    unit: str  # of the value; "1" for a pure number
-    text: str  # what looks wrong
-    customary: str
-    remedy: str
+    value: float | None = None  # the number at this key, if it is a single number
+    unit: str = "1"  # of the value; "1" for a pure number
+    text: str = ""  # what looks wrong
+    customary: str = ""
+    remedy: str = ""
 
     def __str__(self) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
@@ -56,8 +56,6 @@ class Caution:
         return {**asdict(self), "message": str(self)}
 
 
-# Numbers that are off the customary range by a factor of a thousand, mostly because they are in another unit.
-#
 # The ranges are those of real machines and instruments, from a watch to a dredger, extended by a factor of a thousand
 # beyond the usual at each end. The density is that of a body as compact as its moments of inertia indicate.
 
@@ -90,24 +88,16 @@ def _gravity(mechanism: Mechanism) -> Iterator[Caution]:
     size = float(np.linalg.norm(mechanism.gravity))
     ratio = size * factor / STANDARD_GRAVITY
     if size and not 1.0 / GRAVITY_FACTOR <= ratio <= GRAVITY_FACTOR:
-        unit, earth = mechanism.unit("acceleration"), STANDARD_GRAVITY / factor
-        yield Caution(
-            "gravity",
-            size,
-            unit,
-            f"{ratio:.4g} times the earth's",
-            f"{earth:.6g} {unit}",
-            f'check the unit: with units = "{mechanism.units}" gravity is in {unit}',
-        )
+        unit, text = mechanism.unit("acceleration"), f"{ratio:.4g} times the earth's"
+        remedy = f'check the unit: with units = "{mechanism.units}" gravity is in {unit}'
+        yield Caution("gravity", size, unit, text, f"{STANDARD_GRAVITY / factor:.6g} {unit}", remedy)
 
 
 def _implausible_mass(mechanism: Mechanism, name: str, mass: float, inertia: object) -> Iterator[Caution]:
     """Yield a caution if a mass is out of range, by itself or for a body with this inertia."""
-    key, off = f"bodies.{name}.mass", False
-    for caution in _out_of_range(mechanism, key, mass, "mass", MASS):
-        off = True
-        yield caution
-    if off:
+    key = f"bodies.{name}.mass"
+    if off := [*_out_of_range(mechanism, key, mass, "mass", MASS)]:
+        yield from off
         return
     factor = _factor(mechanism, "mass") / _factor(mechanism, "length") ** 3
     arm = float(np.sqrt(np.trace(np.array(inertia, float)) / (2.0 * mass)))
@@ -115,14 +105,10 @@ def _implausible_mass(mechanism: Mechanism, name: str, mass: float, inertia: obj
         density = float(np.float64(factor * mass / BALL) / np.float64(arm) ** 3)
     least, most, (low, high) = DENSITY
     if not least <= density <= most:
-        yield Caution(
-            key,
-            mass,
-            mechanism.unit("mass"),
-            f"with this inertia the body is as compact as a ball of {density:.3g} kg/m3",
-            f"{low:g} to {high:g} kg/m3, much less for wires and sheets",
-            f"check the units: mass in {mechanism.unit('mass')}, inertia in {mechanism.unit('inertia')}",
-        )
+        text = f"with this inertia the body is as compact as a ball of {density:.3g} kg/m3"
+        customary = f"{low:g} to {high:g} kg/m3, much less for wires and sheets"
+        unit, of_inertia = mechanism.unit("mass"), mechanism.unit("inertia")
+        yield Caution(key, mass, unit, text, customary, f"check the units: mass in {unit}, inertia in {of_inertia}")
 
 
 def _out_of_range(
@@ -132,18 +118,12 @@ def _out_of_range(
     least, most, (low, high) = custom
     factor, unit = _factor(mechanism, quantity), mechanism.unit(quantity)
     if not least <= value * factor <= most:
-        side = "small" if value * factor < least else "large"
-        yield Caution(
-            key,
-            value,
-            unit,
-            f"unusually {side}",
+        side, customary = (
+            "small" if value * factor < least else "large",
             f"{low / factor:g} to {high / factor:g} {unit}",
-            f'check the unit: with units = "{mechanism.units}" it is in {unit}',
         )
-
-
-# Joints and contacts written twice: each of the two carries a share of the force that one would carry.
+        remedy = f'check the unit: with units = "{mechanism.units}" it is in {unit}'
+        yield Caution(key, value, unit, f"unusually {side}", customary, remedy)
 
 
 def duplicates(mechanism: Mechanism) -> Iterator[Caution]:
@@ -153,17 +133,8 @@ def duplicates(mechanism: Mechanism) -> Iterator[Caution]:
         for name, entry in entries.items():
             other = first.setdefault(repr(entry), name)
             if other != name:
-                yield Caution(
-                    f"{table}.{name}",
-                    None,
-                    "1",
-                    f"the same as {table}.{other}: the forces are shared between the two",
-                    "",
-                    "remove one of them",
-                )
-
-
-# Springs and dampers too stiff for the time step, which then shake their bodies instead of holding them.
+                text = f"the same as {table}.{other}: the forces are shared between the two"
+                yield Caution(f"{table}.{name}", text=text, remedy="remove one of them")
 
 
 def stiff_springs(mechanism: Mechanism) -> Iterator[Caution]:
@@ -200,7 +171,7 @@ def _steepest(link: Any) -> float:
     """Return the stiffness of a spring, or of its law the steepest slope; of a damper with a law the same."""
     if link.law is None:
         return float(link.stiffness)
-    # cubics between the points are at most three times as steep as the straight lines, see `time_laws`
+    # cubics between the points are at most three times as steep as the straight lines, see `TableLaw`
     slopes = [abs((y - x) / (t - s)) for (s, x), (t, y) in pairwise(link.law.points)]
     return float(max(slopes)) * (3.0 if link.law.interpolation == "smooth" else 1.0)
 
@@ -211,39 +182,25 @@ def fast_spins(mechanism: Mechanism) -> Iterator[Caution]:
     spins = {name: math.hypot(*body.angular_velocity) for name, body in mechanism.bodies.items() if not body.fixed}
     name = max(spins, key=spins.__getitem__, default="")
     if name and spins[name] * step > LARGEST_TURN:
-        yield Caution(
-            "simulation.step",
-            step,
-            unit,
+        text = (
             f"bodies.{name} turns by {spins[name] * step:.3g} rad in a step at its spin at the start: too far for the"
-            " gyroscopic moment of the middle of the step",
-            f"up to {LARGEST_TURN / spins[name]:.3g} {unit}",
-            "shorten the step",
         )
+        text += " gyroscopic moment of the middle of the step"
+        customary = f"up to {LARGEST_TURN / spins[name]:.3g} {unit}"
+        yield Caution("simulation.step", step, unit, text, customary, "shorten the step")
 
 
 def _too_stiff(key: str, value: float, unit: str, own: str, step: float, most: float) -> Caution:
     """Return the caution about a number that is too stiff for the step."""
-    return Caution(
-        key,
-        value,
-        unit,
-        f"its bodies answer within {own}, too fast for simulation.step = {step:g}",
-        f"at most {most:.2g} {unit} with this step",
-        "check the unit, or shorten the step",
-    )
+    text, customary = f"its bodies answer within {own}, too fast for simulation.step = {step:g}", f"at most {most:.2g}"
+    return Caution(key, value, unit, text, f"{customary} {unit} with this step", "check the unit, or shorten the step")
 
 
 def _inert(mechanism: Mechanism, link: Spring | Damper) -> float:
     """Return the inertia that a spring or damper works against: that of the lighter of its bodies."""
     names = [end if isinstance(end, str) else end.body for end in (link.a, link.b)]
-    inert = _mass if link.type == "linear" else _inertia
-    return min(inert(mechanism, name) for name in names if not mechanism.bodies[name].fixed)
-
-
-def _mass(mechanism: Mechanism, name: str) -> float:
-    """Return the mass of a body."""
-    return mechanism.bodies[name].mass or 0.0
+    bodies = {name: mechanism.bodies[name] for name in names if not mechanism.bodies[name].fixed}
+    return min(body.mass or 0.0 if link.type == "linear" else _inertia(mechanism, n) for n, body in bodies.items())
 
 
 def _inertia(mechanism: Mechanism, name: str) -> float:
@@ -253,4 +210,4 @@ def _inertia(mechanism: Mechanism, name: str) -> float:
     centre = np.array(body.center_of_mass)
     points = [side.point for joint in mechanism.joints.values() for side in joint.sides if side.body == name]
     arms = [float(np.linalg.norm(np.array(point) - centre)) for point in points]
-    return largest + _mass(mechanism, name) * max(arms, default=0.0) ** 2
+    return largest + (body.mass or 0.0) * max(arms, default=0.0) ** 2

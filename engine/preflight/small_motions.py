@@ -104,12 +104,10 @@ def null_space(rows: Array, n: int) -> Array:
 
 
 def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Array]:
-    """Return how the bodies start to move under loads, and how hard the contacts press, without friction.
+    """Return how the bodies start to move under loads, (n,), and how hard the contacts press, (nc,), without friction.
 
-    By Gauss's principle, this is the motion nearest to that of the loads alone among all that close no contact.
-
-    `free` (n, k) is a basis of the possible motions, `normals` (nc, n) are the rows of the closed contacts, `loads`
-    (n,). The results have shapes (n,) and (nc,).
+    By Gauss's principle, this is the motion nearest to that of the loads alone among all that close no contact. `free`
+    (n, k) is a basis of the possible motions, `normals` (nc, n) are the rows of the closed contacts.
     """
     size = float(np.linalg.norm(loads))
     wanted, rows = free.T @ loads, normals @ free
@@ -159,10 +157,7 @@ def _contact_rows(assembly: Assembly, state: State) -> Array:
 def _rows(
     state: State, sides: tuple[Integers, Integers], direction: Array, point: Array, is_spin: NDArray[np.bool_]
 ) -> Array:
-    """Return the rows of the velocity of bodies a relative to b along directions at points, shape (n, 6 nb).
-
-    Where `is_spin`, shape (n,), is true, they are the rows of the spin about the direction; the point is irrelevant.
-    """
+    """Return the rows, (n, 6 nb), of the velocity of bodies a relative to b along directions at points, or the spin."""
     nb = len(state.x) - 1
     rows = np.zeros((len(direction), nb, 2, 3))
     for body, sign in zip(sides, (1.0, -1.0), strict=True):

@@ -12,7 +12,7 @@ from engine.cad import CadAssembly
 from engine.cad.findings.joints import PinInHole, pins_in_holes
 from engine.mechanism import Mechanism, mechanism_from
 from engine.mechanism.geometry.cad_table import NearEdge, NearPlace, RoundFace
-from engine.mechanism.geometry.face_search import NotOneFace, PartSearch, contact_side, feature_of
+from engine.mechanism.geometry.drawn_features import NotOneFace, PartSearch, contact_side, feature_of
 
 NEAR = 0.05
 """Largest distance between an edge or a plane of the CAD files and that of the mechanism file [mm]."""

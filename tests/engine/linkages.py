@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from engine.mechanism import Mechanism
-from engine.mechanism.base import TableModel
-from engine.mechanism.components import declared
+from engine.mechanism.base import TableModel, declared
 from engine.mechanism.quantities import Quantity
 from tests.engine.assembly.pairs_of_bodies import body, joint, seen_from
 from tests.engine.small import GRAVITY, coordinates, made, small

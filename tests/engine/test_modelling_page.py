@@ -9,8 +9,8 @@ import pytest
 from engine import simulate
 from engine.errors import MechanismError
 from engine.mechanism import mechanism_from
-from engine.mechanism.recipes import RECIPES as TITLES
-from engine.mechanism.recipes import recipe_for
+from engine.mechanism.closest import RECIPES as TITLES
+from engine.mechanism.closest import recipe_for
 from tests.engine.small import block_on_floor, made
 
 PAGE = (Path(__file__).parents[2] / "docs" / "modelling.md").read_text(encoding="utf-8")

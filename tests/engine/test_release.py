@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from engine import load_mechanism, release, simulate
+from engine import execution, load_mechanism, simulate
 from engine.run import Run
 from tests.engine.small import GRAVITY, block_on_floor, coordinates, made, small
 
@@ -78,15 +78,15 @@ def test_the_forces_that_hold_a_locked_bracket_balance_it():
 @pytest.mark.parametrize(("factor", "may_hold"), [(0.5, False), (0.9, False), (0.98, False), (1.04, True)])
 def test_forces_that_hold_are_sought_only_where_there_may_be_some(monkeypatch, factor, may_hold):
     """To find that no forces balance takes much longer than the convex problem that proves it."""
-    searches, search = [], release.balancing_forces
-    monkeypatch.setattr(release, "balancing_forces", lambda *of, **how: searches.append(1) or search(*of, **how))
+    searches, search = [], execution.balancing_forces
+    monkeypatch.setattr(execution, "balancing_forces", lambda *of, **how: searches.append(1) or search(*of, **how))
     bracket(factor * THRESHOLD)
     assert bool(searches) == may_hold
 
 
 def test_in_a_breaker_no_search_is_needed(monkeypatch):
     """No forces hold the C-60's latch when it is let go."""
-    monkeypatch.setattr(release, "balancing_forces", lambda *given, **named: pytest.fail("a search"))
+    monkeypatch.setattr(execution, "balancing_forces", lambda *given, **named: pytest.fail("a search"))
     for clearance in (0.03, 0.07, 0.11):
         run = simulate(load_mechanism("c60"), {"J2": clearance})
         assert run.status == "ok", run.message

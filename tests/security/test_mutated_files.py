@@ -40,7 +40,7 @@ from engine.cad.archive import packed
 from engine.cad.occt.answers import measure_distances
 from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from
-from engine.preflight.start_gaps import start_gap_cautions, with_start_gaps
+from engine.preflight.cautions import start_gap_cautions, with_start_gaps
 from tests.engine.mechanism.geometry.latch_file import LATCH, latch_file
 from tests.house import ROOT
 from tests.security.mutations import mutate_bytes, mutate_tables, mutate_text

@@ -21,7 +21,7 @@ from clearcap.web.jobs.pool import Busy, EngineCompiling
 from clearcap.web.jobs.process import JobFailed, JobPostponed, JobTooLarge
 from clearcap.web.web_service import Service
 from engine import EngineError
-from engine.faults.fault import Fault
+from engine.errors import Fault
 
 MEDIA_TYPE = "application/problem+json"
 MOST_FAULTS, _LONGEST_VALUE = 100, 80

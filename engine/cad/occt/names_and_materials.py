@@ -15,7 +15,7 @@ from OCP.TDataStd import TDataStd_Name, TDataStd_TreeNode
 from OCP.XCAFDoc import XCAFDoc, XCAFDoc_Material
 
 from engine.cad.cad_model import CadMaterial
-from engine.faults.fault import one_line
+from engine.errors import one_line
 
 _PREFIXES = {
     StepBasic_SiPrefix.StepBasic_spMega: 1e6,

@@ -20,7 +20,7 @@ from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances, labels_of_solids
 from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
-from engine.faults.fault import some
+from engine.errors import some
 
 _UNNAMED = "part"
 

@@ -6,9 +6,9 @@ with the CAD file they were taken from.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, StringConstraints, WithJsonSchema
+from pydantic import BeforeValidator, Field, StringConstraints, WithJsonSchema, create_model
 
-from engine.mechanism.base import Number, Point, PositiveLength, TableModel, is_number, refuse
+from engine.mechanism.base import NonNegative, Number, Point, PositiveLength, TableModel, is_number, optional, refuse
 from engine.mechanism.materials import density_of, unknown_material
 
 AS_DRAWN = "as drawn"
@@ -40,12 +40,11 @@ class CadTable(TableModel):
     sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")] = Field(
         description="the SHA-256 of that file's content, 64 hexadecimal digits; another content is refused"
     )
-    recognition: Annotated[Number, Field(ge=0)] = Field(
+    recognition: NonNegative = Field(
         default=1e-4, description="the largest gap between a spline and what it is taken for, in mm, a number >= 0"
     )
-    density: Annotated[Any, BeforeValidator(_density), WithJsonSchema(ONE_DENSITY)] = Field(
-        default=None,
-        description="the density of all solids of which the CAD file has none: a number > 0, or the name of a material",
+    density: Annotated[Any, BeforeValidator(_density), WithJsonSchema(ONE_DENSITY)] = optional(
+        "the density of all solids of which the CAD file has none: a number > 0, or the name of a material"
     )
     accept_damage: bool = Field(
         default=False, strict=True, description="true if what can be read of a damaged file is enough"
@@ -56,9 +55,7 @@ class NearPlace(TableModel):
     """A face or an edge, selected by a point near it."""
 
     near: Point = Field(description="a point on the face or edge, or near it, in the frame of the body")
-    within: PositiveLength | None = Field(
-        default=None, description="how far away it may be, a number > 0; default: half a millimetre"
-    )
+    within: PositiveLength | None = optional("how far away it may be, a number > 0; default: half a millimetre")
 
 
 class RoundFace(NearPlace):
@@ -80,63 +77,32 @@ class FacesNear(TableModel):
     faces: Annotated[tuple[NearPlace, ...], Field(json_schema_extra={"minItems": 1})] = Field(
         description="faces of the CAD part, each { near, within }"
     )
-    conversion: PositiveLength | None = Field(
-        default=None, description="largest error of the patches in their place, a number > 0; default: 1e-5 of its size"
+    conversion: PositiveLength | None = optional(
+        "largest error of the patches in their place, a number > 0; default: 1e-5 of its size"
     )
-    depth: PositiveLength | None = Field(
-        default=None, description="the thickness of the plate behind a surface with open edges, a number > 0"
-    )
-
-
-class SideHole(TableModel):
-    """A side given by the inside of a cylinder."""
-
-    hole: RoundFace = Field(description="a hole of the CAD part: { radius, near, within }")
-
-
-class SidePin(TableModel):
-    """A side given by the outside of a cylinder."""
-
-    pin: RoundFace = Field(description="a pin of the CAD part: { radius, near, within }")
-
-
-class SidePlane(TableModel):
-    """A side given by a flat face."""
-
-    plane: NearPlace = Field(description="a flat face of the CAD part: { near, within }")
-
-
-class SideArc(TableModel):
-    """A side given by a circular edge."""
-
-    arc: NearEdge = Field(description="a circular edge of the CAD part: { edge = { near, within } }")
-
-
-class SideSurface(TableModel):
-    """A side given by one or several faces of any shape."""
-
-    surface: FacesNear = Field(description="faces of the CAD part: { faces = [{ near, within }, ...] }")
+    depth: PositiveLength | None = optional("the thickness of the plate behind a surface with open edges, a number > 0")
 
 
 FeatureKind = Literal["hole", "pin", "plane", "arc", "surface"]
 
-SELECTORS: dict[FeatureKind, type[TableModel]] = {
-    "hole": SideHole,
-    "pin": SidePin,
-    "plane": SidePlane,
-    "arc": SideArc,
-    "surface": SideSurface,
+# what selects geometry of a side, in words, and the tables of sides in which it may stand, by their models
+_SELECTORS: dict[FeatureKind, tuple[type[TableModel], str, tuple[str, ...]]] = {
+    "hole": (RoundFace, "a hole of the CAD part: { radius, near, within }", ("Bearing", "Side")),
+    "pin": (RoundFace, "a pin of the CAD part: { radius, near, within }", ("Journal", "Side")),
+    "plane": (NearPlace, "a flat face of the CAD part: { near, within }", ("Face", "Side")),
+    "arc": (NearEdge, "a circular edge of the CAD part: { edge = { near, within } }", ("Side",)),
+    "surface": (FacesNear, "faces of the CAD part: { faces = [{ near, within }, ...] }", ("Side",)),
 }
-"""The model of a table that holds nothing but a selector, by the selector's key."""
+GEOMETRY_OF = {kind: sides for kind, (_, _, sides) in _SELECTORS.items()}
 
-GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
-    "hole": ("Bearing", "Side"),
-    "pin": ("Journal", "Side"),
-    "plane": ("Face", "Side"),
-    "arc": ("Side",),
-    "surface": ("Side",),
-}
-"""The tables of sides in which a selector may stand, by their models."""
+
+def _of_a_side(kind: str, model: type[TableModel], words: str) -> type[TableModel]:
+    """Return the model of a table that holds nothing but a selector."""
+    keys: dict[str, Any] = {kind: (model, Field(description=words))}
+    return create_model(f"Side{kind.title()}", __base__=TableModel, **keys)
+
+
+SELECTORS = {kind: _of_a_side(kind, model, words) for kind, (model, words, _) in _SELECTORS.items()}
 
 
 def selector_of(side: object) -> FeatureKind | None:
@@ -148,14 +114,13 @@ def selector_of(side: object) -> FeatureKind | None:
         "pin": "pin" in side,
         "plane": isinstance(side.get("plane"), dict) and "near" in side["plane"],
         "arc": isinstance(side.get("arc"), dict) and "edge" in side["arc"],
-        "surface": _names_faces(side.get("surface")),
+        "surface": isinstance(side.get("surface"), dict) and _any_near(side["surface"].get("faces")),
     }
     return next((kind for kind, is_given in given.items() if is_given), None)
 
 
-def _names_faces(surface: object) -> bool:
-    """Return whether a surface names faces by position rather than giving control points."""
-    faces = surface.get("faces") if isinstance(surface, dict) else None
+def _any_near(faces: object) -> bool:
+    """Return whether faces are named by position rather than given by control points."""
     return isinstance(faces, list) and any(isinstance(face, dict) and "near" in face for face in faces)
 
 
@@ -167,8 +132,8 @@ class DrawnBody(TableModel):
 
     part: str = Field(description="the part")
     volume: Number = Field(description="the volume of its solids")
-    drawn_mass: Number | None = Field(default=None, description="its volume times its density; none of a fixed body")
-    mass: Number | None = Field(default=None, description="the mass that the mechanism file gives instead")
+    drawn_mass: Number | None = optional("its volume times its density; none of a fixed body")
+    mass: Number | None = optional("the mass that the mechanism file gives instead")
     density_from: str = Field(default="", description="where its density is from")
 
 
@@ -176,12 +141,12 @@ class DrawnFace(TableModel):
     """A face or edge used as a side."""
 
     kind: str = Field(description="hole, pin, plane, arc or surface")
-    radius: Number | None = Field(default=None, description="its radius; none of a plane or a surface")
+    radius: Number | None = optional("its radius; none of a plane or a surface")
     recognition_gap: Number = Field(
         default=0.0, description="the largest distance between the surface in the file and what it was taken for"
     )
-    conversion_error: Number | None = Field(
-        default=None, description="of a surface: the largest distance between its patches and the surface in the file"
+    conversion_error: Number | None = optional(
+        "of a surface: the largest distance between its patches and the surface in the file"
     )
 
 
@@ -191,16 +156,14 @@ class DrawnJoint(TableModel):
     clearance: Number = Field(description="radius of the hole minus that of the pin")
     axis_offset: Number = Field(description="the distance of the two axes at the middle of the joint")
     tilt: Number = Field(description="the angle between the two axes, in rad")
-    length: Number | None = Field(default=None, description="the piece of the axis along which both go")
+    length: Number | None = optional("the piece of the axis along which both go")
 
 
 class DrawnGap(TableModel):
     """A gap at the start, computed in two ways."""
 
     drawn: Number = Field(description="the distance of the two in the CAD file, computed by OCCT; greater than 0")
-    gap: Number | None = Field(
-        default=None, description="by the functions that a run uses; none of a mechanism that has not been assembled"
-    )
+    gap: Number | None = optional("by the functions that a run uses; none of a mechanism that has not been assembled")
     added: Number = Field(
         default=0.0,
         description="what the mechanism file adds to the drawing: clearance minus that as drawn, or minus the offset",
@@ -218,9 +181,7 @@ class GeometryCertificate(TableModel):
     file: str = Field(description="the CAD file")
     sha256: str = Field(description="of its content")
     recognition: Number = Field(description="the largest recognition gap that was allowed, in mm")
-    unreadable: int | None = Field(
-        default=None, description="how many entities of the damaged file were left out; none of a sound file"
-    )
+    unreadable: int | None = optional("how many entities of the damaged file were left out; none of a sound file")
     damaged: list[str] = Field(default=[], description="the bodies' parts of which they are")
     bodies: dict[str, DrawnBody] = Field(default={}, description="the bodies that are parts")
     faces: dict[str, DrawnFace] = Field(default={}, description="the sides that are faces or edges, by their keys")

@@ -11,10 +11,10 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadPart
-from engine.faults.fault import some
+from engine.errors import some
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import did_you_mean
-from engine.mechanism.geometry.face_search import direction, lengths, significant
+from engine.mechanism.geometry.drawn_features import direction, lengths, significant
 from engine.mechanism.materials import density_of, unknown_material
 
 POSE = {"origin", "axis", "angle"}

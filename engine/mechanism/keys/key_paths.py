@@ -1,18 +1,180 @@
-"""The path of a key through a mechanism: tables, lists and numbers, the field that declares each, and formulas."""
+"""The path of a key through a mechanism: tables, lists and numbers, and the field that declares each.
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+Also the numbers that a file gives as formulas, and the parameters in them: their values, keys and units.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 
 from pydantic.fields import FieldInfo
 
-from engine.mechanism.base import TableModel
-from engine.mechanism.components import Components, declared, item, with_item, written
-from engine.mechanism.expression import names_in, parse
+from engine.errors import Fault
+from engine.mechanism.base import (
+    Components,
+    TableModel,
+    declared,
+    fields_by_key,
+    is_number,
+    is_quoted_number,
+    item,
+    with_item,
+    written,
+)
+from engine.mechanism.expression import (
+    CONSTANTS,
+    FUNCTIONS,
+    NAME,
+    ExpressionFault,
+    Node,
+    evaluate,
+    names_in,
+    names_in_text,
+    parse,
+)
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean
 from engine.mechanism.joints import Joint
-from engine.mechanism.parameters import PREFIX, order_of
+from engine.mechanism.loads import TableLaw
 from engine.mechanism.quantities import Quantity
-from engine.mechanism.time_laws import TableLaw
+
+LONGEST_NAME = 60  # characters
+PREFIX = "parameters."  # of the key of a parameter
+
+_KEEPS_THE_UNIT = ("+", "-", "abs", "min", "max", "hypot")
+_OF_AN_ANGLE = ("sin", "cos", "tan")
+
+Uses = dict[str, dict[str, str]]  # name of a parameter -> unit in which it is used -> one of the keys that use it
+
+
+def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[Fault]]:
+    """Return the value of each parameter that neither is wrong nor depends on a wrong one, and the table's faults."""
+    faults: dict[str, str] = {}
+    for name, entry in table.items():
+        if text := _fault(name, entry, table, suggest=len(faults) < MOST_FAULTS):
+            faults[name] = text
+    texts = {name: entry for name, entry in table.items() if isinstance(entry, str) and name not in faults}
+    values = {name: float(entry) for name, entry in table.items() if is_number(entry) and name not in faults}
+    needs = {name: set(names_in(parse(text))) for name, text in texts.items()}
+    try:
+        order = list(TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        circle = error.args[1][::-1]
+        way = " -> ".join(circle[:10])
+        faults[circle[0]] = f"follows from itself: {way}; allowed: no circle; give one of them a number"
+        order = []
+    for name in order:
+        if name in texts and needs[name] <= values.keys():
+            try:
+                values[name] = evaluate(parse(texts[name]), values)
+            except ExpressionFault as fault:
+                faults[name] = str(fault)
+    values = {name: values[name] for name in table if name in values}
+    return values, [Fault(("parameters", name), text, table[name]) for name, text in faults.items()]
+
+
+def order_of(expressions: Mapping[str, str]) -> Iterator[str]:
+    """Yield the parameters that have an expression, each after those it depends on."""
+    needs = {name: set(names_in(parse(text))) for name, text in expressions.items()}
+    return (name for name in TopologicalSorter(needs).static_order() if name in expressions)
+
+
+def _fault(name: str, entry: Any, table: Mapping[str, Any], *, suggest: bool) -> str:
+    """Return what is wrong with a single parameter; empty if nothing is."""
+    if not NAME.fullmatch(name) or len(name) > LONGEST_NAME:
+        return "not a usable name; allowed: a letter, then letters, digits, '_', up to 60 of them; rename it"
+    if name in CONSTANTS or name in FUNCTIONS:
+        return f"{name} has a meaning in expressions; allowed: any other name; rename it"
+    if is_number(entry):
+        return ""
+    if not isinstance(entry, str) or is_quoted_number(entry):
+        return 'not a finite number; give a number without quotes, or an expression such as "arm / 2"'
+    try:
+        unknown = [needed for needed in names_in(parse(entry)) if needed not in table]
+    except ExpressionFault as fault:
+        return str(fault)
+    if not unknown:
+        return ""
+    meant = did_you_mean(unknown[0], table) if suggest else ""
+    return f"{unknown[0]} is not a parameter; define it in [parameters]{meant}"
+
+
+# How a mechanism uses its parameters: in which keys and units, or not at all.
+
+
+def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, scaled: bool) -> Uses:
+    """Return the units in which each parameter is used, from those of the keys that are not parameters.
+
+    A parameter on its own or in a sum has the unit of the whole expression; in a sine it is an angle. In products and
+    quotients of parameters it is unknown. With ``scaled``, numbers there count as having none: likely, not certain.
+    """
+    found: Uses = {}
+    own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
+    for key, text in formulas.items():
+        if not key.startswith(PREFIX):
+            _note(found, key, _units_in(parse(text), units.get(key, ""), scaled))
+    for name in reversed(list(order_of(own))):  # what uses a parameter comes first, and gives it its unit
+        for unit in found.get(name, ()) or ("",):
+            _note(found, PREFIX + name, _units_in(parse(own[name]), unit, scaled))
+    return found
+
+
+def users(formulas: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the keys whose expressions use each parameter, by parameter."""
+    found: dict[str, list[str]] = {}
+    for key, text in formulas.items():
+        for name in dict.fromkeys(names_in(parse(text))):
+            found.setdefault(name, []).append(key)
+    return found
+
+
+def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Fault]:
+    """Yield a fault for each parameter that is used in two units; an angle also counts as a pure number."""
+    for name, uses in units.items():
+        if len(uses) > 1 and uses.keys() != {"1", "rad"}:
+            (first, at), (second, there) = list(uses.items())[:2]
+            text = f"is in {first} in {at} and in {second} in {there}; allowed: one unit; write two parameters"
+            yield Fault(("parameters", name), text, values.get(name))
+
+
+def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], elsewhere: Any) -> Iterator[Fault]:
+    """Yield a fault for each parameter that no expression uses, including those in other plain data."""
+    used = {name for text in [*formulas.values(), *_texts(elsewhere)] for name in names_in_text(text)}
+    for name, value in values.items():
+        if name not in used:
+            text = f"is not used; write {name!r} in place of a number, or remove it"
+            yield Fault(("parameters", name), text, value)
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """Yield each text in plain data."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, Mapping | list | tuple):
+        for inner in data.values() if isinstance(data, Mapping) else data:
+            yield from _texts(inner)
+
+
+def _note(found: Uses, key: str, uses: Iterable[tuple[str, str]]) -> None:
+    for name, unit in uses:
+        found.setdefault(name, {}).setdefault(unit, key)
+
+
+def _units_in(node: Node, unit: str, scaled: bool) -> Iterator[tuple[str, str]]:
+    """Yield the names in an expression whose unit follows from that of the whole expression, ``""`` if unknown."""
+    if isinstance(node, str) and unit:
+        yield node, unit
+    if not isinstance(node, tuple):
+        return
+    operation, *operands = node
+    for i, operand in enumerate(operands):
+        others = [name for j, other in enumerate(operands) if j != i for name in names_in(other)]
+        factor = scaled and not others and (operation == "*" or (operation == "/" and i == 0))
+        own = "rad" if operation in _OF_AN_ANGLE else unit if operation in _KEEPS_THE_UNIT or factor else ""
+        yield from _units_in(operand, own, scaled)
+
+
+# Paths.
 
 HIDDEN = ("benches", "presets", "plot", "geometry")  # for other mechanisms, for plots, and the origin of numbers
 
@@ -60,10 +222,7 @@ class Place(NamedTuple):
         return [str(i) for i in range(len(value))] if tables else list(self._components())
 
     def with_below(self, changes: Mapping[str, Any]) -> Any:
-        """Return the value with some of the values below it replaced, by token.
-
-        A table is checked, and raises ValidationError if it refuses the change.
-        """
+        """Return the value with some below it replaced, by token; a table raises ValidationError if it refuses them."""
         value = self.value
         if isinstance(value, TableModel):
             return type(value).model_validate({**value.entries(), **changes})
@@ -91,9 +250,7 @@ class Place(NamedTuple):
 
 @cache
 def _fields(table: type[TableModel]) -> dict[str, tuple[str, FieldInfo]]:
-    """Return name and declaration of each field of a table by its key in the file, without fields that have no keys."""
-    keys = {field.alias or name: (name, field) for name, field in table.model_fields.items()}
-    return {key: named for key, named in keys.items() if key not in HIDDEN}
+    return {key: named for key, named in fields_by_key(table).items() if key not in HIDDEN}
 
 
 def components(field: FieldInfo | None, items: Sequence[Any]) -> Mapping[str, tuple[tuple[int, ...], ...]]:
@@ -156,17 +313,12 @@ def settable_places(mechanism: TableModel, below: str = "") -> list[tuple[str, P
     return [(key, place) for key, place in keys if not without_effect(mechanism, key.split("."))]
 
 
-# The numbers of a mechanism that its file gives as expressions, and their dependence on parameters.
-#
-# A formula is a key and the expression that gives its number, such as ``joints.J1.bearing.point.x`` and ``arm / 2``.
+# Formulas: a key and the expression that gives its number, such as ``joints.J1.bearing.point.x`` and ``arm / 2``.
 # The key of a parameter is ``parameters.NAME``.
 
 
 def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield key and expression of each number below a place that the file gives as an expression.
-
-    ``data`` is the value at the place as read from the file, and ``prefix`` the key of the place, followed by a dot.
-    """
+    """Yield key and expression of each number below a place that ``data``, its value in the file, gives as one."""
     for token, child in place.below().items():
         read = _read(place, data, token)
         if isinstance(read, str) and isinstance(child.value, float):
@@ -218,16 +370,12 @@ def following(formulas: Mapping[str, str], changed: Collection[str]) -> dict[str
     """Return the keys whose expressions depend on changed parameters, each with these parameters; parameters first."""
     origins: dict[str, set[str]] = {name: {name} for name in changed}
     own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
+    others = [key for key in formulas if not key.startswith(PREFIX)]
     found: dict[str, set[str]] = {}
-    for name in order_of(own):
-        if name not in origins and (from_ := _origins(own[name], origins)):
-            origins[name] = found[PREFIX + name] = from_
-    for key, text in formulas.items():
-        if not key.startswith(PREFIX) and (from_ := _origins(text, origins)):
+    for key in [*(PREFIX + name for name in order_of(own) if name not in origins), *others]:
+        needed = names_in(parse(formulas[key]))
+        if from_ := set[str]().union(*(origins.get(name, set()) for name in needed)):
             found[key] = from_
+            if key.startswith(PREFIX):
+                origins[key.removeprefix(PREFIX)] = from_
     return found
-
-
-def _origins(text: str, origins: Mapping[str, set[str]]) -> set[str]:
-    """Return the changed parameters that an expression depends on."""
-    return set().union(*(origins.get(name, set()) for name in names_in(parse(text))))

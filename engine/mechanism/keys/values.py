@@ -18,25 +18,24 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from engine.errors import MechanismError
-from engine.faults.fault import Fault
-from engine.mechanism.base import LARGEST_NUMBER, is_number
+from engine.errors import Fault, MechanismError
+from engine.mechanism.base import LARGEST_NUMBER, is_number, limits
 from engine.mechanism.closest import closest
-from engine.mechanism.components import limits
 from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.faults import faults_of
 from engine.mechanism.joints import Joint, JournalJoint
 from engine.mechanism.keys.key_paths import (
+    PREFIX,
     SETTINGS,
     Place,
     along,
     by_tokens,
     following,
     settable_places,
+    users,
     without_effect,
 )
 from engine.mechanism.models import Mechanism
-from engine.mechanism.parameters import PREFIX, users
 
 MOST_NAMED = 20
 
@@ -44,19 +43,15 @@ _RELATIONS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:
-    """Return the number with a given key, in the unit of `unit_of`; the components of a direction are as in the file.
+    """Return the number with a key, in the unit of `unit_of`; components of a direction are those in the file.
 
-    The name of a joint stands for its clearance. Raise MechanismError if no number has this key; the message suggests
-    the key that may be meant.
+    Raise MechanismError if no number has this key; the message suggests the key that may be meant.
     """
     return float(_places(mechanism, key)[-1].value)
 
 
 def unit_of(mechanism: Mechanism, key: str) -> str:
-    """Return the unit of the number with a given key; "1" for a pure number.
-
-    Raise MechanismError if no number has this key.
-    """
+    """Return the unit of the number with a key, "1" for a pure number; raise MechanismError if none has this key."""
     return _unit(mechanism, key, _places(mechanism, key)[-1])
 
 
@@ -166,10 +161,7 @@ def _refused(key: str, text: str, value: Any = None, unit: str = "") -> Mechanis
 
 
 def _followers(
-    mechanism: Mechanism,
-    formulas: Mapping[str, str],
-    settings: Mapping[str, _Setting],
-    faults: list[tuple[str, Fault]],
+    mechanism: Mechanism, formulas: Mapping[str, str], settings: Mapping[str, _Setting], faults: list[tuple[str, Fault]]
 ) -> dict[str, _Setting]:
     """Return the settings of the numbers whose expressions depend on the parameters that are set."""
     changed = {key.removeprefix(PREFIX): setting for key, setting in settings.items() if key.startswith(PREFIX)}
@@ -208,10 +200,10 @@ def _rebuilt(
 
 def _outside(place: Place, number: float) -> str:
     """Return what is wrong with a number beyond the limits of its field; empty if it is within them."""
-    found = limits(place.field)
-    if all(getattr(operator, relation)(number, bound) for relation, bound in found.items()):
+    found = limits(place.field).items()
+    if all(getattr(operator, relation)(number, bound) for relation, bound in found):
         return ""
-    return f"allowed: {', '.join(f'{_RELATIONS[relation]} {bound:g}' for relation, bound in found.items())}; correct it"
+    return f"allowed: {', '.join(f'{_RELATIONS[relation]} {bound:g}' for relation, bound in found)}; correct it"
 
 
 def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, _Setting]]:
@@ -255,9 +247,7 @@ def _places(mechanism: Mechanism, key: str) -> list[Place]:
     if places[-1].value is None:
         raise _refused(key, "has no number in this mechanism; write one into the file first")
     if not isinstance(places[-1].value, float):
-        inside = sorted(
-            (key for key, _ in settable_places(mechanism, ".".join(tokens))), key=lambda key: key.count(".")
-        )
+        inside = sorted((k for k, _ in settable_places(mechanism, ".".join(tokens))), key=lambda k: k.count("."))
         inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
         raise _refused(key, f"not a single number; allowed: single numbers{inner_keys}")
     return places
@@ -283,17 +273,16 @@ def unknown_key(mechanism: Mechanism, key: str) -> str:
 def meant_key(mechanism: Mechanism, key: str) -> str:
     """Return the key of the existing number that an unknown key most likely means; empty if none is likely.
 
-    Tokens are matched table by table: a wrong token matches a name there that differs by a slip, and an index matches
-    the component at its place. If the table is missing from the key, all tables are searched for the name; a single
-    token matches the first number whose key ends with it.
+    A wrong token matches a name in its table that differs by a slip, an index the component at its place. If the table
+    is missing, all are searched for the name; a single token matches the first number whose key ends with it.
     """
-    tokens = key.split(".")
-    root = Place(mechanism)
-    for start in (root, *(place for place in root.below().values() if isinstance(place.value, Mapping))):
-        table = [token for token, place in root.below().items() if place.value is start.value][:1]
-        if found := next(_followed(start, tokens, exact=start is not root), None):
-            return ".".join([*(table if start is not root else []), *found])
-    return _of_this_name(mechanism, tokens[-1]) if len(tokens) == 1 else ""
+    tokens, root = key.split("."), Place(mechanism)
+    tables = [(token, place) for token, place in root.below().items() if isinstance(place.value, Mapping)]
+    for table, start in [("", root), *tables]:
+        if found := next(_followed(start, tokens, exact=bool(table)), None):
+            return ".".join([*filter(None, [table]), *found])
+    named = (key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == tokens[-1])
+    return next(named, "") if len(tokens) == 1 else ""
 
 
 def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[list[str]]:
@@ -311,11 +300,6 @@ def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[l
     for name in likely:
         for rest in _followed(below[name], tokens[1:], exact=False):
             yield [name, *rest]
-
-
-def _of_this_name(mechanism: Mechanism, token: str) -> str:
-    """Return the first key whose last token is the given one."""
-    return next((key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == token), "")
 
 
 # List the keys of a mechanism that can be set, with the value, unit, limits and meaning of each number.
@@ -338,22 +322,15 @@ class SettableNumber:
 
 
 def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
-    """Return every number that can be set, in the order of the file format.
-
-    The pattern is a part of the wanted keys, or with ``*``, ``?`` or ``[...]`` it is one for the whole key; case is
-    ignored.
-    """
-    short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
+    """Return every number that can be set, in the order of the file format; ``pattern`` as in `_fits`."""
+    short = {full_key(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
     used = users({**mechanism.formulas, **mechanism.response_formulas()})
     return [_number(mechanism, key, place, short.get(key, ""), used) for key, place in wanted]
 
 
-def _clearance(mechanism: Mechanism, joint: str) -> str:
-    return f"joints.{joint}.{mechanism.joints[joint].CLEARANCE}"
-
-
 def _fits(key: str, short: str, pattern: str) -> bool:
+    """Return whether a pattern is a part of a key, or, with ``*``, ``?`` or ``[...]``, matches all of it."""
     wanted = pattern.lower()
     if any(mark in wanted for mark in "*?["):
         return any(fnmatch.fnmatchcase(name.lower(), wanted) for name in (key, short) if name)
@@ -363,18 +340,19 @@ def _fits(key: str, short: str, pattern: str) -> bool:
 def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict[str, list[str]]) -> SettableNumber:
     """Return the entry for one number; ``used`` maps each parameter to the keys that use it."""
     name = key.removeprefix(PREFIX) if key.startswith(PREFIX) else ""
+    described = place.field.description if place.field else ""
     found = limits(place.field)
     if isinstance(place.owner, JournalJoint) and key.endswith(".radial_clearance"):
         found = {"gt": 0.0, "le": place.owner.clearance_limit}
     return SettableNumber(
         key=key,
         value=place.value,
-        unit=mechanism.parameter_units[name] if name else mechanism.unit_at(place),
+        unit=_unit(mechanism, key, place),
         lower=found.get("gt", found.get("ge")),
         upper=found.get("lt", found.get("le")),
         limits=", ".join(f"{_RELATIONS[relation]} {bound:.6g}" for relation, bound in found.items()),
         expression=mechanism.formulas.get(key, ""),
-        description=_use(used.get(name, [])) if name else (place.field.description or "") if place.field else "",
+        description=_use(used.get(name, [])) if name else described or "",
         short=short,
         varies=not key.startswith(SETTINGS),
     )

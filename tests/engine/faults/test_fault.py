@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from engine import MechanismError, load_mechanism, load_mechanism_text, set_values
-from engine.faults.fault import LONGEST_FAULT, Fault
+from engine.errors import LONGEST_FAULT, Fault
 from tests.engine.mechanism.test_load import MINIMAL
 
 PARTS = {

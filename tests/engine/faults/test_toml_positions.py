@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import campaign
 import engine
-from engine.faults.fault import Fault
+from engine.errors import Fault
 from engine.faults.toml_positions import TextPosition, key_positions, position_of, with_positions
 from tests.each import each
 

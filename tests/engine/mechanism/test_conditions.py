@@ -2,7 +2,7 @@
 
 import pytest
 
-from engine.mechanism.conditions import Condition
+from engine.mechanism.responses import Condition
 
 
 @pytest.mark.parametrize(

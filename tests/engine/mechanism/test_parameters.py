@@ -1,6 +1,6 @@
 """Parameters follow from numbers and from each other, in any order of the file; what is wrong with one is named."""
 
-from engine.mechanism.parameters import parameter_values
+from engine.mechanism.keys.key_paths import parameter_values
 from tests.each import each
 
 

@@ -11,7 +11,7 @@ from engine.cad.archive import packed
 from engine.cad.occt.answers import measure_distances
 from engine.cad.occt.step_assembly import read_assembly
 from engine.preflight import cautions
-from engine.preflight.start_gaps import AGREE, start_gap_cautions, with_start_gaps
+from engine.preflight.cautions import AGREE, start_gap_cautions, with_start_gaps
 from tests.engine.cad.hinges import BORE, PIN, PLAY, as_splines, cut_in_two, hinge, plate, stud
 from tests.engine.cad.spline_shapes import elliptic_cam
 from tests.engine.cad.step_files import Drawing, box, moved, place
@@ -202,7 +202,7 @@ def test_a_reader_that_fails(loaded, monkeypatch):
     def fails(*_):
         raise CadError("hinge.step: OCCT crashed while it read it (SIGSEGV); export it again")
 
-    monkeypatch.setattr("engine.mechanism.geometry.drawn_tables.drawn_distances", fails)
+    monkeypatch.setattr("engine.mechanism.geometry.resolved_geometry.drawn_distances", fails)
     mechanism = loaded(hinge())
     assert mechanism.geometry.gaps == {}
     [caution] = start_gap_cautions(mechanism)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from engine.cad import CadEdge
 from engine.cad.geometry import distance_to_triangles
-from engine.mechanism.geometry.face_search import _to_arc
+from engine.mechanism.geometry.drawn_features import _to_arc
 
 pytestmark = pytest.mark.processes
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from engine.mechanism.surfaces.patches import normals, points
-from engine.mechanism.surfaces.splines import BSplineSurface, bicubic_patches
+from engine.mechanism.surfaces.surface import BSplineSurface, bicubic_patches
 from tests.engine.kernels.surface_shapes import knots
 
 Array = np.ndarray
