@@ -206,7 +206,8 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     interval covers those of all thresholds: with many excesses a tail is precise but may still be curved, and one
     threshold alone missed the share in up to 26 of 100 samples of 2,000. An estimate below a hundredth of one value is
     not given: then the upper end is a bound, and at least that of an exponential tail, because a tail that seems to end
-    before the limit may not end.
+    before the limit may not end. Beyond a heavy tail without a value beyond the limit the interval begins at 0: 1 % of
+    500 values shifted by six sigmas look like one, and without this the lower end was too high in 9 of 10 campaigns.
     """
     ordered = finite_in_order(x)
     lower = () if lsl is None else (_tail("below", -ordered[::-1], -lsl, confidence),)
@@ -255,6 +256,9 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
         low, high = 0.0, max(high, *(_exponential_bound(y, limit - at, n, confidence) for at, y, _ in fits))
         why = f"The limit is too far beyond {n} values for a number" if ppm else "The fitted tail ends before the limit"
         note = f"{why}, so there is only an upper bound."
+    elif limit > ordered[-1] and fit.shape > (1.0 + fit.shape) / math.sqrt(excesses.size):  # a standard error above 0
+        low = 0.0
+        note = "A heavy tail looks like a few values of another kind, whose share beyond the limit may be far smaller."
     return TailShare(
         side, sign * limit, ppm if ppm >= least else None, (low, max(high, least)),
         threshold=sign * threshold, excesses=excesses.size, shape=fit.shape, scale=fit.scale, note=note,

@@ -96,3 +96,20 @@ def test_the_interval_covers_at_2000_values(known, sign: int, ppm: float) -> Non
     assert len(known_ends) >= 22
     assert np.mean([low <= ppm <= high for low, high in known_ends]) >= 0.8
     assert np.mean([ppm > high for _, high in known_ends]) <= 0.12
+
+
+def test_a_few_values_of_another_kind_are_no_heavy_tail() -> None:
+    """1 % of 500 values shifted by 6 sigmas, and 0.2 % of 5,000 by 8; the limit at an index of 1.67 lies beyond all.
+
+    Eight campaigns of each: the interval has the true share, while a true heavy tail keeps its upper end.
+    """
+    rng = np.random.default_rng(5)
+    share = stats.norm.sf(3 * 1.67)
+    for part, shift, n in ((0.01, 6.0, 500), (0.002, 8.0, 5000)):
+        limit = shift + stats.norm.isf(share / part)
+        for _ in range(8):
+            x = rng.standard_normal(n) + np.where(rng.random(n) < part, shift, 0.0)
+            tail = pareto_tails(x, None, limit)[0]
+            assert tail.interval is None or tail.interval[0] <= 1e6 * share <= tail.interval[1]
+    heavy = pareto_tails(stats.t(3).rvs(5000, random_state=rng), None, stats.t(3).isf(20e-6))[0]
+    assert heavy.interval[1] >= 20
