@@ -108,10 +108,10 @@ def lent_assembly(mechanism: Mechanism) -> Iterator[Assembly]:
 
 def _at_start(mechanism: Mechanism, prepared: _Prepared, copy: Block) -> Assembly:
     """Return the assembly of a mechanism in a fresh copy of the prepared arrays."""
-    model, state, work, problem = copy.arrays
-    add_play(mechanism, prepared.faces, model.contacts.clearance)
-    travel = free_start(mechanism, prepared.held, prepared.contact_names, model, state, work, problem)
-    return Assembly(model, state, work, problem, prepared.contact_names, prepared.row_names, travel)
+    arrays: RunArrays = copy.arrays
+    add_play(mechanism, prepared.faces, arrays.model.contacts.clearance)
+    travel = free_start(mechanism, prepared.held, prepared.contact_names, arrays)
+    return Assembly(*arrays, prepared.contact_names, prepared.row_names, travel)
 
 
 @cached

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array, Integers
-from engine.friction.arrays import FrictionArrays, dense_rows
+from engine.friction.arrays import dense_rows
 from engine.friction.blocks import ROW
 from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
-from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, JOINT_FRICTION, POINT_PLANE, Model, Scratch, State
+from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, JOINT_FRICTION, POINT_PLANE, RunArrays
 from engine.kernels.vectors import rotation_matrix
 from engine.platform.linear_algebra import nonnegative_least_squares, one_thread
 
@@ -65,11 +65,11 @@ class _Limits:
 class _Search:
     """The constraints and their gradients at a pose w."""
 
-    def __init__(self, model: Model, state: State, work: Scratch, problem: FrictionArrays) -> None:
-        self.model, self.state, self.work, self.problem = model, state, work, problem
-        self.x, self.p = state.x.copy(), state.p.copy()
-        self.columns = ROW * model.bodies.node[:, None] + np.arange(6)  # (nb, 6) of each body in w
-        self.turn = np.zeros((len(model.bodies.mass), 3, 3))
+    def __init__(self, arrays: RunArrays) -> None:
+        self.model, self.state, self.work, self.problem = arrays
+        self.x, self.p = self.state.x.copy(), self.state.p.copy()
+        self.columns = ROW * self.model.bodies.node[:, None] + np.arange(6)  # (nb, 6) of each body in w
+        self.turn = np.zeros((len(self.model.bodies.mass), 3, 3))
 
     def put(self, w: Array) -> None:
         """Move the bodies from the drawn pose by w, and write gaps, contact frames and joint violations."""
@@ -149,16 +149,14 @@ class _Search:
         return np.concatenate([np.minimum(self.state.gap, 0.0), np.abs(self.work.bilateral.violation)])
 
 
-def find_nearest_start(
-    model: Model, state: State, work: Scratch, problem: FrictionArrays, longest: float, gap: float, violation: Array
-) -> NearestStart:
+def find_nearest_start(arrays: RunArrays, longest: float, gap: float, violation: Array) -> NearestStart:
     """Move the bodies to the nearest pose without overlap and with closed joints.
 
     ``longest`` is the displacement of a body that is of interest, ``gap`` and ``violation``, (nt,), are what may
     remain. If there is no such pose, the state holds one that violates little.
     """
-    search, limits = _Search(model, state, work, problem), _Limits(longest, gap, violation)
-    w = np.zeros(problem.w.size)
+    search, limits = _Search(arrays), _Limits(longest, gap, violation)
+    w = np.zeros(arrays.problem.w.size)
     with one_thread():
         search.put(w)
         for stage in ATTEMPTS * (_approach, _repair):

@@ -13,10 +13,9 @@ from engine.assembly.bilateral import BilateralRow, bilateral_arrays, turning_ar
 from engine.assembly.frames import order_bodies
 from engine.assembly.nearest_start import find_nearest_start
 from engine.errors import MechanismError, NotAssemblable
-from engine.friction.arrays import FrictionArrays
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
-from engine.kernels.model import SLIDE, TURN, Contacts, Model, Scratch, State
+from engine.kernels.model import SLIDE, TURN, Model, RunArrays, State
 from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
 
@@ -36,68 +35,51 @@ def refuse_long_step(mechanism: Mechanism) -> None:
         )
 
 
-def free_start(
-    mechanism: Mechanism,
-    held: list[BilateralRow],
-    names: Sequence[str],
-    model: Model,
-    state: State,
-    work: Scratch,
-    problem: FrictionArrays,
-) -> float:
+def free_start(mechanism: Mechanism, held: list[BilateralRow], names: Sequence[str], arrays: RunArrays) -> float:
     """Write the gaps at the start into the state, and move the bodies if parts overlap there or ideal joints are open.
 
     Return how far the body that moves farthest is from its drawn place, the root mean square over its mass; 0 if the
     drawn pose is free. Raise NotAssemblable if no body may move or no free pose is near, with one line for each
     contact, clearance, limit or joint that is at fault in the drawn pose.
     """
-    drawn = _faults(mechanism, held, names, model.contacts, state, work)
+    drawn = _faults(mechanism, held, names, arrays)
     if not drawn:
         return 0.0
     sim, unit = mechanism.simulation, mechanism.unit("length")
-    extent = _extent(model, state, work)
-    longest = EXTENT * extent if sim.assembly_travel is None else sim.assembly_travel
-    if longest == 0.0 or not np.isfinite(longest) or not len(model.bodies.mass):
+    longest = EXTENT * _extent(arrays) if sim.assembly_travel is None else sim.assembly_travel
+    if longest == 0.0 or not np.isfinite(longest) or not len(arrays.model.bodies.mass):
         raise NotAssemblable("\n  ".join(drawn), "; ".join(drawn[1:]))
-    found = find_nearest_start(
-        model, state, work, problem, longest, 0.5 * sim.penetration, _allowed_violations(mechanism, model, held)
-    )
+    violation = _allowed_violations(mechanism, arrays.model, held)
+    found = find_nearest_start(arrays, longest, 0.5 * sim.penetration, violation)
     stated = f"simulation.assembly_travel = {longest:.4g} {unit}"
     stated += " (if absent, 1 % of the mechanism's extent)" if sim.assembly_travel is None else ""
-    left = _faults(mechanism, held, names, model.contacts, state, work)
+    left = _faults(mechanism, held, names, arrays)
     if not left and found.travel <= longest:
         return found.travel
     if not left:
         moved = order_bodies(mechanism)[found.body]
         reason = f"the nearest pose without overlap moves {moved} by {found.travel:.4g} {unit}; allowed: {stated}"
     else:
-        pairs = _pairs(mechanism, [names[i] for i in found.blocking]) or _cannot_close(mechanism, held, state)
+        pairs = _pairs(mechanism, [names[i] for i in found.blocking]) or _cannot_close(mechanism, held, arrays.state)
         proof = "no pose" if found.least > longest else "no pose was found that"
         reason = f"{pairs}: {proof} within {stated} frees all parts"
     raise NotAssemblable("\n  ".join([*drawn, reason]), reason)
 
 
-def _faults(
-    mechanism: Mechanism,
-    held: list[BilateralRow],
-    names: Sequence[str],
-    contacts: Contacts,
-    state: State,
-    work: Scratch,
-) -> list[str]:
+def _faults(mechanism: Mechanism, held: list[BilateralRow], names: Sequence[str], arrays: RunArrays) -> list[str]:
     """Write the gaps into the state; return a heading, and a line for each overlap and open joint; empty: free."""
-    overlaps = [*_overlaps(mechanism, contacts, names, state, work)]
-    open_joints = [line for _, line in _open_joints(mechanism, held, state)]
+    overlaps = [*_overlaps(mechanism, names, arrays)]
+    open_joints = [line for _, line in _open_joints(mechanism, held, arrays.state)]
     if not overlaps and not open_joints:
         return []
     words = ["parts overlap"] * bool(overlaps) + ["joints are open"] * bool(open_joints)
     return [f"{mechanism.name}: {' and '.join(words)} at the start pose", *open_joints, *overlaps]
 
 
-def _extent(model: Model, state: State, work: Scratch) -> float:
+def _extent(arrays: RunArrays) -> float:
     """Return twice the distance of the farthest centre of mass, contact or radius of gyration from their middle."""
-    bodies = model.bodies
-    points = np.concatenate([state.x[:-1], work.sites.point])
+    bodies = arrays.model.bodies
+    points = np.concatenate([arrays.state.x[:-1], arrays.work.sites.point])
     size = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))
     far = np.linalg.norm(points - points.mean(axis=0), axis=1)
     return 2.0 * float(max(far.max(initial=0.0), size.max(initial=0.0)))
@@ -139,15 +121,14 @@ def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str
     return f"joints.{joint}", [side.body for side in mechanism.joints[joint].sides]
 
 
-def _overlaps(
-    mechanism: Mechanism, contacts: Contacts, names: Sequence[str], state: State, work: Scratch
-) -> Iterator[str]:
+def _overlaps(mechanism: Mechanism, names: Sequence[str], arrays: RunArrays) -> Iterator[str]:
     """Write the gaps into the state; yield a line for each contact, or clearance or limit of a joint, that overlaps.
 
     A gap may be negative by the allowed penetration.
     """
+    contacts, state, sites = arrays.model.contacts, arrays.state, arrays.work.sites
     gap, allowed = state.gap, mechanism.simulation.penetration
-    find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
+    find_contacts(contacts, state.x, state.R, gap, sites.point, sites.frame)
     rigid = contacts.stiffness == 0.0  # where the others overlap, they press
     if (gap >= -allowed)[rigid].all():
         return

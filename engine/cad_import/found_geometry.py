@@ -148,7 +148,7 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     pairs = [(pin.journal, pin.bearing) for pin in pins] + [(ball.ball_part, ball.socket_part) for ball in balls]
     names = _names([f"{bodies[inner]}-{bodies[outer]}" for inner, outer in pairs], "joint")
     flanges = [tuple(thrust_faces(assembly, pin, triangles)) for pin in pins]
-    joints = [FoundJoint(*each) for each in zip(names[: len(pins)], pins, flanges, strict=True)]
+    joints = tuple(FoundJoint(*each) for each in zip(names[: len(pins)], pins, flanges, strict=True))
     found_balls = tuple(FoundBall(*each) for each in zip(names[len(pins) :], balls, strict=True))
     refused += [*pins_in_slots(assembly), *balls_refused]
     taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
@@ -160,20 +160,10 @@ def find_geometry(drawn: CadAssembly, groups: Sequence[PartGroup] | None = None)
     facing += facing_rounds(assembly, triangles, held)
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
     pivots = _pivots(assembly, refused, bodies, names)
-    refused = sorted((miss for miss in refused if not miss.snaps), key=lambda miss: miss.unlikely)
+    likely = tuple(sorted((miss for miss in refused if not miss.snaps), key=lambda miss: miss.unlikely))
     springs = tuple(_springs(assembly, standard, triangles))
     return FoundGeometry(
-        assembly,
-        bodies,
-        tuple(joints),
-        found_balls,
-        tuple(refused),
-        stops,
-        drawn,
-        tuple(groups),
-        tuple(standard),
-        springs,
-        pivots,
+        assembly, bodies, joints, found_balls, likely, stops, drawn, tuple(groups), tuple(standard), springs, pivots
     )
 
 

@@ -8,9 +8,11 @@ from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.GeomAbs import GeomAbs_SurfaceType as Type
 from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Pnt, gp_Sphere, gp_Vec
+from OCP.GProp import GProp_GProps
 from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition as Recognition
 from OCP.TopAbs import TopAbs_Orientation
 from OCP.TopLoc import TopLoc_Location
@@ -19,7 +21,6 @@ from OCP.TopoDS import TopoDS
 from engine.arrays import Array, Integers
 from engine.cad.cad_model import CadFace, SplineSurface
 from engine.cad.merged_pieces import FacePiece
-from engine.cad.occt.mass_properties import area
 from engine.cad.occt.occt_values import OCCT_ERRORS, array3, one_way
 from engine.cad.occt.spline_surfaces import splines_of
 
@@ -81,6 +82,7 @@ def mesh_face(face: Any, sag: float, level: int) -> FaceMesh | None:
 
 
 _PRECISION = 1e-7  # mm that OCCT neglects
+_AREA_ERROR = 1e-10  # of an area
 
 
 def face_piece(face: Any, solid: int, recognition: float, sag: float, level: int) -> tuple[FacePiece | None, bool]:
@@ -108,9 +110,16 @@ def face_piece(face: Any, solid: int, recognition: float, sag: float, level: int
         splines = () if is_hasty else splines_of(face, surface, max(recognition, _PRECISION))
     except OCCT_ERRORS:
         failed = True
-    size = float(mesh.areas.sum()) if is_hasty else area(face)
+    size = float(mesh.areas.sum()) if is_hasty else _area(face)
     piece = CadFace(number=-1, part="", solid=solid, area=size, on=on, normal=normal, splines=splines, **lies_on)
     return FacePiece(piece, mesh.vertices, mesh.triangles), failed
+
+
+def _area(face: Any) -> float:
+    """Return the area of a face [mm2], accurate to some percent if its B-spline has inner knots."""
+    found = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, found, _AREA_ERROR, False)
+    return float(found.Mass())
 
 
 def _inside(face: Any, surface: Any, mesh: FaceMesh) -> tuple[Array, Array]:

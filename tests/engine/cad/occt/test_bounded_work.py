@@ -6,7 +6,7 @@ import signal
 import pytest
 from OCP.Standard import Standard_OutOfRange
 
-from engine.cad.occt import face_pieces, mass_properties, spline_surfaces
+from engine.cad.occt import face_pieces, product_geometry, spline_surfaces
 from engine.cad.occt.bounded_work import Budget, Work, done_in_time
 from tests.engine.cad.step_files import Drawing, cylinder, place
 
@@ -83,7 +83,7 @@ def test_a_face_that_is_not_meshed_in_time_is_meshed_coarser(drawing, read, monk
 
 def test_a_solid_that_cannot_be_integrated_is_estimated(drawing, read, monkeypatch):
     """From its triangles; the error is not known, and that is said."""
-    monkeypatch.setattr(mass_properties, "_integrals", lambda *_, **__: out_of_range())
+    monkeypatch.setattr(product_geometry, "_integrals", lambda *_, **__: out_of_range())
     assembly = read(drawing)
     [solid] = assembly.parts[0].solids
     exact = 113.09733552923255

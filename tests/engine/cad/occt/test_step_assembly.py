@@ -12,7 +12,7 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
-from engine.cad.occt import mass_properties
+from engine.cad.occt import product_geometry
 from engine.cad.occt.step_assembly import read_assembly
 from tests.engine.cad import latch
 from tests.engine.cad.hinges import as_splines
@@ -88,13 +88,13 @@ def test_solids_with_knots_inside_their_faces(read):
 
 def test_the_integration_that_takes_minutes_is_left_to_what_cannot_be_cut(read, monkeypatch):
     """A ball and a rod, approximated by splines to 1e-6: Kronrod's inertia takes 90 s and 10 s for them."""
-    by_kronrod = mass_properties._by_kronrod
+    by_kronrod = product_geometry._by_kronrod
 
     def without_inertia(solid, inertia):
         assert not inertia
         return by_kronrod(solid, inertia)
 
-    monkeypatch.setattr(mass_properties, "_by_kronrod", without_inertia)
+    monkeypatch.setattr(product_geometry, "_by_kronrod", without_inertia)
     made = Drawing()
     top = made.assembly("top")
     made.add(top, made.product("ball", as_splines(BRepPrimAPI_MakeSphere(10.0).Shape())))
