@@ -88,10 +88,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
 
 @contextmanager
 def lent_assembly(mechanism: Mechanism) -> Iterator[Assembly]:
-    """Yield what `assemble` returns, for the block only: the next run with other play gets the same arrays.
-
-    Raise the same errors.
-    """
+    """Yield what `assemble` returns, for the block only: the next run with other play gets the same arrays."""
     refuse_long_step(mechanism)
     prepared = _prepared(without_play(mechanism))
     try:
@@ -168,10 +165,7 @@ def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], Stat
 
 
 def _problem(unknowns: Unknowns, runs: int) -> FrictionArrays:
-    """Allocate the friction problem of a step, with the nodes of its bilateral rows, which never change.
-
-    A contact acts on at most ``runs`` nodes.
-    """
+    """Allocate the friction problem of a step with its bilateral rows; a contact acts on at most ``runs`` nodes."""
     nc, nt = unknowns.contact_pair.size, unknowns.at.size
     problem = friction_arrays(unknowns.system, nc, runs, bilateral=nt)
     rows = problem.bilateral

@@ -93,10 +93,7 @@ def rank_metric(bodies: Bodies, rows: list[BilateralRow]) -> Bodies:
 def motion_rows(
     mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, laws: dict[str, int]
 ) -> list[BilateralRow]:
-    """Return one row per motion, in the order of the file; its violation is 0 at the pose of ``state``.
-
-    ``laws`` gives the number of each time law by the key of its owner.
-    """
+    """Return a row per motion, with violation 0 at the pose of ``state``; ``laws``: number of each law by its owner."""
     rows = []
     for key, motion in mechanism.motions.items():
         against, moved = frames[motion.relative_to or "world"], frames[motion.body]

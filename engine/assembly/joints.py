@@ -58,10 +58,7 @@ def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
 
 
 def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
-    """Yield the contacts of the joints with play, and the stops and the friction of ideal ones.
-
-    R, (nb + 1, 3, 3), holds the rotations at the start.
-    """
+    """Yield the contacts of joints with play, and the stops and the friction of ideal ones; ``R`` as of `mate`."""
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             place = mate(joint, frames, R)
@@ -196,10 +193,7 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
 
 
 def _centres(joint: Any, side: int, frame: BodyFrame) -> list[Array | None]:
-    """Return the places from the axis to the narrowest places of a bore, or to the tips' centres of a pin.
-
-    One that is None stands for a round bore or pin.
-    """
+    """Return the vectors from the axis to the narrowest places of a bore or the tips of a pin; None: a round one."""
     lobes, line = _lobes(joint)[side], joint.sides[side]
     if lobes is None:
         return [None]

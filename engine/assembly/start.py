@@ -122,10 +122,7 @@ def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str
 
 
 def _overlaps(mechanism: Mechanism, names: Sequence[str], arrays: RunArrays) -> Iterator[str]:
-    """Write the gaps into the state; yield a line for each contact, or clearance or limit of a joint, that overlaps.
-
-    A gap may be negative by the allowed penetration.
-    """
+    """Write the gaps into the state; yield a line for each contact, or clearance or limit of a joint, that overlaps."""
     contacts, state, sites = arrays.model.contacts, arrays.state, arrays.work.sites
     gap, allowed = state.gap, mechanism.simulation.penetration
     find_contacts(contacts, state.x, state.R, gap, sites.point, sites.frame)

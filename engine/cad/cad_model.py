@@ -294,10 +294,7 @@ def _mesh(mesh: TriangleMesh, part: str, placement: Placement, first_face: int) 
 
 
 def in_unit(geometry: _T, millimetres: float) -> _T:
-    """Return data in mm from a CAD file, or derived from it, in another unit of length, given in mm, > 0.
-
-    Areas, volumes, inertias and densities change too; masses stay in g.
-    """
+    """Return data in mm from a CAD file, or derived from it, in another unit of length [mm], > 0; masses stay in g."""
     scaled: _T = _scaled(geometry, 0, 1.0 / millimetres)
     return scaled
 

@@ -40,18 +40,12 @@ def perpendicular(axis: Array) -> Array:
 
 
 def distance_to_triangles(point: Array, corners: Array) -> float:
-    """Return the distance from a point to the nearest triangle, corners (n, 3, 3); infinite if there are none.
-
-    None of the triangles is degenerate to a point.
-    """
+    """Return the distance from a point to the nearest triangle, corners (n, 3, 3), none a point; infinite if n is 0."""
     return float(np.linalg.norm(nearest_on_triangles(point, corners)[0] - point)) if len(corners) else np.inf
 
 
 def nearest_on_triangles(point: Array, corners: Array) -> tuple[Array, int]:
-    """Return the nearest point on triangles, corners (n, 3, 3), n >= 1, and the row of its triangle.
-
-    None of the triangles is degenerate to a point.
-    """
+    """Return the nearest point on triangles, corners (n, 3, 3), n >= 1, none a point, and the row of its triangle."""
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     sides = (first, second), (second, third), (third, first)
     normal = np.cross(second - first, third - first)

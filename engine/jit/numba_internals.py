@@ -342,10 +342,7 @@ if KEEPS_CODE:
 
 
 def index_file(compiled: Any) -> tuple[str, bool] | None:
-    """Return the index file of a kernel's code on disk, and whether it lists code compiled from the current source.
-
-    None if Numba does not say.
-    """
+    """Return the index file of a kernel's code on disk, and whether it lists this source's code; None: unknown."""
     if not KEEPS_CODE:
         return None
     try:

@@ -66,10 +66,7 @@ os.register_at_fork(after_in_child=_begin_anew)
 
 @contextmanager
 def set_after(seconds: float, flag: Any, value: int) -> Iterator[None]:
-    """Set a flag, shape (1,), that is still zero if the block takes longer than some real time [s].
-
-    It is never set after the block has ended.
-    """
+    """Set a flag, shape (1,), that is still zero if the block takes longer than a real time [s]; never after it."""
     clock, limit = _clock, _Limit(monotonic() + seconds, flag, value)
     clock.add(limit)
     try:

@@ -15,10 +15,7 @@ STEPS = 30
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """Return a context in which linear algebra gives the same bits whatever the number of cores.
-
-    The last bits of a singular value decomposition depend on the threads.
-    """
+    """Return a context in which linear algebra gives the same bits whatever the number of cores, and so of threads."""
     limited: AbstractContextManager[Any] = _threads().limit(limits=1, user_api="blas")
     return limited
 

@@ -28,10 +28,7 @@ TOKEN = re.compile(
 
 
 class UnfitToml(ValueError):
-    """A text is not TOML, or exceeds a limit.
-
-    The message says where the fault is, what it is, and what to do; line and column count from 1.
-    """
+    """A text is not TOML, or exceeds a limit; the message says where (line and column from 1), what, and what to do."""
 
     def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
         super().__init__(message)
@@ -39,11 +36,7 @@ class UnfitToml(ValueError):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file of at most a megabyte.
-
-    Raise OSError if it cannot be read, is not a regular file, or is too large, and UnfitToml if it is not TOML in UTF-8
-    or exceeds a limit.
-    """
+    """Return the tables of a TOML file; raise OSError if it is no regular file or too large, else as `parse_toml`."""
     return parse_toml(read_regular_file(path, LARGEST))
 
 

@@ -37,10 +37,7 @@ class FacingPlanes:
 
 
 def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:
-    """Return the plane faces of different parts that face each other, the smallest gap first.
-
-    The gap is at most 1 mm, and the shared area is at least 0.25 mm2.
-    """
+    """Return the planes of different parts that face each other, at most `REACH` apart, the smallest gap first."""
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []
     for i, j in _near(planes, triangles).tolist():

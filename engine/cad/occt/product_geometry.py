@@ -126,10 +126,7 @@ def _mesh(pieces: list[FacePiece], numbers: Integers, deflection: float) -> Tria
 
 
 def _arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recognition: float) -> list[ArcPiece]:
-    """Return the circular edges of a product's shape; `numbers` has -1 for each of its faces that was left out.
-
-    A spline counts as a circle if it is no more than `recognition` [mm] away from one.
-    """
+    """Return the circular edges of a product's shape; `numbers` has -1 for each of its faces that was left out."""
     edges = ShapeMap(shape, EDGE)
     bounded: dict[int, set[int]] = defaultdict(set)
     for face, number in zip(faces, numbers, strict=True):

@@ -195,10 +195,7 @@ def _lost(product: _Product) -> Iterator[str]:
 
 
 def _unique_names(products: list[str]) -> list[str]:
-    """Return a unique name for each part: the name of its product, with a number if several parts share it.
-
-    A part whose product has no name is called ``part``.
-    """
+    """Return a unique name for each part: that of its product, or ``part``, with a number if several parts share it."""
     called = [product or _UNNAMED for product in products]
     several = {name for name, count in Counter(called).items() if count > 1}
     taken = set(called) - several
