@@ -67,12 +67,7 @@ def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: flo
         "description": f"{links} links of 0.1 m on pins with play, hanging, released off the vertical.",
         "units": "SI",
         "gravity": [0.0, 0.0, -9.81],
-        "simulation": {
-            "step": 5e-4,
-            "horizon": 0.5,
-            "penetration": 1e-11,
-            "rest": {"window": 0.1, "drift": 1e-9},
-        },
+        "simulation": {"step": 5e-4, "horizon": 0.5, "penetration": 1e-11, "rest": {"window": 0.1, "drift": 1e-9}},
         "phases": [{"name": "swing", "duration": 0.5}],
         "materials": {"pin_eye": {"friction": friction}},
         "bodies": {"ground": {"fixed": True}} | {f"L{k}": _link(k, angle) for k in range(1, links + 1)},

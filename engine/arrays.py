@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
 LINE = 64  # bytes
 
 
@@ -25,10 +23,7 @@ def aligned_zeros(*shapes: int | tuple[int, ...]) -> list[Array]:
 
 
 class Block:
-    """Copies of all arrays of a named tuple, or of nested named tuples, in one block of memory.
-
-    Each copy starts at a cache line of the processor, so that eight consecutive doubles never span two lines.
-    """
+    """Copies of all arrays of nested named tuples in one block, each from a cache line: no eight doubles span two."""
 
     def __init__(self, arrays: Any) -> None:
         room = np.empty(_size(arrays) + LINE, np.uint8)

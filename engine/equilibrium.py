@@ -144,10 +144,7 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
 
 
 def is_balanced(pose: Assembly, forces: Array, h: float) -> bool:
-    """Return whether forces of the touching contacts, (nc, 3), balance the loads, to within what counts as rest.
-
-    ``pose`` is as `forces_at_rest` left it with this ``h``.
-    """
+    """Return whether forces, (nc, 3), balance the loads of a pose that `forces_at_rest` left, as far as rest counts."""
     touching, load = _touching(pose), _load(pose, h)
     left = load + _weights(pose) - _balance(pose, touching.size).T @ forces[touching].ravel()
     return float(left @ left) <= MOVING * float(load @ load)

@@ -114,15 +114,14 @@ def warm_up() -> float:
 def missing_kernels() -> tuple[str, ...]:
     """Return the index files of the kernels that are not in the cache yet; empty if the engine is compiled.
 
-    There is one index file for each kernel that Python calls; its name stands for it if Numba does not say where it is.
-    Most of the work is the time loop; responses and ranges of forces are compiled after it, and only in a run that
-    needs them.
+    There is one for each kernel that Python calls; its name stands for it if Numba does not say where it is.
     """
     from engine.friction.barrier import least
     from engine.jit import Kernel
     from engine.kernels.responses import measure
     from engine.kernels.time_loop import run_to_end
 
+    # most of the work is the time loop; responses and ranges are compiled after it, in a run that needs them
     needed = [kernel for kernel in (run_to_end, measure, least) if isinstance(kernel, Kernel)]
     if all(kernel.compiled.signatures or not _missing_file(kernel) for kernel in needed):
         return ()

@@ -172,10 +172,7 @@ def judge(
 
 
 def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> tuple[Status, str]:
-    """Judge a run that reached its horizon in a phase that ends at rest or at an event; return status and message.
-
-    ``phase`` is the last one that began, ``motion`` describes what moves, see `engine.not_at_rest`; empty if not known.
-    """
+    """Return status and message of a run that reached its horizon in a ``phase`` that ends at rest or at an event."""
     sim, awaited, moving = mechanism.simulation, mechanism.phases[phase].until, f": {motion}" if motion else ""
     horizon = f"the horizon of {sim.horizon:g} {mechanism.unit('time')}"
     if awaited is None:

@@ -286,10 +286,7 @@ def _advice(
 
 
 def headline(
-    spec: ReportSpec,
-    counts: Mapping[str, int],
-    responses: Sequence[ResponseAnalysis],
-    fit: AssemblyShare | None = None,
+    spec: ReportSpec, counts: Mapping[str, int], responses: Sequence[ResponseAnalysis], fit: AssemblyShare | None = None
 ) -> str:
     """Return the outcome in a sentence or two, from finished samples by status; failures come first."""
     lead = f"{fit.words}. " if fit is not None and fit.verdict in ("open", "exceeded") else ""

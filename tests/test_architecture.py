@@ -57,10 +57,7 @@ def test_no_package_circle():
 
 def test_a_package_circle_is_seen():
     """Modules deep in two packages make a circle of the packages, though the modules themselves are in none."""
-    deep = {
-        "engine.mechanism.joints": {"engine.cad.findings"},
-        "engine.cad.geometry": {"engine.mechanism.load"},
-    }
+    deep = {"engine.mechanism.joints": {"engine.cad.findings"}, "engine.cad.geometry": {"engine.mechanism.load"}}
     assert circle(deep) == []
     assert set(circle(package_imports(deep))) == {"engine.mechanism", "engine.cad"}
 

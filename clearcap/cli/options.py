@@ -97,8 +97,7 @@ def cluster_from(
         ),
     ] = None,
     tls_ca: Annotated[
-        Path | None,
-        _where(metavar="FILE", help="Certificate of the authority that signed the cluster's certificates."),
+        Path | None, _where(metavar="FILE", help="Certificate of the authority that signed the cluster's certificates.")
     ] = None,
     tls_cert: Annotated[Path | None, _where(metavar="FILE", help="Certificate of this process.")] = None,
     tls_key: Annotated[

@@ -12,16 +12,7 @@ import typer
 
 from campaign.errors import CampaignError, SpecError
 from clearcap.cli.options import CampaignId, StoreUrl, named_mechanism, opened_campaign
-from clearcap.cli.output import (
-    PLOTS,
-    Json,
-    check_output,
-    print_json,
-    print_table,
-    print_text,
-    replacing,
-    say,
-)
+from clearcap.cli.output import PLOTS, Json, check_output, print_json, print_table, print_text, replacing, say
 
 if TYPE_CHECKING:
     from campaign.plan import Plan

@@ -26,10 +26,7 @@ _BEGINNING = 4096  # bytes, enough to recognise the kind of a file
 
 
 def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str | None:
-    """Return what kind of TOML file this is and which command takes it; None if it may be the wanted kind.
-
-    ``wanted`` is "mechanism" or "campaign"; the path is for the suggested command.
-    """
+    """Return what this TOML file is, and which command takes it; None if it may be the mechanism or campaign wanted."""
     of_mechanism, of_campaign = len(tables.keys() & MECHANISM_KEYS), len(tables.keys() & CAMPAIGN_KEYS)
     name = shlex.quote(str(path))
     variables = tables.get("variables")
@@ -37,10 +34,8 @@ def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str 
     if any(isinstance(cost, Mapping) and cost.keys() & {"cost", "processes"} for cost in costs):
         return "is a cost file; clearcap advise takes it, after --cost"
     if wanted == "campaign" and of_mechanism > of_campaign:
-        return (
-            f"is a mechanism file, not a campaign; one run of it: clearcap simulate {name}; to vary it, name it in a"
-            " campaign file as its mechanism"
-        )
+        remedy = f"one run of it: clearcap simulate {name}; to vary it, name it in a campaign file as its mechanism"
+        return f"is a mechanism file, not a campaign; {remedy}"
     if wanted == "mechanism" and of_campaign > of_mechanism:
         return f"is a campaign file, not a mechanism; compute it with: clearcap run {name}"
     return None
@@ -59,10 +54,7 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
 
 
 def content_kind(content: bytes, wanted: str) -> str | None:
-    """Return what kind of non-TOML file some content belongs to and which command takes it; None if not known.
-
-    The beginning of the file suffices.
-    """
+    """Return what kind of non-TOML file some content, or its beginning, is and which command takes it, if known."""
     beginning = content[:_BEGINNING]
     for pattern, kind in _CONTENTS.items():
         if re.match(pattern, beginning, re.DOTALL):

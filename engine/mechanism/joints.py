@@ -111,15 +111,10 @@ class Joint(PairLaw):
     """Base class of all joints. A type with the prefix ``clearance_`` has play; without the prefix it is ideal."""
 
     SIDES: ClassVar[tuple[str, str]]
-    CLEARANCE: ClassVar[str] = ""
-    """The key for which the joint's name alone stands; empty if the joint exists only as an ideal one."""
-
+    CLEARANCE: ClassVar[str] = ""  # the key for which the joint's name alone stands; none if it is always ideal
+    # the keys of all numbers that are only added to the gaps of the joint's contacts, see `face_clearance`
     CLEARANCES: ClassVar[tuple[str, ...]] = ()
-    """The keys of all numbers that are only added to the gaps of the joint's contacts, see `face_clearance`."""
-
-    DIRECTION: ClassVar[str] = "axis"
-    """The key that gives the direction of a side."""
-
+    DIRECTION: ClassVar[str] = "axis"  # the key that gives the direction of a side
     type: str = Field(description="the kind of joint")
 
     @property
@@ -185,10 +180,8 @@ class Joint(PairLaw):
             friction, breakaway = getattr(self, f"friction_{key}", None), getattr(self, f"breakaway_{key}", None)
             if breakaway is not None and not 0 < (friction or 0.0) <= breakaway:
                 given = "none" if friction is None else f"{friction:g}"
-                text = (
-                    f"what holds a joint is at least what slows it, friction_{key}, which is {given}; allowed: "
-                    f"0 < friction_{key} <= breakaway_{key}; correct one of the two, or remove this one"
-                )
+                text = f"what holds a joint is at least what slows it, friction_{key}, which is {given}; allowed: "
+                text += f"0 < friction_{key} <= breakaway_{key}; correct one of the two, or remove this one"
                 raise refuse(text, key=f"breakaway_{key}", value=breakaway)
         return self
 

@@ -55,11 +55,7 @@ class TableLaw(TableModel):
         json_schema_extra={"minItems": 2},
     )
     over_quantity: ClassVar[str] = "time"
-    """The physical quantity of the first numbers; empty: it depends on what the file names."""
-
     value_quantity: ClassVar[str]
-    """The physical quantity of the values."""
-
     interpolation: Literal["linear", "smooth"] = Field(
         default="linear", description="between the points: linear, or smooth (monotone cubics, flat at both ends)"
     )

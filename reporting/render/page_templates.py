@@ -11,11 +11,7 @@ from reporting import format_numbers
 def page_environment(package: str) -> Environment:
     """Return the environment of the templates in the folder ``templates`` of a package, with filters for numbers."""
     made = Environment(
-        loader=PackageLoader(package),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     made.filters.update(
         plain=format_numbers.plain,

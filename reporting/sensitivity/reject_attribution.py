@@ -64,10 +64,7 @@ class RejectAttribution:
 
 
 def reject_attribution(
-    inputs: Mapping[str, ArrayLike],
-    rejected: ArrayLike,
-    confidence: float = 0.95,
-    lots: ArrayLike | None = None,
+    inputs: Mapping[str, ArrayLike], rejected: ArrayLike, confidence: float = 0.95, lots: ArrayLike | None = None
 ) -> RejectAttribution:
     """Return the attribution of the reject share to the variables; rows where one is not finite are left out.
 

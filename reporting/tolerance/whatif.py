@@ -24,13 +24,7 @@ from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
-from reporting.tolerance.weighted_intervals import (
-    LotLabels,
-    by_lot,
-    mean_interval,
-    share_interval,
-    variance_of_sum,
-)
+from reporting.tolerance.weighted_intervals import LotLabels, by_lot, mean_interval, share_interval, variance_of_sum
 
 USUAL_CPK = 1.33
 WANTED_HALF_WIDTH = 0.05

@@ -16,12 +16,7 @@ from studies.coverage.productions import CONFIDENCE, SHARES, VARIABLES, Producti
 # Limits as scores: 0.48 ppm below, 1.0 ppm above.
 FAR = (-4.9, 4.75)
 # Scores of the response around which each campaign draws.
-AIMS = {
-    "aimed well": (-4.9, 4.75),
-    "aimed too near": (-3.5, 3.5),
-    "aimed at one limit": (4.75,),
-    "aimed nowhere": (),
-}
+AIMS = {"aimed well": (-4.9, 4.75), "aimed too near": (-3.5, 3.5), "aimed at one limit": (4.75,), "aimed nowhere": ()}
 AIMED = tuple(Production(name, "normal") for name in AIMS)
 _WEIGHTS = dict(zip(VARIABLES, np.sqrt(SHARES).tolist(), strict=True))
 

@@ -52,10 +52,7 @@ class Settling:
     def steps(self, halvings: int) -> dict[str, Any]:
         """Return the step keys of [simulation], with all steps halved `halvings` times."""
         share = 0.5**halvings
-        return {
-            "step": share * self.step,
-            "adaptive": {"longest": share * self.longest, "travel": share * self.travel},
-        }
+        return {"step": share * self.step, "adaptive": {"longest": share * self.longest, "travel": share * self.travel}}
 
 
 class Ending(NamedTuple):

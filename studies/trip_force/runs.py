@@ -92,10 +92,7 @@ def bench(name: str, held: bool) -> Mechanism:
 def _hold(data: dict[str, Any]) -> None:
     """Guide the pin along Y while it pushes, instead of a guide that allows it to give way laterally."""
     push = data["motions"]["push"]
-    data["motions"]["across"] = push | {
-        "along": {"direction": [1.0, 0.0, 0.0]},
-        "law": {"speed": 0.0},
-    }
+    data["motions"]["across"] = push | {"along": {"direction": [1.0, 0.0, 0.0]}, "law": {"speed": 0.0}}
 
 
 def _name(limit: float) -> str:

@@ -21,12 +21,7 @@ def test_same_campaign_same_id(campaign, campaign_file):
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("samples = 25", "samples = 26"),
-        ("seed = 7", "seed = 8"),
-        ("0.0175", "0.0176"),
-        ('"c60"', '"own.toml"'),
-    ],
+    [("samples = 25", "samples = 26"), ("seed = 7", "seed = 8"), ("0.0175", "0.0176"), ('"c60"', '"own.toml"')],
 )
 def test_another_campaign_another_id(campaign, campaign_file, old, new):
     """Samples, seed, distributions and the mechanism's content are part of the id."""

@@ -61,10 +61,7 @@ def slurm(folder, nodes=("n1",)):
 
         def run(*words, **more):
             done = subprocess.run(
-                [*inside(host), *map(str, words)],
-                env=environment | more,
-                capture_output=True,
-                text=True,
+                [*inside(host), *map(str, words)], env=environment | more, capture_output=True, text=True
             )
             assert done.returncode == 0, done.stderr
             return done.stdout + done.stderr

@@ -30,8 +30,7 @@ def test_an_image_by_digest(image):
 
 @pytest.mark.processes
 @pytest.mark.parametrize(
-    "image",
-    ["", "clearcap", "clearcap:1.0", "clearcap@sha256:12", f"a|b@{DIGEST}", f"x@{DIGEST}\ny", f"y\nx@{DIGEST}"],
+    "image", ["", "clearcap", "clearcap:1.0", "clearcap@sha256:12", f"a|b@{DIGEST}", f"x@{DIGEST}\ny", f"y\nx@{DIGEST}"]
 )
 def test_an_image_without_digest(image):
     """It is refused, by its name, for the image's base and for manifests; so is what could change the command."""

@@ -255,10 +255,7 @@ def test_an_array_of_workers(run, home, tmp_path):
     files = ("--tls-ca", tls / "ca.pem", "--tls-cert", tls / "client.pem", "--tls-key", tls / "client.key")
     words = (plan.campaign_id, "run", "demo", "--store", store.url, "--scheduler", file, *files)
 
-    with (
-        process(*command, *tls_arguments(tls, "scheduler"), prefix=inside(run.host)),
-        ThreadPoolExecutor(1) as pool,
-    ):
+    with process(*command, *tls_arguments(tls, "scheduler"), prefix=inside(run.host)), ThreadPoolExecutor(1) as pool:
         until(file.exists, "no scheduler")
         array = ("sbatch", "--parsable", "--array=1-90%3", *small, DEPLOY / "batch/workers.slurm")
         array = run(*array, **environment).strip()

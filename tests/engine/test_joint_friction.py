@@ -185,10 +185,7 @@ def test_a_spring_pulls_a_block_in_jumps():
     data["springs"] = {"s": {"type": "linear", **ends, "stiffness": 200.0, "free_length": 1.0}}
     force = {"type": "spring_force", "spring": "s"}
     data["phases"] = [{"name": "first", "duration": 0.45}, {"name": "later", "duration": 1.55}]
-    data["responses"] = {
-        "most": {**force, "at": "minimum"},
-        "least": {**force, "at": "maximum", "from_phase": "later"},
-    }
+    data["responses"] = {"most": {**force, "at": "minimum"}, "least": {**force, "at": "maximum", "from_phase": "later"}}
     run = simulate(made(data))
     assert run.status == "ok", run.message
     swing = np.hypot(4.0, 0.1 * np.sqrt(200.0 * MASS))  # the sled goes on while the block slides

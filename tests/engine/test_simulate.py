@@ -48,11 +48,7 @@ def test_block_just_above_the_limit_of_friction_sticks(above):
 def test_block_slides_as_coulomb_says(friction, h):
     """Below: 1/2 g (sin - mu cos) t^2 after 0.5 s, within g h t."""
     run = simulate(
-        load_mechanism("incline"),
-        {"materials.block_slope.friction": friction},
-        step=h,
-        horizon=0.5,
-        full_horizon=True,
+        load_mechanism("incline"), {"materials.block_slope.friction": friction}, step=h, horizon=0.5, full_horizon=True
     )
     way = 0.5 * GRAVITY * (np.sin(SLOPE) - friction * np.cos(SLOPE)) * 0.5**2
     assert run.responses["slide"] == pytest.approx(way, abs=0.5 * GRAVITY * h * 0.5)
@@ -143,10 +139,7 @@ def test_pendulum_with_play_hangs_one_clearance_low():
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)
-@given(
-    seed=st.integers(0, 10_000),
-    law=st.sampled_from([(0.0, 0.0), (0.0, 0.6), (0.0, 1.0), (0.5, 0.0), (1.2, 0.0)]),
-)
+@given(seed=st.integers(0, 10_000), law=st.sampled_from([(0.0, 0.0), (0.0, 0.6), (0.0, 1.0), (0.5, 0.0), (1.2, 0.0)]))
 def test_energy_of_a_thrown_block_never_grows(seed, law):
     """Thrown, tumbling, landing on its corners: no step gains energy but by the scheme's own second-order terms.
 

@@ -40,12 +40,7 @@ def c60_spec(requested: int) -> ReportSpec:
         header={"part": "C-60 1P", "author": "quality lab", "conclusion": "Fit for the pilot series."},
         responses=responses,
         variables=variables,
-        provenance={
-            "mechanism": "c60",
-            "seed": "2018",
-            "spec sha256": "ab" * 32,
-            "engine build": "0123456789abcdef",
-        },
+        provenance={"mechanism": "c60", "seed": "2018", "spec sha256": "ab" * 32, "engine build": "0123456789abcdef"},
         requested=requested,
     )
 

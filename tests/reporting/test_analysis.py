@@ -86,8 +86,7 @@ def test_limits_of_an_assumption_are_marked(campaign) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "line"),
-    [("max_residual", 2e-6, "Friction residual"), ("max_penetration", 2e-6, "Penetration")],
+    ("name", "value", "line"), [("max_residual", 2e-6, "Friction residual"), ("max_penetration", 2e-6, "Penetration")]
 )
 def test_one_bad_certificate_turns_the_card(campaign, name, value, line) -> None:
     table, spec = campaign(60, 4)

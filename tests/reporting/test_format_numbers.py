@@ -21,14 +21,7 @@ from tests.each import each
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [
-        (9.0, "9"),
-        (0.07, "0.07"),
-        (-2.2, "-2.2"),
-        (1e-6, "1e-6"),
-        (0.1 + 0.2, "0.30000000000000004"),
-        (None, "–"),
-    ],
+    [(9.0, "9"), (0.07, "0.07"), (-2.2, "-2.2"), (1e-6, "1e-6"), (0.1 + 0.2, "0.30000000000000004"), (None, "–")],
 )
 def test_plain(value, text) -> None:
     assert plain(value) == text

@@ -111,16 +111,7 @@ def test_the_page_is_a_sound_outline(page: Page) -> None:
 
 
 def test_the_page_says_the_words_not_only_the_colours(page: Page) -> None:
-    for word in (
-        "capable",
-        "marginal",
-        "not capable",
-        "no limits",
-        "assumed",
-        "Ppk",
-        "not_converged",
-        "crashed",
-    ):
+    for word in ("capable", "marginal", "not capable", "no limits", "assumed", "Ppk", "not_converged", "crashed"):
         assert word in page.text, word
     assert "clearcap simulate c60 --set J1=" in page.text
     assert "197 of 200 samples ok, 3 failed" in " ".join(page.text.split())
@@ -212,13 +203,7 @@ def test_every_number_of_the_page_is_in_the_json(campaign) -> None:
     a = analysis_of(*campaign(200, 3))
     c = json.loads(render_json(a))["responses"][0]["capability"]
     text = Page(render_html(a)).text
-    for shown in (
-        f"{c['mean']:.3f}",
-        f"{c['cp']:.3f}",
-        f"{c['cpk']:.3f}",
-        f"{c['cc']:.3f}",
-        f"{c['max']:.3f}",
-    ):
+    for shown in (f"{c['mean']:.3f}", f"{c['cp']:.3f}", f"{c['cpk']:.3f}", f"{c['cc']:.3f}", f"{c['max']:.3f}"):
         assert shown in text
 
 

@@ -202,9 +202,6 @@ def _short(values: Sequence[float]) -> str:
     return f"[{', '.join(f'{round(value, 6) + 0.0:g}' for value in values)}]"
 
 
-# Sides of joints and contacts that name faces of a CAD file: the point, axis, radius or primitive of the face.
-
-
 def feature_of(search: PartSearch, kind: FeatureKind, wanted: TableModel) -> CadFace | CadEdge:
     """Return the face or edge that a selector names; raise NotOneFace if there is not exactly one."""
     match wanted:
@@ -246,15 +243,11 @@ def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEd
 
 
 def line_side(search: PartSearch, side: Mapping[str, Any], at: Array, axis: Array) -> dict[str, Any]:
-    """Return the side of a joint about an axis, completed with point and axis; existing entries are kept.
-
-    ``at`` and ``axis`` are in the assembly's frame.
-    """
+    """Return the side of a joint, completed with point and axis, given in the assembly's frame, where it has none."""
     return {"point": search.to_body(at), "axis": search.turned_to_body(axis), **side}
 
 
 # What the features give a mechanism as drawn: an outline for pictures, a `surface`, a pin in its hole.
-
 
 PARALLEL = 1e-3  # largest angle [rad] between axes that count as parallel
 _STEP = 1e-3  # mm: pictures need no more digits
@@ -272,12 +265,8 @@ _INSTEAD = {
     "cone": "write it as a turned profile, ",
     "torus": "write it as a turned profile, ",
 }
-"""What to write instead for a face that is not free-form, by its kind."""
-
+# clearance [mm] below which a pin and its hole count as drawn with equal radii, beyond the recognition gap of both
 NO_PLAY = 1e-9
-"""Clearance [mm] below which a pin and its hole count as drawn with equal radii, beyond the recognition gap of their
-faces.
-"""
 
 
 def viewing_direction(assembly: CadAssembly) -> Array:
@@ -292,11 +281,7 @@ def viewing_direction(assembly: CadAssembly) -> Array:
 
 
 def drawn_outline(assembly: CadAssembly, part: str, direction: Array, millimetre: float) -> list[list[float]] | None:
-    """Return the corners of a part's silhouette in the body's frame, shape (n, 3); None for a part without triangles.
-
-    ``direction``, a unit vector in the assembly's frame, is that of the view, and ``millimetre`` the length of one in
-    the mechanism's unit of length.
-    """
+    """Return the corners of a part's silhouette in the body's frame, shape (n, 3); None if it has no triangles."""
     from engine.cad.silhouette import silhouette
 
     mesh = next(mesh for mesh in assembly.meshes if mesh.part == part)
@@ -309,21 +294,15 @@ def drawn_outline(assembly: CadAssembly, part: str, direction: Array, millimetre
     return [[length(round(x / step) * step, millimetre) for x in corner] for corner in corners]
 
 
-# Faces of a CAD part as the primitive `surface`: B-splines that represent them, with normals out of the part.
-
-
 class NotASurface(Exception):
     """A face cannot be used as a contact surface; the message says why."""
 
 
 def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
-    """Return the B-splines of a face in the frame of the body, as entries for the table of a surface.
-
-    Raise NotASurface if the face has none.
-    """
+    """Return the B-splines of a face in the frame of the body, for a surface's table; NotASurface if it has none."""
     if not face.splines:
-        instead = _INSTEAD.get(face.kind, "")
-        raise NotASurface(f"{search.described(face)} {_NO_PARAMETER_LINES.format(instead=instead)}")
+        text = _NO_PARAMETER_LINES.format(instead=_INSTEAD.get(face.kind, ""))
+        raise NotASurface(f"{search.described(face)} {text}")
     return [_table(search, spline) for spline in face.splines]
 
 
@@ -334,10 +313,7 @@ def surface_table(wanted: FacesNear, splines: Sequence[Sequence[dict[str, Any]]]
 
 
 def drawn_faces(surface: dict[str, Any], faces: Sequence[CadFace]) -> list[DrawnFace]:
-    """Return how exactly the patches of a surface match the faces of the CAD file; empty if the surface is refused.
-
-    The B-splines of ``surface`` are those of ``faces``, in the same order.
-    """
+    """Return how exactly patches match the faces, in the order of their B-splines; empty if the surface is refused."""
     try:
         errors = iter(FreeFormSurface.model_validate(surface).conversion_errors)
     except ValidationError:

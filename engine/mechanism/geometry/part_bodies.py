@@ -98,10 +98,9 @@ def mass_properties(parts: Sequence[CadPart], body: Mapping[str, Any], rules: De
     solids = [(part, solid) for part in parts for solid in part.solids]
     volumes = np.array([solid.volume for _, solid in solids])
     if not len(volumes):
-        raise NoDensity(
-            f"the part {parts[0].name} holds no solid, only surfaces; allowed: a part with solids; give mass, "
-            "center_of_mass and inertia, or export it as a solid"
-        )
+        remedy = "give mass, center_of_mass and inertia, or export it as a solid"
+        text = f"the part {parts[0].name} holds no solid, only surfaces; allowed: a part with solids; {remedy}"
+        raise NoDensity(text)
     densities, source = _densities(parts, body, rules)
     masses = densities * volumes
     centres = np.array([solid.centre for _, solid in solids])
@@ -142,11 +141,11 @@ def _densities(parts: Sequence[CadPart], body: Mapping[str, Any], rules: Density
         return np.full(len(found), body["mass"] / sum(volumes)), "the mass in this file"
     without = [part.name for part in parts if any(not (solid.material or part.material) for solid in part.solids)]
     several = f"; its solids, in order: {_solids(parts)}" if len(found) > 1 else ""
+    each = ", or one for each solid" if len(found) > 1 else ""
     raise NoDensity(
         f"missing; the CAD file has no density of {some(without or [part.name for part in parts])}{several}; allowed:"
-        f" density, a number > 0 or the name of a material{', or one for each solid' if len(found) > 1 else ''}, or"
-        " mass;"
-        " add one of them, or density to [cad], for all that have none"
+        f" density, a number > 0 or the name of a material{each}, or mass; add one of them, or density to [cad], for"
+        " all that have none"
     )
 
 
@@ -158,10 +157,8 @@ def _given(parts: Sequence[CadPart], given: Any) -> list[float | str | None]:
     if isinstance(given, Mapping):
         names = [part.name for part in parts]
         if strange := [name for name in given if name not in names]:
-            raise NoDensity(
-                f"{strange[0]!r} is no part of this body; allowed: {some(names)}{did_you_mean(strange[0], names)};"
-                " correct it"
-            )
+            known = f"{some(names)}{did_you_mean(strange[0], names)}"
+            raise NoDensity(f"{strange[0]!r} is no part of this body; allowed: {known}; correct it")
         given = [given.get(part.name) for part in parts for _ in part.solids]
         sound = all(each is None or _is_density(each) for each in given)
     else:
@@ -180,22 +177,19 @@ def _is_density(value: Any) -> bool:
 
 def _solids(parts: Sequence[CadPart]) -> str:
     """Return a phrase for the solids of parts."""
-    solids = [
-        (solid.name or f"solid {i}" if len(parts) == 1 else part.name, solid.volume)
-        for part in parts
-        for i, solid in enumerate(part.solids)
-    ]
-    return some([f"{name} of volume {volume:.6g}" for name, volume in solids])
+    return some(
+        [
+            f"{solid.name or f'solid {i}' if len(parts) == 1 else part.name} of volume {solid.volume:.6g}"
+            for part in parts
+            for i, solid in enumerate(part.solids)
+        ]
+    )
 
 
 def body_of_part(
     part: CadPart, body: Mapping[str, Any], masses: MassProperties | None, millimetre: float
 ) -> dict[str, Any]:
-    """Return the table of a body completed with the numbers of its part; existing entries are kept.
-
-    ``part``, ``parts`` and ``density`` are removed. ``masses`` is None for a fixed body, and ``millimetre`` the length
-    of one in the mechanism's unit.
-    """
+    """Return the table of a body, without what is only for CAD, completed with the numbers of its part."""
     from scipy.spatial.transform import Rotation
 
     placement = part.placement

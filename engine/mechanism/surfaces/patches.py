@@ -61,10 +61,7 @@ def _products(patches: Array, t: Array) -> Array:
 
 
 def convex_curvature(patches: Array) -> float:
-    """Return the largest curvature with which patches bend away from their outward normals; 0 if none does.
-
-    It is the maximum over a grid of each patch; points without a normal are ignored.
-    """
+    """Return the largest curvature, over a grid of each patch, of bending away from outward normals; 0 if none does."""
     t = np.linspace(0.05, 0.95, 7)
     S_u, S_v = points(patches, t, t, 1, 0), points(patches, t, t, 0, 1)
     n = normals(patches, t)
@@ -99,9 +96,6 @@ def mean_direction(patches: Array) -> tuple[Array, Array]:
     length = float(np.linalg.norm(area))
     size = float(np.linalg.norm(_products(patches, t), axis=-1).sum())
     return middle, area / length if length > 1e-6 * size else np.array([0.0, 0.0, 1.0])
-
-
-# How the edges of patches meet: which are shared, which are open, and which patches have opposite normals.
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,7 @@ import pytest
 import yaml
 
 import campaign.cluster.connect
-from campaign.cluster.batch_systems import (
-    _package,
-    job_certificates,
-    job_cluster,
-    kubernetes_resource,
-    submission,
-)
+from campaign.cluster.batch_systems import _package, job_certificates, job_cluster, kubernetes_resource, submission
 from campaign.cluster.cluster import Cluster, Tls
 from campaign.cluster.connect import connect
 from campaign.cluster.tls_certificates import make_certificates
@@ -82,10 +76,7 @@ def test_job_script(kind, given, settings, commands, tls, monkeypatch):
 
 def test_a_refused_job_is_told(settings, commands):
     """What the batch system says reaches the user, and nothing is left running."""
-    with (
-        pytest.raises(UnreachableError, match="no such partition"),
-        connect(Cluster(kind="slurm", workers=16)),
-    ):
+    with pytest.raises(UnreachableError, match="no such partition"), connect(Cluster(kind="slurm", workers=16)):
         pass
     assert not list(commands.glob(".clearcap-tls-*"))
 

@@ -337,12 +337,7 @@ Job ID               Username Queue    Jobname    SessID NDS TSK Memory Time  S 
 }
 MEANT = {
     "slurm": {"17": (True, "Resources"), "18": (False, ""), "19": (False, "")},
-    "oar": {
-        "4711": (True, "FIFO scheduling OK"),
-        "4712": (False, ""),
-        "4714": (True, ""),
-        "4715": (False, ""),
-    },
+    "oar": {"4711": (True, "FIFO scheduling OK"), "4712": (False, ""), "4714": (True, ""), "4715": (False, "")},
     "pbs": {
         "101": (True, "Not Running: Insufficient amount of resource: ncpus (R: 16 A: 0 T: 64)"),
         "102": (False, ""),

@@ -32,11 +32,7 @@ def replaced(path, old, new):
 
 
 FAULTS = {
-    "misspelt key": (
-        "samples = 25",
-        "sampels = 25",
-        ["sampels = 25: unknown key", "did you mean 'samples'?"],
-    ),
+    "misspelt key": ("samples = 25", "sampels = 25", ["sampels = 25: unknown key", "did you mean 'samples'?"]),
     "missing key": ("samples = 25", "", ["samples: missing; add it"]),
     "no samples": ("samples = 25", "samples = 0", ["samples = 0: must be at least 1"]),
     "samples as text": ("samples = 25", 'samples = "25"', ['samples = "25": must be a whole number']),
@@ -44,22 +40,14 @@ FAULTS = {
     "negative seed": ("seed = 7", "seed = -1", ["seed = -1: must be at least 0"]),
     "path as name": ('name = "demo"', 'name = "../demo"', ['name = "../demo": allowed: up to 60 letters']),
     "newer format": ("format = 1", "format = 2", ["format = 2: must be 1"]),
-    "unknown mechanism": (
-        'mechanism = "c60"',
-        'mechanism = "c61"',
-        ['mechanism = "c61": c61: no such mech', "c60"],
-    ),
+    "unknown mechanism": ('mechanism = "c60"', 'mechanism = "c61"', ['mechanism = "c61": c61: no such mech', "c60"]),
     "missing file": ('mechanism = "c60"', 'mechanism = "no.toml"', ["no.toml", "cannot be read"]),
     "sd zero": ("std = 0.0175", "std = 0.0", ["variables.J1.std = 0.0: must be greater than 0; increase it"]),
     "sd negative": ("std = 0.0175", "std = -1", ["variables.J1.std = -1: must be greater than 0"]),
     "sd infinite": ("std = 0.0175", "std = inf", ["variables.J1.std = Infinity: must be a finite number"]),
     "sd misspelt": ("std = 0.0175", "sdt = 1.0", ["variables.J1.sdt = 1.0: unknown key", "did you mean 'std'?"]),
     "mean not a number": ("mean = 0.07", "mean = nan", ["variables.J1.mean = NaN: must be a finite number"]),
-    "bounds crossed": (
-        "lower = 0.01",
-        "lower = 0.2",
-        ["variables.J1: lower = 0.2 is not below upper = 0.13"],
-    ),
+    "bounds crossed": ("lower = 0.01", "lower = 0.2", ["variables.J1: lower = 0.2 is not below upper = 0.13"]),
     "impossible mean": (
         "mean = 0.07",
         "mean = 9.0",
@@ -119,23 +107,11 @@ FAULTS = {
     ),
     "corners miscounted": ("seed = 7", 'seed = 7\nsampler = "worst_case"', ["write samples = "]),
     "unknown joint": ("[variables.J1]", "[variables.J9]", ["variables.J9: does not set a number of c60", "J1, J2"]),
-    "unknown target": (
-        '"springs.A3.preload"',
-        '"springs.A3.x"',
-        ["variables.preload: does not set a number of c60"],
-    ),
-    "clearance of 0": (
-        "lower = 0.01",
-        "lower = 0.0",
-        ["variables.J1: reaches J1 = 0, which c60 refuses", "allowed: "],
-    ),
+    "unknown target": ('"springs.A3.preload"', '"springs.A3.x"', ["variables.preload: does not set a number of c60"]),
+    "clearance of 0": ("lower = 0.01", "lower = 0.0", ["variables.J1: reaches J1 = 0, which c60 refuses", "allowed: "]),
     "clearance negative": ("lower = 0.01", "lower = -0.1", ["reaches J1 = -0.1, which c60 refuses"]),
     "clearance of 1 mm": ("upper = 0.13", "upper = 1.0", ["reaches J1 = 1, which c60 refuses", "allowed: "]),
-    "one target twice": (
-        '"springs.A3.preload"',
-        '"joints.J1.radial_clearance"',
-        ["J1 and preload both set joints.J1"],
-    ),
+    "one target twice": ('"springs.A3.preload"', '"joints.J1.radial_clearance"', ["J1 and preload both set joints.J1"]),
     "drawing of a force": (
         'distribution = "uniform"\nlower = 0.9\nupper = 1.0',
         'dimension = "1 ±0.1"\ncpk = 1.0',
@@ -162,11 +138,7 @@ FAULTS = {
         "nominal = 9.0",
         ["responses.FC-1: nominal and tolerance are only valid together"],
     ),
-    "limits twice": (
-        "lsl = 9.0",
-        "nominal = 9.0\ntolerance = 1.0",
-        ["responses.FC-1: nominal and tolerance already"],
-    ),
+    "limits twice": ("lsl = 9.0", "nominal = 9.0\ntolerance = 1.0", ["responses.FC-1: nominal and tolerance already"]),
     "retry misspelt": (
         "seed = 7",
         "seed = 7\nfailures = {retry = [{stp = 1e-3}]}",
@@ -551,10 +523,7 @@ def test_the_example_of_the_page_follows_the_lever_rule(tmp_path):
             "variables.stop: reaches contacts.stop.b.plane.point.y = -5, which lever refuses: contacts.stop: gap "
             "-5 mm at the start; allowed: >= 0; move the bodies, the features or `offset`; ",
         ),
-        (
-            {"pin": ("pin", 0.01, 0.3)},
-            "or lower its upper end",
-        ),
+        ({"pin": ("pin", 0.01, 0.3)}, "or lower its upper end"),
         (
             {"mass": ("parameters.mass", -1.0, 1.0)},
             "variables.mass: reaches parameters.mass = -1, which lever refuses: then bodies.",

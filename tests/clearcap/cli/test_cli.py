@@ -167,11 +167,7 @@ def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
 def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
     """A campaign without one result exits 1 and quotes a message; the rows stay."""
     raises = partial(fake_engine.raises_above, -1.0)
-    monkeypatch.setattr(
-        campaign.coordinator.coordinate,
-        "coordinate",
-        partial(coordinate, simulate=raises),
-    )
+    monkeypatch.setattr(campaign.coordinator.coordinate, "coordinate", partial(coordinate, simulate=raises))
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
     assert done.exit_code == 1
     assert json.loads(done.stdout)["statuses"] == {"crashed": 25}

@@ -33,10 +33,7 @@ def test_labels_are_changed_and_shown(store, plan, say):
     assert say("zoe", "label", name) == (0, f"{name}: owner -, no tags (version 0)\n", "")
     words = ("--owner", "alice", "--tag", "b", "--tag", "a", "--note", "a note", "--archive")
     code, printed, _ = say("zoe", "label", name[:-2], *words)
-    assert (code, printed.splitlines()) == (
-        0,
-        [f"{name}: owner alice, tags a, b, archived (version 1)", "  a note"],
-    )
+    assert (code, printed.splitlines()) == (0, [f"{name}: owner alice, tags a, b, archived (version 1)", "  a note"])
     assert read_labels(store, name).changed_by == "zoe"
     code, printed, _ = say("zoe", "label", name, "--untag", "a", "--restore", "--version", "1", "--json")
     changed = {"owner": "alice", "tags": ["b"], "note": "a note", "archived": False, "version": 2}

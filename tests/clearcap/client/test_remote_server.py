@@ -90,10 +90,7 @@ def test_mechanisms(remote):
 
 def test_a_server_that_is_away(monkeypatch):
     monkeypatch.setattr("clearcap.client.server_connection.time.sleep", lambda _: None)
-    with (
-        connect("http://127.0.0.1:9", "clearcap_token_x") as nobody,
-        pytest.raises(UnreachableError, match="later"),
-    ):
+    with connect("http://127.0.0.1:9", "clearcap_token_x") as nobody, pytest.raises(UnreachableError, match="later"):
         nobody.mechanisms()
 
 

@@ -25,11 +25,7 @@ def ball(rings, radius=10.0, deflection=0.01):
     # each face has vertices of its own, as OCCT makes them
     own = np.where(low[:, None], triangles + len(vertices), triangles)
     return TriangleMesh(
-        part="ball",
-        vertices=np.concatenate([vertices, vertices]),
-        triangles=own,
-        faces=low + 7,
-        deflection=deflection,
+        part="ball", vertices=np.concatenate([vertices, vertices]), triangles=own, faces=low + 7, deflection=deflection
     )
 
 

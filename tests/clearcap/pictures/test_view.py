@@ -11,10 +11,7 @@ from tests.engine.small import block_on_floor, made, shipped, turned
 X, Y, Z = np.eye(3)
 
 
-@pytest.mark.parametrize(
-    ("name", "right", "up"),
-    [("clearance_pendulum", X, Y), ("c60", X, Y), ("incline", X, Z)],
-)
+@pytest.mark.parametrize(("name", "right", "up"), [("clearance_pendulum", X, Y), ("c60", X, Y), ("incline", X, Z)])
 def test_plane_of_the_shipped_mechanisms(name, right, up):
     """Along the joints' axes; without joints across gravity and the planes' normals. Exactly, where it is an axis."""
     view = choose_view(load_mechanism(name))

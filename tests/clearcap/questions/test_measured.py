@@ -149,10 +149,7 @@ def test_the_chart_is_chosen_in_the_limits_file(tmp_path):
     assert chart.spread.beyond == (10,)
     assert list(chart.marks) == [f"western electric {n}" for n in (1, 2, 3, 4)]
     assert chart == analysed(frame, chosen | {"subgroup": 4}).responses[0].chart
-    assert list(analysed(frame, LIMITS | {"rules": [8, 1]}).responses[0].chart.marks) == [
-        "nelson 1",
-        "nelson 8",
-    ]
+    assert list(analysed(frame, LIMITS | {"rules": [8, 1]}).responses[0].chart.marks) == ["nelson 1", "nelson 8"]
     averages = analysed(frame, LIMITS | {"order": "at", "chart": "ewma", "ewma_weight": 0.1})
     assert averages.responses[0].chart.kind == "ewma"
     files = clearcap.capability_report(frame, chosen, tmp_path, ["html", "json"])

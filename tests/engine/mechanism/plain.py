@@ -10,12 +10,7 @@ def pendulum() -> dict[str, Any]:
         "name": "pendulum",
         "units": "mm-g-ms",
         "validity": ["height > -5"],
-        "simulation": {
-            "step": 1e-3,
-            "horizon": 1.0,
-            "penetration": 1e-8,
-            "rest": {"window": 0.1, "drift": 1e-6},
-        },
+        "simulation": {"step": 1e-3, "horizon": 1.0, "penetration": 1e-8, "rest": {"window": 0.1, "drift": 1e-6}},
         "phases": [{"name": "hold", "duration": 0.5}, {"name": "free"}],
         "materials": {"steel_steel": {"friction": 0.2, "restitution": 0.1}},
         "bodies": {
@@ -69,12 +64,7 @@ def pendulum() -> dict[str, Any]:
                 "along": {"point": [0, -8, 0], "direction": [0, 1, 0]},
                 "law": {"table": [[0, 0], [0.5, 2]], "interpolation": "smooth"},
             },
-            "swing": {
-                "body": "link",
-                "relative_to": "ground",
-                "about": {"axis": [0, 0, 1]},
-                "law": {"speed": 0.1},
-            },
+            "swing": {"body": "link", "relative_to": "ground", "about": {"axis": [0, 0, 1]}, "law": {"speed": 0.1}},
         },
         "responses": {
             "load": {"type": "contact_force", "contact": "stop"},

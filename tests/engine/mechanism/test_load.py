@@ -136,11 +136,7 @@ def test_text_must_be_utf8(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "place"),
-    [
-        ("format = 1\nname = \n", "line 2"),
-        (MINIMAL + "[bodies.ball]\n", "line"),
-        ("a = 1\na.b = 2\n", "line 2"),
-    ],
+    [("format = 1\nname = \n", "line 2"), (MINIMAL + "[bodies.ball]\n", "line"), ("a = 1\na.b = 2\n", "line 2")],
 )
 def test_what_is_not_toml_is_said_with_its_line(tmp_path, text, place):
     path = write(tmp_path, text)

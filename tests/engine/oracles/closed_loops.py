@@ -63,9 +63,7 @@ def bennett(step: float) -> dict[str, Any]:
         simulation={"step": step, "horizon": 5.0},
         springs={"spring": {"type": "torsion", "a": "ground", "b": "link_0", "axis": [0, 0, 1], **SPRING}},
         phases=[{"name": "swing", "duration": 5.0}],
-        responses={
-            "fastest": {"type": "angular_velocity", "body": "link_0", "axis": [0, 0, 1], "at": "maximum"},
-        },
+        responses={"fastest": {"type": "angular_velocity", "body": "link_0", "axis": [0, 0, 1], "at": "maximum"}},
         **linkage(*bennett_pose(START), [LINK] * 3),
     )
 

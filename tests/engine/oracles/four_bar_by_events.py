@@ -88,10 +88,7 @@ class Instant:
 
 
 ABOUT = np.array(
-    [
-        INERTIA["coupler"] + 0.25 * MASS["coupler"] * COUPLER**2,
-        INERTIA["rocker"] + 0.25 * MASS["rocker"] * ROCKER**2,
-    ]
+    [INERTIA["coupler"] + 0.25 * MASS["coupler"] * COUPLER**2, INERTIA["rocker"] + 0.25 * MASS["rocker"] * ROCKER**2]
 )
 
 

@@ -114,10 +114,7 @@ def test_a_light_rod_on_joints_with_play_swings_a_ton(mass):
         },
         "ton": {"mass": 1000.0, "inertia": [10.0] * 3, "origin": (length * hang).tolist()},
     }
-    joints = {
-        "top": pin("rod", [0, 0, 0.5], "ground", [0, 0, 0]),
-        "low": pin("rod", [0, 0, -0.5], "ton", [0, 0, 0]),
-    }
+    joints = {"top": pin("rod", [0, 0, 0.5], "ground", [0, 0, 0]), "low": pin("rod", [0, 0, -0.5], "ton", [0, 0, 0])}
     found = ran(moving(1e-3, 0.5, gravity=DOWN, bodies=bodies, joints=joints, responses=coordinates("ton")))
     exact = solve_ivp(lambda _, y: [y[1], -GRAVITY / length * np.sin(y[0])], (0, 0.5), [start, 0], rtol=1e-10).y[0, -1]
     braked = 2 * friction * GRAVITY * radius * 0.5**2 / 2  # at most

@@ -24,10 +24,7 @@ def ball(side: dict[str, Any], horizon: float, step: float, friction: float, dra
         gravity=[0, 0, -9.81],
         simulation={"step": step, "horizon": horizon, "rest": {"window": 10.0, "drift": 1e-12}},
         phases=[{"name": "roll", "duration": horizon, "damping": drag}],
-        bodies={
-            "ground": {"fixed": True},
-            "ball": {"mass": 1.0, "inertia": [0.004] * 3, "origin": start.tolist()},
-        },
+        bodies={"ground": {"fixed": True}, "ball": {"mass": 1.0, "inertia": [0.004] * 3, "origin": start.tolist()}},
         contacts={
             "wall": {
                 "a": {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": BALL}},

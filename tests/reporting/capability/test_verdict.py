@@ -11,14 +11,7 @@ from reporting import capability
 from reporting.capability.intervals import Estimate
 from reporting.capability.lots import describe_lots
 from reporting.capability.shares import nonconforming
-from reporting.capability.verdict import (
-    FEWEST_FOR_A_VERDICT,
-    USUAL,
-    SecondPopulation,
-    bars_of,
-    index_of_share,
-    verdict,
-)
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, USUAL, SecondPopulation, bars_of, index_of_share, verdict
 
 
 def spread(n: int, cpk: float, rejects: int = 0) -> np.ndarray:

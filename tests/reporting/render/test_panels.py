@@ -59,11 +59,7 @@ def test_causes_show_the_shares() -> None:
 
 @pytest.mark.parametrize(
     ("marked", "words"),
-    [
-        ((), "No point breaks a rule"),
-        ((4,), "1 point breaks a rule"),
-        ((4, 7), "2 points break a rule"),
-    ],
+    [((), "No point breaks a rule"), ((4,), "1 point breaks a rule"), ((4, 7), "2 points break a rule")],
 )
 def test_marked_points_are_counted_in_words(marked, words) -> None:
     chart = replace(analysed().responses[0].chart, marks={"nelson 1": marked, "nelson 2": ()})

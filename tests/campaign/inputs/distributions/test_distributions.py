@@ -45,10 +45,7 @@ PARENTS = [
     (entry("triangular", lower=0.0, mode=1.0, upper=1.0), stats.triang(1.0, 0.0, 1.0)),
     # distances in a zone of diameter 0.2: uniform in a disc; two normal ones cut off at a circle
     (entry("position", zone=0.2), stats.triang(1.0, 0.0, 0.1)),
-    (
-        entry("position", zone=0.2, std=0.05),
-        stats.truncweibull_min(2.0, 0.0, 2.0**0.5, scale=0.05 * 2.0**0.5),
-    ),
+    (entry("position", zone=0.2, std=0.05), stats.truncweibull_min(2.0, 0.0, 2.0**0.5, scale=0.05 * 2.0**0.5)),
     (entry("beta", lower=1.0, upper=3.0, alpha=2.0, beta=5.0), stats.beta(2.0, 5.0, 1.0, 2.0)),
     (entry("beta", lower=1.0, upper=3.0, alpha=0.5, beta=0.7), stats.beta(0.5, 0.7, 1.0, 2.0)),
     (entry("beta", lower=-1.0, upper=1.0, mean=0.2, std=0.25), stats.beta(8.616, 5.744, -1.0, 2.0)),

@@ -6,11 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from campaign.inputs.sampling import draw
-from tests.campaign.inputs.sampling.campaigns import (
-    UNIT,
-    J,
-    spec,
-)
+from tests.campaign.inputs.sampling.campaigns import UNIT, J, spec
 
 
 def test_corners_are_every_combination_of_ends_and_the_middle():

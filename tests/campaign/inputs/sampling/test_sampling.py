@@ -75,11 +75,7 @@ def test_drawn_values_never_change(sampler):
 
 def test_first_values_never_change():
     """A stored campaign can be extended by a later version: the stream itself is part of the format."""
-    assert uniforms(2018, "J1", 0, 3).tolist() == [
-        0.6137961892190279,
-        0.20385611599472842,
-        0.8281220665825978,
-    ]
+    assert uniforms(2018, "J1", 0, 3).tolist() == [0.6137961892190279, 0.20385611599472842, 0.8281220665825978]
 
 
 @pytest.mark.parametrize("sampler", DRAWING)

@@ -169,11 +169,7 @@ def test_analytic_faces(load, shape):
     flat = out * [1, 1, 0] / np.linalg.norm(out[:, :2], axis=1)[:, None]
     height, up = rng.uniform(-0.2, 0.5, 200), z[:, None] * [0, 0, 1]
     drawn, near, points = {
-        "cylinder": (
-            cylinder((0, 0, 0), 3.0, 5.0),
-            [3.0, 0.0, 2.0],
-            (3 + height)[:, None] * flat + up,
-        ),
+        "cylinder": (cylinder((0, 0, 0), 3.0, 5.0), [3.0, 0.0, 2.0], (3 + height)[:, None] * flat + up),
         "sphere": (BRepPrimAPI_MakeSphere(3.0).Shape(), [0.0, 3.0, 0.0], (3 + height)[:, None] * out),
         "hole": (block, [3.0, 0.0, 2.0], (3 - height)[:, None] * flat + up),
         "plane": (block, [6.0, 0.0, 2.0], np.stack([6 + height, 5 * out[:, 0], z], axis=-1)),
@@ -241,11 +237,7 @@ def test_the_plan_needs_no_cad_file(load):
 KEY = "contacts.touch.b.surface.faces.0"
 CAN = {"faces": [{"near": [0.0, 0.0, 4.0]}]}
 REFUSED = [
-    (
-        {"faces": [{"near": [0.0, 0.0, 30.0]}]},
-        KEY,
-        "block has these, nearest first: the plane at",
-    ),
+    ({"faces": [{"near": [0.0, 0.0, 30.0]}]}, KEY, "block has these, nearest first: the plane at"),
     ({"faces": [{"near": [2.9, 0.0, 4.0]}]}, KEY, "2 fit within 0.5"),
     (CAN, KEY, "its edges do not all run along parameter lines"),
     (CAN, KEY, "name its plane"),

@@ -122,11 +122,7 @@ def faults(data):
 @each(
     ("path", "value", "said"),
     [
-        (
-            "parameters.width",
-            3.0,
-            "parameters.width = 3.0: is not used; write",
-        ),
+        ("parameters.width", 3.0, "parameters.width = 3.0: is not used; write"),
         ("bodies.link.mass", "lenght", "bodies.link.mass = 'lenght': not a finite number, nor is lenght a parameter"),
         ("bodies.link.mass", "1/0", "bodies.link.mass = '1/0': 1 / 0 is not a finite number"),
         ("bodies.link.mass", "-half", "bodies.link.mass = -4.0 g: out of range; allowed: > 0"),
@@ -156,9 +152,7 @@ def test_units_follow_from_use():
     put(data, "springs.turn.axis", ["sin(tilt)", 0, "cos(tilt)"])
     put(data, "joints.J1.radial_clearance", "play")
     mechanism = mechanism_from(data, "FILE")
-    assert mechanism.parameter_units == {
-        **{"length": "mm", "half": "mm", "tilt": "rad", "density": "1", "play": "mm"},
-    }
+    assert mechanism.parameter_units == {**{"length": "mm", "half": "mm", "tilt": "rad", "density": "1", "play": "mm"}}
 
 
 def test_a_parameter_of_a_bench_alone_is_used():

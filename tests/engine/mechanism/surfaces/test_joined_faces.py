@@ -55,11 +55,7 @@ def spline(control: Any) -> dict[str, Any]:
 def test_a_surface_of_several_splines():
     """Three faces at the corner of a cube: one surface, whose plate has nine open edges less three."""
     o, x, y, z = [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]
-    faces = [
-        spline([[o, y], [x, [1, 1, 0]]]),
-        spline([[o, z], [y, [0, 1, 1]]]),
-        spline([[o, x], [z, [1, 0, 1]]]),
-    ]
+    faces = [spline([[o, y], [x, [1, 1, 0]]]), spline([[o, z], [y, [0, 1, 1]]]), spline([[o, x], [z, [1, 0, 1]]])]
     surface = FreeFormSurface.model_validate({"faces": faces, "depth": 0.1})
     assert surface.conversion_error < 1e-15
     assert len(surface.conversion_errors) == 3
