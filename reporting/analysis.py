@@ -31,24 +31,28 @@ from reporting.product_yield import (
 )
 from reporting.rare.rare_rejects import RareRejects, decisive, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
-from reporting.samples import OK, Repeats, Samples, leveled_samples, read_samples
+from reporting.samples import (
+    OK,
+    FailedSample,
+    Repeats,
+    Samples,
+    StatusCount,
+    count_statuses,
+    counts_by_status,
+    failures_in_words,
+    leveled_samples,
+    list_failures,
+    read_samples,
+    statuses_in_words,
+    why_no_property,
+    why_no_verdict,
+)
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
 from reporting.sensitivity.unexplained import Known
 from reporting.spec import Design, ReportSpec
-from reporting.statuses import (
-    FailedSample,
-    StatusCount,
-    count_statuses,
-    counts_by_status,
-    failures_in_words,
-    list_failures,
-    statuses_in_words,
-    why_no_property,
-    why_no_verdict,
-)
 from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.reweighting import Change
 from reporting.trust.card import repeatable, trust_checks
@@ -294,7 +298,6 @@ def headline(
 
 
 def _outcome(spec: ReportSpec, counts: Mapping[str, int], responses: Sequence[ResponseAnalysis]) -> str:
-    """Return the outcome of the samples that can be assembled."""
     finished, ok = sum(counts.values()), counts.get(OK, 0)
     if not finished:
         return "No sample is computed yet, so there is nothing to judge."

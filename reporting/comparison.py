@@ -22,10 +22,9 @@ from reporting.capability.intervals import Interval, fisher_interval, share_inte
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
-from reporting.samples import OK, Samples
+from reporting.samples import OK, Samples, counts_by_status, judged_counts, why_no_verdict
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.statuses import counts_by_status, judged_counts, why_no_verdict
 
 # Cohen's (1988) words for d; below the first threshold the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
@@ -113,7 +112,6 @@ def compare(
 def _response(
     mine: ResponseSpec, their: ResponseSpec, samples: Samples, other: Samples, confidence: float
 ) -> ResponseComparison:
-    """Compare one response."""
     (a, a_lots), (b, b_lots) = (values_of(s, mine.name) for s in (samples, other))
     notes = []
     if (mine.lsl, mine.usl) != (their.lsl, their.usl):
@@ -130,7 +128,7 @@ def _response(
         notes.append("The response does not vary in one of the campaigns: nothing to test.")
         fields = {"mean_difference": float(a.mean() - b.mean())}
     else:
-        fields = {**_means(a, b, confidence), **_spreads(a, b, base), **_order(a, b), **_indices(base)}
+        fields = {**_means(a, b, confidence), **_spreads(a, b, base), **_indices(base)}
         if base.capability.lots is not None or base.capability_other.lots is not None:
             notes.append(_OF_LOTS)
             means = base.capability.mean_interval, base.capability_other.mean_interval
@@ -161,7 +159,6 @@ def of_difference(values: tuple[float, float], intervals: tuple[Interval | None,
 
 
 def _varies(x: Array) -> bool:
-    """Return whether the values vary by more than rounding errors."""
     return float(np.std(x)) > ROUNDING * float(np.max(np.abs(x)))
 
 
@@ -181,40 +178,29 @@ def _means(a: Array, b: Array, confidence: float) -> dict[str, object]:
 
 
 def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
-    """Return the ratio of the standard deviations with its interval and tests."""
-    from scipy.stats import levene  # imported here because it takes 1 s and only a comparison needs it
+    """Return the ratio of the standard deviations with its interval and tests, and Mann and Whitney's; ties half."""
+    from scipy.stats import levene, mannwhitneyu  # here because they take 1 s and only a comparison needs them
 
+    capabilities, order = (base.capability, base.capability_other), mannwhitneyu(a, b, method="asymptotic")
     stds = float(np.std(a, ddof=1)), float(np.std(b, ddof=1))
     ratio, nu, nu_other = stds[0] / stds[1], a.size - 1, b.size - 1
     tail = float(betainc(nu / 2, nu_other / 2, nu * ratio**2 / (nu * ratio**2 + nu_other)))
     with np.errstate(all="ignore"):  # two values on each side have equal deviations from their median
         levene_p = float(levene(a, b, center="median").pvalue)
     # A ratio is a difference of logarithms, for which the intervals of both sigmas combine.
-    interval, other = (_logarithms(c.std_interval) for c in (base.capability, base.capability_other))
-    logarithms = of_difference((math.log(stds[0]), math.log(stds[1])), (interval, other))
+    ends = [c.std_interval and (math.log(c.std_interval[0]), math.log(c.std_interval[1])) for c in capabilities]
+    logarithms = of_difference((math.log(stds[0]), math.log(stds[1])), (ends[0], ends[1]))
     return {
         "std_ratio": ratio,
         "std_ratio_interval": None if logarithms is None else (math.exp(logarithms[0]), math.exp(logarithms[1])),
         "f_p": 2 * min(tail, 1 - tail),
         "levene_p": levene_p if math.isfinite(levene_p) else None,
+        "superiority": float(order.statistic) / (a.size * b.size),
+        "mann_whitney_p": float(order.pvalue),
     }
 
 
-def _logarithms(interval: Interval | None) -> Interval | None:
-    """Return the logarithms of the ends of an interval."""
-    return None if interval is None else (math.log(interval[0]), math.log(interval[1]))
-
-
-def _order(a: Array, b: Array) -> dict[str, object]:
-    """Return Mann and Whitney's probability of superiority and test; ties count half."""
-    from scipy.stats import mannwhitneyu  # see `_spreads`
-
-    test = mannwhitneyu(a, b, method="asymptotic")
-    return {"superiority": float(test.statistic) / (a.size * b.size), "mann_whitney_p": float(test.pvalue)}
-
-
 def _indices(base: ResponseComparison) -> dict[str, object]:
-    """Return the difference of Cpk and its interval."""
     here, there = base.capability, base.capability_other
     if here.cpk is None or there.cpk is None:
         return {}
@@ -289,7 +275,6 @@ def validation(
 
 
 def _prediction(of: ResponseComparison, parts: Samples, samples: Samples, confidence: float) -> Prediction:
-    """Return how well one response is predicted."""
     (measured, lots), (simulated, other_lots) = (values_of(each, of.response) for each in (parts, samples))
     if not measured.size or not simulated.size:
         return Prediction(of, (), 0.0, None, None, None, "there is nothing to compare")

@@ -415,7 +415,6 @@ def _finite(values: ArrayLike) -> Array:
 
 
 def _codes(names: ArrayLike, n: int, what: str) -> tuple[NDArray[np.intp], NDArray[np.generic]]:
-    """Return the number of each row's name, and the names."""
     given = production_batches(names, n)
     assert given is not None, what
     unique, codes = np.unique(given, return_inverse=True)

@@ -29,10 +29,9 @@ from reporting.capability.intervals import (
 from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.capability.shares import weighted_share_interval
 from reporting.format_numbers import grouped, short_percent
-from reporting.samples import Samples
+from reporting.samples import NOT_ASSEMBLABLE, Samples
 from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.statuses import NOT_ASSEMBLABLE
 
 # Below this probability independence of the responses does not explain how often several fail together.
 _CHANCE = 0.05
@@ -87,14 +86,13 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: 
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
         return None
-    lots = None if samples.lots is None or independent(samples.lots) else samples.lots
     complete = samples.ok & np.all([np.isfinite(samples.values[r.name]) for r in limited], axis=0)
     failed = {r.name: _out(r, samples)[complete] for r in limited}
     n = int(np.count_nonzero(complete))
     rejected = np.any(list(failed.values()), axis=0)
     conforming = n - int(np.count_nonzero(rejected))
     inputs = {v.name: samples.values[v.name][complete] for v in spec.variables}
-    lots = None if lots is None else lots[complete]
+    lots = None if independent(samples.lots) or samples.lots is None else samples.lots[complete]
     values = {name: samples.values[name][complete] for name in failed}
     effect, effects = _effects(failed, rejected, lots, values, confidence)
     rolled = math.prod(1 - float(np.mean(out)) for out in failed.values()) if n else None

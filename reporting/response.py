@@ -8,16 +8,15 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from reporting.arrays import Array
-from reporting.capability.control_chart import ControlChart, control_chart
-from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.intervals import Estimate, share_lower_bound
+from reporting.capability.row_order import ControlChart, Convergence, control_chart, convergence
 from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, Historical, TargetIndices, capability, historical, target_indices
 from reporting.capability.verdict import CapabilityVerdict, bars_of, verdict
 from reporting.capability.within import SubgroupSigma, subgroup_sigmas
 from reporting.errors import ReportError
 from reporting.gauge import BehindGauge, Conformity, behind_gauge, conformity
-from reporting.samples import Samples
+from reporting.samples import Samples, why_no_value
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.scatter import Scatter, scatters
@@ -35,7 +34,6 @@ from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, depa
 from reporting.shape.pareto import TailShare, pareto_tails
 from reporting.shape.supported_indices import supported_indices
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.statuses import why_no_value
 from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
 from reporting.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 
@@ -251,14 +249,12 @@ def _stack(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> LinearS
 
 
 def _fits(x: Array, spec: ResponseSpec) -> Fits:
-    """Return the fitted distributions."""
     if x.size < _FEWEST_FOR_A_FIT:
         return unfitted(f"{x.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.")
     return fit_families(x, limits=(spec.lsl, spec.usl))
 
 
 def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
-    """Return the indices that do not assume a normal distribution."""
     fitted = supported_indices(x, fits, spec.lsl, spec.usl, confidence)
     return (*fitted, empirical_indices(x, spec.lsl, spec.usl, confidence))
 

@@ -202,7 +202,7 @@ class ChartPlan:
     """Which control chart measured values get."""
 
     chart: str = ""  # "i-mr", "xbar-r", "xbar-s" or "ewma"; if empty, subgroups decide
-    rules: tuple[str, ...] = NELSON  # tests, keys of `reporting.capability.control_chart.RULES`
+    rules: tuple[str, ...] = NELSON  # tests, keys of `reporting.capability.row_order.RULES`
     weight: float = 0.2  # of the newest point in a moving average
 
 

@@ -138,7 +138,6 @@ def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: f
 
 
 def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal: bool) -> ContentClaim:
-    """Return the limits that contain one share."""
     found = _without(content, confidence)
     if normal:
         half, beyond = (

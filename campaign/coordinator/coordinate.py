@@ -453,7 +453,7 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
     """Return the message that fewer stored runs are ok than ``failures.min_ok`` requires; empty if enough are."""
-    from reporting.statuses import (
+    from reporting.samples import (
         judged_counts,  # loads numpy, which `clearcap status` does not need
         statuses_in_words,
         too_few_ok,

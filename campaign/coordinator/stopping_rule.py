@@ -87,8 +87,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     rule = plan.spec.stop
     assert rule is not None
     from campaign.samples import lots_of  # see `_interval`
-    from reporting.samples import leveled
-    from reporting.statuses import too_few_ok
+    from reporting.samples import leveled, too_few_ok
 
     name = f"{rule.statistic} of {rule.response}"
     x, sample = values(store, plan, rule.response, samples)
@@ -125,7 +124,7 @@ def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.nd
 
 def unfit(store: Store, plan: Plan, samples: int) -> int:
     """Return how many of the first ``samples`` samples cannot be assembled."""
-    from reporting.statuses import NOT_ASSEMBLABLE
+    from reporting.samples import NOT_ASSEMBLABLE
 
     found = 0
     for table in store.stream(plan, ["sample", "status"]):

@@ -1,6 +1,6 @@
 """Confidence limits of capability indices and of shares.
 
-The intervals of indices in this module use normal theory; `reporting.capability.robust_intervals` has the intervals for
+The intervals of indices in this module use normal theory; `reporting.capability.interval_choice` has the intervals for
 any distribution. Functions for indices take a two-sided confidence, functions for bounds of shares a one-sided one.
 `nu` is the number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, the number of values minus the
 number of batches for the sigma within.

@@ -272,7 +272,6 @@ def _representable(value: object) -> bool:
 def _normal_indices(
     mean: float | None, std: float | None, lsl: float | None, usl: float | None
 ) -> dict[str, float | Interval | None]:
-    """Return the indices and the expected ppm of a normal distribution."""
     if mean is None or std is None:
         return {}
     index = point_indices(mean, std, lsl, usl)

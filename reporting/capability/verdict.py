@@ -269,7 +269,6 @@ def _without_normal(rivals: Iterable[Estimate]) -> Estimate | None:
 
 
 def _words(total: Share) -> str:
-    """Return the count in words."""
     low, high = total.interval
     return (
         f"{grouped(total.count)} of {grouped(total.n)} values out of limits, {ppm(total.ppm)} ppm "
@@ -278,7 +277,6 @@ def _words(total: Share) -> str:
 
 
 def _worse(word: str, than: str) -> bool:
-    """Return whether a class is worse than another."""
     return _BEST_FIRST.index(word) > _BEST_FIRST.index(than)
 
 

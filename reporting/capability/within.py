@@ -20,9 +20,9 @@ from scipy.special import gammaln, ndtr
 
 from reporting.arrays import ROUNDING, Array, gauss_legendre
 from reporting.capability.indices import basic_intervals, cpk, point_indices
+from reporting.capability.interval_choice import freedom_of_pooled
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import variance_components
-from reporting.capability.robust_intervals import freedom_of_pooled
 from reporting.capability.shares import ppm_of_z
 
 # A range uses only two values: in larger batches it ignores nearly all of them, and published tables end here.

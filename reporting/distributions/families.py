@@ -134,7 +134,6 @@ def _moments(z: Array, weights: Array) -> Theta:
 
 
 def _of_moments(of: Callable[[float, float], Theta]) -> Start:
-    """Return a start that is a function of mean and standard deviation."""
 
     def start(z: Array, weights: Array) -> Theta:
         mean, log_std = _moments(z, weights)
@@ -144,7 +143,6 @@ def _of_moments(of: Callable[[float, float], Theta]) -> Start:
 
 
 def _of_logs(start: Start) -> Start:
-    """Return a start that takes the logarithms of the values."""
     return lambda z, weights: start(np.log(z), weights)
 
 

@@ -172,7 +172,6 @@ def aims(targets: Sequence[Target], dimensions: int, wide_share: float = WIDE) -
 
 
 def _target(name: str, z: Array, weights: Array, beyond: Array, inputs: Inputs) -> Target:
-    """Return the target of one limit; ``beyond`` is above 0 for rejects."""
     rejects = beyond > 0.0
     w = weights[rejects]
     share, by, points = float(w.sum()) / weights.size, f"{w.size} rejects", z[rejects]

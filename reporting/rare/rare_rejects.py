@@ -141,7 +141,6 @@ def tail_shape(weights: Array) -> float | None:
 
 
 def _kish(w: Array) -> float:
-    """Return the effective number of equal weights."""
     return float(np.sum(w) ** 2 / np.sum(w * w)) if w.size else 0.0
 
 
@@ -294,7 +293,6 @@ def plain_check(
 
 
 def _draws(samples: Samples, spec: ReportSpec, confidence: float) -> Draws:
-    """Return how the runs were drawn."""
     component = samples.importance["component"].astype(np.int64)
     shifted = np.array([False, *(bool(part.shift) for part in spec.proposal)])
     unshifted = ~shifted[component]
@@ -313,7 +311,6 @@ def _beyond(samples: Samples, spec: ResponseSpec) -> dict[str, NDArray[np.bool_]
 
 
 def _response(name: str, beyond: dict[str, NDArray[np.bool_]], draws: Draws) -> RareResponse:
-    """Return the rare rejects of one response."""
     sides = {side: rare_share(rejects, draws) for side, rejects in beyond.items()}
     share = max(side.ppm for side in sides.values())
     total = rare_share(np.any(list(beyond.values()), axis=0), draws)

@@ -29,8 +29,8 @@ from reporting.render.mechanism_figure import mechanism_figure
 from reporting.render.page_templates import page_environment
 from reporting.render.svg import DARK, unit_suffix
 from reporting.response import CLAIM_PPM, ResponseAnalysis
+from reporting.samples import too_few_ok
 from reporting.sensitivity.measures import CRITICAL_SHARE
-from reporting.statuses import too_few_ok
 
 WIDE = 2  # columns; wider tables become cards on a narrow screen
 _TABLE = re.compile(r"<table\b[^>]*>.*?</table>", re.S)

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from reporting import format_numbers
-from reporting.capability.control_chart import ControlChart
 from reporting.capability.intervals import Estimate
+from reporting.capability.row_order import ControlChart
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, PERCENTILE, WEIGHTED, bars_of
 from reporting.render.figures import PROBABILITIES, density_bars, tick_scores
 from reporting.render.svg import (

@@ -5,7 +5,7 @@ variance of the difference of two such runs is the variance due to the history a
 mean difference is not scatter, but the effect of the step size on all runs.
 
 The interval of the scatter is that of a variance whose error is estimated from the fourth moment of the differences
-(`reporting.capability.robust_intervals`); it is never narrower than for normal differences. The interval of its share
+(`reporting.capability.interval_choice`); it is never narrower than for normal differences. The interval of its share
 of the response's variance adds the squared distances of both intervals on a logarithmic scale. Measured coverage of 95
 % intervals of the share is in ``docs/report.md``. With few pairs, scatter that only some samples show may be missed
 altogether: `unseen` is the largest share of such samples that may have no pair.
@@ -22,9 +22,9 @@ import numpy as np
 from scipy.special import chdtri, stdtrit
 
 from reporting.arrays import Array
+from reporting.capability.interval_choice import precision_of_values
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import ROUNDING, location_and_shape
-from reporting.capability.robust_intervals import precision_of_values
 from reporting.capability.summary import capability
 from reporting.samples import Repeats, Samples
 from reporting.spec import ReportSpec

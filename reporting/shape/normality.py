@@ -199,7 +199,6 @@ def _errors(sample: BinnedSample, quantile: float) -> tuple[float, float]:
 
 
 def _tail(sample: BinnedSample, worth: float, side: str, sign: float) -> TailWeight:
-    """Return the weight of the tail on one side."""
     z = sign * sample.values
     moment = sample.mean(np.where(z > 0, z, 0.0) ** 4)
     if moment == 0:
@@ -212,7 +211,6 @@ def _tail(sample: BinnedSample, worth: float, side: str, sign: float) -> TailWei
 
 
 def _verdict(measures: Normality) -> tuple[str, str]:
-    """Return the verdict and its sentence."""
     assert measures.distance is not None
     assert measures.distance_interval is not None
     assert measures.skewness is not None

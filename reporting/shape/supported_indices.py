@@ -23,8 +23,7 @@ from reporting.capability.intervals import Interval, OpenInterval
 from reporting.capability.shares import PPM
 from reporting.distributions.families import FAMILIES
 from reporting.errors import finite_in_order
-from reporting.shape.fitting import AIC_MARGIN, PRACTICAL, Fit, Fits, handicap, log_likelihood
-from reporting.shape.maximum_likelihood import curvature
+from reporting.shape.fitting import AIC_MARGIN, PRACTICAL, Fit, Fits, curvature, handicap, log_likelihood
 from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
 from reporting.shape.pareto import abrupt_ends
 from reporting.shape.sorted_sample import BinnedSample, bin_sample, ties
@@ -168,7 +167,6 @@ def _within(fit: Fit, fits: Fits, confidence: float) -> float:
 def _intervals(
     fit: Fit, sample: BinnedSample, lsl: float | None, usl: float | None, confidence: float
 ) -> dict[str, Interval | None]:
-    """Return the intervals of one family by method and index."""
     theta, weights = parameter_draws(fit, sample)
     low, high = less(lsl, fit.shift), less(usl, fit.shift)
     with np.errstate(all="ignore"):

@@ -209,7 +209,6 @@ def _lost(repeats: Repeats, found: dict[str, tuple[ResponseAnalysis, Repeatabili
 
 
 def _with_unit(response: ResponseAnalysis, number: float | None) -> str:
-    """Return a number with the unit of a response."""
     unit = "" if response.spec.unit == "1" else f" {response.spec.unit}"
     return f"{format_numbers.significant(number or 0.0)}{unit}"
 

@@ -12,8 +12,7 @@ from reporting import format_numbers
 from reporting.arrays import Array
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.product_yield import AssemblyShare
-from reporting.samples import OK, Samples
-from reporting.statuses import too_few_ok
+from reporting.samples import OK, Samples, too_few_ok
 
 # A drawn mean, sigma or correlation does not deviate by more standard errors from the requested one by chance.
 INPUT_ERRORS_BAR = 4.0

@@ -10,10 +10,8 @@ from collections.abc import Iterable
 from scipy.special import ndtri
 
 from reporting import format_numbers
-from reporting.capability.control_chart import ControlChart
-from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
-from reporting.capability.row_order import FALSE_ALARMS
+from reporting.capability.row_order import DRIFT_BAR, FALSE_ALARMS, ControlChart
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, bars_of
 from reporting.gauge import ACCEPTABLE, UNACCEPTABLE
 from reporting.rare.rare_rejects import CHECK_BAR, RareRejects
@@ -249,7 +247,6 @@ def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -
 
 
 def _covers_classes(response: ResponseAnalysis, ends: Iterable[float]) -> bool:
-    """Return whether an interval of an index covers more than one class."""
     bars = bars_of(response.spec.requirement)
     return len({bars.class_of(end) for end in ends}) > 1
 

@@ -4,7 +4,7 @@ import argparse
 
 import numpy as np
 
-from reporting.capability.control_chart import RULES, moving_averages
+from reporting.capability.row_order import RULES, moving_averages
 
 PROCESSES, POINTS = 20_000, 1_000
 SHIFTS = (0.0, 0.5, 1.0, 2.0)  # of the mean, in standard deviations of a point

@@ -8,7 +8,7 @@ import pytest
 
 from reporting import ReportError
 from reporting.distributions.families import FAMILIES
-from reporting.statuses import STATUSES
+from reporting.samples import STATUSES
 from reporting.tolerance.reweighting import Change
 from tests.each import each
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table

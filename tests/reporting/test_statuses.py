@@ -2,7 +2,7 @@
 
 import pytest
 
-from reporting.statuses import failures_in_words, too_few_ok, why_no_verdict
+from reporting.samples import failures_in_words, too_few_ok, why_no_verdict
 
 
 @pytest.mark.parametrize(

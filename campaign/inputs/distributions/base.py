@@ -310,7 +310,6 @@ class Continuous(Cuttable):
         yield from ((self.batch.std * float(z), d / sum(density)) for z, d in zip(t, density, strict=True))
 
     def _cdf(self, x: Array, shift: float) -> Array:
-        """Return the probability of values up to ``x`` in a production batch."""
         below, _, probability, from_above = self._window(shift)
         lower, upper = self.cut()
         x = np.clip(x, lower, upper) - shift
@@ -319,7 +318,6 @@ class Continuous(Cuttable):
         return np.clip(inside / probability, 0.0, 1.0)
 
     def _moments(self, shift: float) -> tuple[float, float]:
-        """Return mean and standard deviation in a production batch."""
         parent, (lower, upper) = self.parent(), self.cut()
         lowest, highest = parent.support
         if lower <= lowest + shift and highest + shift <= upper:  # nothing is cut off

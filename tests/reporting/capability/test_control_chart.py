@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from reporting.capability.control_chart import MOST_POINTS, RULES, control_chart, moving_averages
+from reporting.capability.row_order import MOST_POINTS, RULES, control_chart, moving_averages
 from reporting.capability.within import d2, subgroup_sigmas
 from reporting.errors import ReportError
 from reporting.spec import ChartPlan

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reporting import capability
-from reporting.capability.convergence import DRIFT_BAR, convergence, drift
+from reporting.capability.row_order import DRIFT_BAR, convergence, drift
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e8])

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from reporting import capability
-from reporting.capability.convergence import convergence, drift
 from reporting.capability.lots import LEAST_LOTS, describe_lots, lot_error
+from reporting.capability.row_order import convergence, drift
 from reporting.capability.shares import nonconforming
 
 

@@ -8,8 +8,8 @@ from scipy import stats
 
 from reporting import ReportError, capability
 from reporting.capability.indices import NAMES, WHICH_SIGMA
+from reporting.capability.interval_choice import freedom_of_pooled
 from reporting.capability.intervals import cpk_interval
-from reporting.capability.robust_intervals import freedom_of_pooled
 from reporting.capability.within import c4, d2, d3, subgroup_sigmas, within
 
 
