@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from clearcap.result_plots import Plots
     from clearcap.running import Progress
     from reporting.analysis import Analysis
-    from reporting.comparison import ResponseComparison
     from reporting.tolerance.allocation import Allocation
-    from reporting.tolerance.whatif import WhatIf
 
 _ESTIMATES = ("mean", "std", "cp", "cpk", "ppm")
 
@@ -159,8 +157,14 @@ class Results:
 
         from clearcap.questions.whatif import what_if
 
-        answers = what_if(self.store, self.plan, list(settings))
-        rows = {name: _answer(answer) for name, answer in answers.items()}
+        rows: dict[str, dict[str, Any]] = {}
+        for name, answer in what_if(self.store, self.plan, list(settings)).items():
+            row = rows.setdefault(name, {})
+            for key in _ESTIMATES:
+                estimate = getattr(answer, key)
+                low, high = estimate.interval if estimate else (None, None)
+                row |= {key: estimate and estimate.value, f"{key}_interval_low": low, f"{key}_interval_high": high}
+            row |= {"samples_worth": answer.effective, "refusal": answer.refusal}
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("response")
 
     def advise(self) -> "pd.DataFrame":
@@ -262,7 +266,12 @@ class Results:
         from clearcap.questions.report import comparison
 
         found = comparison((self.store, self.plan), (other.store, other.plan))
-        rows = {each.response: _compared(each) for each in found.responses}
+        left_out = ("response", "capability", "capability_other", "histogram", "histogram_other", "notes")
+        rows = {}
+        for each in found.responses:
+            own = {"mean": each.capability.mean, "mean_other": each.capability_other.mean}
+            own |= {"cpk": each.capability.cpk, "cpk_other": each.capability_other.cpk}
+            rows[each.response] = own | _flat(vars(each), left_out)
         frame = _numeric(pd.DataFrame.from_dict(rows, orient="index").rename_axis("response"))
         differs = plan_differences(self.store, self.id, other.store, other.id)
         frame.attrs |= {"plans": pd.DataFrame(map(asdict, differs)), "no_verdict": found.no_verdict}
@@ -463,28 +472,12 @@ def _units(schema: "pa.Schema") -> dict[str, str]:
     return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
 
 
-def _answer(answer: "WhatIf") -> dict[str, Any]:
-    row: dict[str, Any] = {}
-    for name in _ESTIMATES:
-        estimate = getattr(answer, name)
-        low, high = estimate.interval if estimate else (None, None)
-        row |= {name: estimate and estimate.value, f"{name}_interval_low": low, f"{name}_interval_high": high}
-    return row | {"samples_worth": answer.effective, "refusal": answer.refusal}
-
-
 def _numeric(frame: "pd.DataFrame") -> "pd.DataFrame":
     """Return a table with NaN in the place of None, in columns that hold nothing but numbers."""
     for name in frame.columns:
         if all(value is None or type(value) in (int, float) for value in frame[name]):
             frame[name] = frame[name].astype(float)
     return frame
-
-
-def _compared(compared: "ResponseComparison") -> dict[str, Any]:
-    here, there = compared.capability, compared.capability_other
-    own = {"mean": here.mean, "mean_other": there.mean, "cpk": here.cpk, "cpk_other": there.cpk}
-    left_out = ("response", "capability", "capability_other", "histogram", "histogram_other", "notes")
-    return own | _flat(vars(compared), left_out)
 
 
 def _flat(fields: Mapping[str, Any], left_out: Collection[str]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from campaign.inputs.distributions import DISTRIBUTIONS
 from engine.errors import Fault
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, locate
 
@@ -82,6 +81,8 @@ def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
         case "extra_forbidden":
             return f"unknown key; allowed: {', '.join(known)}{did_you_mean(keys[-1], known)}"
         case "union_tag_invalid":
+            from campaign.inputs.distributions import DISTRIBUTIONS  # loads scipy, which other messages do not need
+
             tag = error["ctx"]["tag"]
             allowed = ", ".join(DISTRIBUTIONS)
             return f'unknown distribution "{tag}"; allowed: {allowed}{did_you_mean(tag, DISTRIBUTIONS)}'

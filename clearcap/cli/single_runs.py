@@ -126,15 +126,9 @@ def simulate(
         )
     compile_engine()
     with files.recording() as motion:
-        run = simulate_once(
-            loaded,
-            values,
-            step=step,
-            horizon=horizon,
-            full_horizon=full_horizon,
-            trajectory=Recording(motion, every or 1) if motion else None,
-            indeterminacy=True,
-        )
+        recording = Recording(motion, every or 1) if motion else None
+        times: Any = {"step": step, "horizon": horizon, "full_horizon": full_horizon}
+        run = simulate_once(loaded, values, **times, trajectory=recording, indeterminacy=True)
     if step is not None and run.status in ("not_at_rest", "diverged"):
         from engine.preflight.cautions import step_caution
 

@@ -134,9 +134,8 @@ class _Body:
         (self._lines,) = axes.plot([], [], color=colour, linewidth=1.0)
         (self._faces,) = axes.plot([], [], color=colour, linewidth=2.2, solid_capstyle="butt")
         (self._joints,) = axes.plot([], [], "o", color=INK, markerfacecolor="white", markersize=4)
-        self._name = axes.text(
-            0, 0, "" if body.fixed else name, color=colour, fontsize=8, fontweight="bold", clip_on=True
-        )
+        words: Any = {"color": colour, "fontsize": 8, "fontweight": "bold", "clip_on": True}
+        self._name = axes.text(0, 0, "" if body.fixed else name, **words)
 
     def show(self, frame: int) -> None:
         """Move the body to a frame."""

@@ -120,11 +120,8 @@ def aimed_campaign(
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
     for name in responses:
         if name not in limits:
-            allowed = ", ".join(limits) or "none"
-            raise SpecError(
-                f"--response {name}: no response with limits has this name; allowed: {allowed}"
-                f"{did_you_mean(name, list(limits))}"
-            )
+            allowed = f"{', '.join(limits) or 'none'}{did_you_mean(name, list(limits))}"
+            raise SpecError(f"--response {name}: no response with limits has this name; allowed: {allowed}")
     if not limits:
         raise SpecError(f"{plan.campaign_id}: no response has limits, so there are no rejects; give limits in its file")
     names = tuple(varied(plan.spec))
@@ -147,8 +144,7 @@ def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array,
             f"{plan.campaign_id}: samples of sampler {sampler.name} are not drawn from distributions, so they do not"
             ' show where rejects lie; run the campaign with sampler = "random"'
         )
-    scores: list[Array] = []
-    weights: list[Array] = []
+    scores, weights = list[Array](), list[Array]()
     values: dict[str, list[Array]] = {name: [] for name in plan.mechanism.responses}
     for table in store.stream(plan, ["sample", *values]):
         sample = table["sample"].to_numpy()
@@ -163,11 +159,8 @@ def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array,
             pieces.append(table[name].to_numpy())
     if not scores:
         raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
-    return (
-        np.concatenate(scores),
-        np.concatenate(weights),
-        {name: np.concatenate(pieces) for name, pieces in values.items()},
-    )
+    joined = {name: np.concatenate(pieces) for name, pieces in values.items()}
+    return np.concatenate(scores), np.concatenate(weights), joined
 
 
 def _inputs(plan: Plan, names: Sequence[str], scores: Array) -> Array:

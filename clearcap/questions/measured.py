@@ -55,22 +55,20 @@ _MEASURED = Design(True, "Measured parts.")
 class Characteristic(Response):
     """A measured characteristic: a column of the table, and its limits."""
 
-    title: str = Field(default="", description="What is measured, in words.")
+    title: str = Field("", description="What is measured, in words.")
     unit: str = Field(default="1", description="Unit of the column and of the limits; 1 if it has none.")
-    column: str | None = Field(
-        default=None, min_length=1, description="The column; the characteristic's name if absent."
-    )
+    column: str | None = Field(None, min_length=1, description="The column; the characteristic's name if absent.")
     gauge_sigma: PositiveNumber | None = Field(
-        default=None,
+        None,
         description="Standard deviation of the measuring system (repeatability and reproducibility), in the unit:"
         " the report adds the index of the process without it.",
     )
     gauge_freedom: PositiveNumber | None = Field(
-        default=None,
+        None,
         description="Degrees of freedom of gauge_sigma, as clearcap gauge prints them; known exactly if absent.",
     )
     uncertainty: PositiveNumber | None = Field(
-        default=None,
+        None,
         description="Expanded uncertainty U of a measurement (k = 2), in the unit: a part conforms for certain only"
         " within the limits less U (ISO 14253-1).",
     )
@@ -85,46 +83,44 @@ class Characteristic(Response):
 class LimitsFile(TableModel, strict=True):
     """Limits of measured characteristics, and what the columns of the table mean."""
 
-    format: Literal[1] = Field(default=1, description="Version of this file format: 1.")
-    title: str = Field(default="", description="Heading of the report; the name of the table's file if absent.")
-    author: str = Field(default="", description="Who is responsible for the report.")
+    format: Literal[1] = Field(1, description="Version of this file format: 1.")
+    title: str = Field("", description="Heading of the report; the name of the table's file if absent.")
+    author: str = Field("", description="Who is responsible for the report.")
     header: dict[str, str] = Field(
-        default={}, description="Texts under the title, as part, drawing, gauge, machine, class or customer."
+        {}, description="Texts under the title, as part, drawing, gauge, machine, class or customer."
     )
     order: str | None = Field(
-        default=None,
+        None,
         min_length=1,
         description="The column by which parts were made one after the other, a time or a number; if absent, the rows"
         " are in that order.",
     )
-    ordered: bool = Field(
-        default=True, description="false: the rows are in no order, so that nothing is said of stability."
-    )
-    lot: str | None = Field(default=None, min_length=1, description="The column that names each part's lot.")
+    ordered: bool = Field(True, description="false: the rows are in no order, so that nothing is said of stability.")
+    lot: str | None = Field(None, min_length=1, description="The column that names each part's lot.")
     subgroup: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=2)] | None = Field(
-        default=None,
+        None,
         description="Rational subgroups for the control chart: the column that names each part's, or how many"
         " consecutive parts are one; if absent, there are none.",
     )
     chart: Literal["i-mr", "xbar-r", "xbar-s", "ewma"] | None = Field(
-        default=None,
+        None,
         description="Control chart: individuals, means of subgroups with their ranges or standard deviations, or"
         " exponentially weighted moving averages; if absent, the subgroups decide.",
     )
     ewma_weight: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        default=None, description="Weight of the newest point in a moving average, 0.01 to 1; 0.2 if absent."
+        None, description="Weight of the newest point in a moving average, 0.01 to 1; 0.2 if absent."
     )
     rules: (
         Literal["nelson", "western electric"]
         | Annotated[list[Annotated[int, Field(ge=1, le=8)]], Field(min_length=1)]
         | None
     ) = Field(
-        default=None,
+        None,
         description="Tests of the control chart: all eight of Nelson, the four of Western Electric, or a list of"
         " numbers of Nelson's; [1, 2, 3] if absent.",
     )
     requirements: dict[ShortName, PositiveNumber] = Field(
-        default={}, description="Classes of characteristics, and the index that each requires."
+        {}, description="Classes of characteristics, and the index that each requires."
     )
     characteristics: dict[ShortName, Characteristic] = Field(
         min_length=1, max_length=200, description="The characteristics by name."

@@ -56,17 +56,12 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
         "moving_bodies": sum(not body.fixed for body in mechanism.bodies.values()),
         "joints": len(mechanism.joints),
         "contacts": len(mechanism.contacts),
-        "parameters": {
-            name: {"value": value, "unit": mechanism.parameter_units[name]}
-            for name, value in mechanism.parameters.items()
-        },
+        "parameters": {n: {"value": x, "unit": mechanism.parameter_units[n]} for n, x in mechanism.parameters.items()},
         "clearances": {
             name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
             for name in mechanism.loose_joints()
         },
-        "responses": {
-            name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()
-        },
+        "responses": {n: {"title": each.title, "unit": units[n]} for n, each in mechanism.responses.items()},
         "validity": [str(condition) for condition in mechanism.validity],
         "benches": {name: bench.title for name, bench in mechanism.benches.items()},
         "presets": {name: preset.title for name, preset in mechanism.presets.items()},

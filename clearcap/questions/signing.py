@@ -71,7 +71,6 @@ class Signoff(_Document):
 
     @model_validator(mode="after")
     def _digests_fit(self) -> "Signoff":
-        """Raise ValueError if the digests are not those of the listed files."""
         if (self.plan, self.rows, self.report) != digests_of(self.files):
             raise ValueError("its digests are not those of its files")
         return self

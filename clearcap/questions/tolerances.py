@@ -254,7 +254,7 @@ class ProcessCost(TableModel, strict=True):
 
     std: PositiveNumber = Field(description="Standard deviation that it reaches, in the variable's unit, above 0.")
     cost: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(description="Cost in money, at least 0.")
-    name: Annotated[str, Field(max_length=60)] = Field(default="", description="Name of the process.")
+    name: Annotated[str, Field(max_length=60)] = Field("", description="Name of the process.")
 
 
 class Cost(TableModel, strict=True):
@@ -265,31 +265,30 @@ class Cost(TableModel, strict=True):
     """
 
     fixed: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(
-        default=0.0, description="Cost that does not depend on the standard deviation, in money, at least 0."
+        0.0, description="Cost that does not depend on the standard deviation, in money, at least 0."
     )
     cost: PositiveNumber | None = Field(
-        default=None, description="Cost above 0, in money times the variable's unit to the power; with scale, in money."
+        None, description="Cost above 0, in money times the variable's unit to the power; with scale, in money."
     )
-    power: PositiveNumber | None = Field(default=None, description="Power of std in fixed + cost / std^power, above 0.")
+    power: PositiveNumber | None = Field(None, description="Power of std in fixed + cost / std^power, above 0.")
     scale: PositiveNumber | None = Field(
-        default=None, description="Scale of fixed + cost exp(-std / scale), above 0, in the variable's unit."
+        None, description="Scale of fixed + cost exp(-std / scale), above 0, in the variable's unit."
     )
     processes: Annotated[list[ProcessCost], Field(min_length=1, max_length=100)] | None = Field(
-        default=None, description="Processes of which one is chosen: a list of {std, cost, name}."
+        None, description="Processes of which one is chosen: a list of {std, cost, name}."
     )
     lower: PositiveNumber | None = Field(
-        default=None,
+        None,
         description="Least standard deviation to choose, in the variable's unit; a tenth of the present one if absent.",
     )
     upper: PositiveNumber | None = Field(
-        default=None,
+        None,
         description="Largest standard deviation to choose, in the variable's unit; ten times the present if absent.",
     )
-    locked: bool = Field(default=False, description="Whether the variable keeps its present standard deviation.")
+    locked: bool = Field(False, description="Whether the variable keeps its present standard deviation.")
 
     @model_validator(mode="after")
     def _is_one_law(self) -> Self:
-        """Raise ValueError for keys of several laws, and for a table without a law."""
         if self.processes is not None:
             others = [key for key in ("fixed", "cost", "power", "scale") if key in self.model_fields_set]
             if others:
@@ -315,9 +314,7 @@ class Cost(TableModel, strict=True):
 class Costs(TableModel, strict=True):
     """A cost file."""
 
-    target: PositiveNumber = Field(
-        default=CAPABLE, description="Cpk that every response with limits must have, above 0."
-    )
+    target: PositiveNumber = Field(CAPABLE, description="Cpk that every response with limits must have, above 0.")
     variables: Annotated[dict[str, Cost], Field(min_length=1)] = Field(
         description="Cost of each variable by its name; variables that are not named stay as they are."
     )
