@@ -11,6 +11,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Lock
@@ -217,22 +218,13 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
     entry.failed, entry.left = header.failed(survey.statuses), entry.samples - entry.done
     if entry.state == "completed" and entry.left:
         entry.state, entry.message = "incomplete", f"rows lost after the campaign was completed: {entry.left}"
-    _add_report(entry, _report(store, campaign_id))
+    with suppress(FileNotFoundError):  # there is no report
+        _add_report(entry, store.files.read(f"{campaign_id}/{REPORT_DOCUMENT}"))
     return entry
 
 
-def _report(store: Store, campaign_id: str) -> bytes | None:
-    """Return the JSON document of a campaign's report; None if there is no report."""
-    try:
-        return store.files.read(f"{campaign_id}/{REPORT_DOCUMENT}")
-    except FileNotFoundError:
-        return None
-
-
-def _add_report(entry: CampaignEntry, report: bytes | None) -> None:
+def _add_report(entry: CampaignEntry, report: bytes) -> None:
     """Add the conclusions of a report to an entry, or a message if the report cannot be read."""
-    if report is None:
-        return
     entry.has_report = True
     try:
         concluded = Conclusions.model_validate_json(report)

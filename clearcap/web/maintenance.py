@@ -17,7 +17,7 @@ import time
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from hashlib import sha256
@@ -119,22 +119,25 @@ def _unpacked(file: Path, folder: Path, passphrase: str | None) -> Contents:
         raise SpecError(f"{file}: cannot be read: {error.strerror or error}") from error
     if content.startswith(_ENCRYPTED):
         content = _decrypted(file, content, passphrase)
-    with _damaged(file), zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if any(entry.file_size > LARGEST for entry in archive.infolist()):
-            raise ValueError("a file in it is too large")
-        manifest: dict[str, Any] = json.loads(archive.read(MANIFEST))
-        if manifest.pop("format") != FORMAT:
-            raise ValueError("has another format; use the clearcap that made it")
-        said = Contents(**manifest)
-        if not {DATABASE} <= said.files.keys() <= {DATABASE, KEY_FILE}:
-            raise ValueError("has other files")
-        files = {name: archive.read(name) for name in said.files}
-        for name, each in files.items():
-            with open(os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as written:
-                written.write(each)
-        found = _found(folder / DATABASE, said.time, said.version, files)
-        if found != said:
-            raise ValueError("its files are not those that it lists")
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if any(entry.file_size > LARGEST for entry in archive.infolist()):
+                raise ValueError("a file in it is too large")
+            manifest: dict[str, Any] = json.loads(archive.read(MANIFEST))
+            if manifest.pop("format") != FORMAT:
+                raise ValueError("has another format; use the clearcap that made it")
+            said = Contents(**manifest)
+            if not {DATABASE} <= said.files.keys() <= {DATABASE, KEY_FILE}:
+                raise ValueError("has other files")
+            files = {name: archive.read(name) for name in said.files}
+            for name, each in files.items():
+                with open(os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as written:
+                    written.write(each)
+            found = _found(folder / DATABASE, said.time, said.version, files)
+            if found != said:
+                raise ValueError("its files are not those that it lists")
+    except _OF_CONTENT as error:
+        raise SpecError(f"{file}: is no whole backup ({error}); use another one") from error
     return said
 
 
@@ -165,15 +168,6 @@ def audit_fault(data: Path) -> int | None:
     """Return the first entry of the audit trail in a folder that was changed or is missing; None if it is whole."""
     with closing(Database(data / DATABASE)) as database:
         return AuditTrail(database).first_fault()
-
-
-@contextmanager
-def _damaged(file: Path) -> Iterator[None]:
-    """Turn what goes wrong with the content of a backup into SpecError."""
-    try:
-        yield
-    except _OF_CONTENT as error:
-        raise SpecError(f"{file}: is no whole backup ({error}); use another one") from error
 
 
 def _encrypted(content: bytes, passphrase: str) -> bytes:

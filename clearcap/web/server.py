@@ -362,7 +362,12 @@ class BoundedConnection(HttpToolsProtocol):
     def connection_made(self, transport: Any) -> None:
         """Set up the new connection and wait for its first request."""
         super().connection_made(transport)
-        self._number, self._place = next(_numbers), self._place_of_client()
+        self._number = next(_numbers)
+        settings: Settings = self.config.app.state.service.settings  # type: ignore[union-attr]  # FastAPI
+        if self.client is not None:
+            address, proxies = self.client[0], settings.proxies if settings.behind_proxy else ()
+            is_proxy = any(ip_address(address) in ip_network(each) for each in proxies)
+            self._place = "" if is_proxy else place_of(address)
         if not self._make_room():
             self._cut("503 Service Unavailable")
             return
@@ -415,15 +420,6 @@ class BoundedConnection(HttpToolsProtocol):
     def _is_at_work(self) -> bool:
         """Whether a request is being answered."""
         return self.cycle is not None and not self.cycle.response_complete
-
-    def _place_of_client(self) -> str:
-        """Return what counts as one address; empty for the proxy, behind which everybody is."""
-        settings: Settings = self.config.app.state.service.settings  # type: ignore[union-attr]  # FastAPI
-        if self.client is None:
-            return ""
-        address = self.client[0]
-        is_proxy = settings.behind_proxy and any(ip_address(address) in ip_network(each) for each in settings.proxies)
-        return "" if is_proxy else place_of(address)
 
     def _make_room(self) -> bool:
         """Close the oldest idle connection of an address that has too many; return whether there is room."""

@@ -20,24 +20,8 @@ from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, SpecError
 from campaign.store import Store
 from campaign.store.layout import REPORT, SUBMISSION
+from clearcap.questions import signing
 from clearcap.questions.report_source import deciding_campaigns, report_source, sha256, stored_at
-from clearcap.questions.signing import (
-    Head,
-    SignedDocument,
-    Signoff,
-    Withdrawal,
-    check_whole,
-    content_digest,
-    differences,
-    digest_file,
-    digests_of,
-    now_in_utc,
-    part_of,
-    read_document,
-    signed_files,
-    signed_names,
-    stream_export,
-)
 from clearcap.web.access import Principal
 from clearcap.web.access.database import KEY_FILE, Database
 from engine.platform.regular_file import read_regular_file
@@ -57,13 +41,13 @@ class KeptSignoff:
 
     number: int  # among the sign-offs of its campaign, from 1
     digest: str  # SHA-256 of its document
-    signoff: Signoff | Withdrawal
+    signoff: signing.Signoff | signing.Withdrawal
     differences: list[str]  # between the files as they are now and as they were signed; none for a withdrawal
 
     @property
     def status(self) -> str:
         """`signed`, `signed version differs` or `withdrawn`."""
-        if isinstance(self.signoff, Withdrawal):
+        if isinstance(self.signoff, signing.Withdrawal):
             return "withdrawn"
         return "signed version differs" if self.differences else "signed"
 
@@ -82,7 +66,7 @@ class SigningService:
         with self._reading():
             if anew:
                 self._digests = {key: kept for key, kept in self._digests.items() if key[0] != campaign}
-            return signed_files(self._store, self._store.plan_header(campaign), self._digest)
+            return signing.signed_files(self._store, self._store.plan_header(campaign), self._digest)
 
     def signoffs(self, campaign: str, *, anew: bool = False) -> list[KeptSignoff]:
         """Return the sign-offs of a campaign, oldest first, with the differences since then; see `content`."""
@@ -91,8 +75,8 @@ class SigningService:
             return []
         found, made = self.content(campaign, anew=anew), []
         for number, each in enumerate(kept, start=1):
-            signoff = read_document(each.document)
-            differ = differences(signoff.files, found) if isinstance(signoff, Signoff) else []
+            signoff = signing.read_document(each.document)
+            differ = signing.differences(signoff.files, found) if isinstance(signoff, signing.Signoff) else []
             made.append(KeptSignoff(number, sha256(each.document), signoff, differ))
         return made
 
@@ -101,7 +85,7 @@ class SigningService:
         user = (self._store.read_json(campaign, SUBMISSION) or {}).get("user")
         return user if isinstance(user, str) else ""
 
-    def sign(self, campaign: str, who: Principal, comment: str, content: str, again: Mapping[str, Any]) -> Signoff:
+    def sign(self, campaign: str, who: Principal, comment: str, content: str, again: Any) -> signing.Signoff:
         """Sign the plan, rows and report of a completed campaign for an approver, who has looked at `content`.
 
         `again` is what `report_written_again` gives. A request that is repeated, because its answer was lost, gets the
@@ -116,41 +100,35 @@ class SigningService:
                 raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
             if rerun_request(self._store, campaign) is not None:
                 raise CampaignError(f"{campaign}: failed rows are to be computed again; wait for them")
-            check_whole(self._store, header)
+            signing.check_whole(self._store, header)
             # read before the transaction, because no other request can write to the database during it
             files = self.content(campaign, anew=True)
-            if content_digest(files) != content:
+            if signing.content_digest(files) != content:
                 raise CampaignError(f"{campaign} has changed since you looked at it; read the report again, then sign")
             _check_report(campaign, files, report_source(self._store, header), again)
             submitter = self.submitter(campaign)
-            plan, rows, report = digests_of(files)
+            parts: dict[str, Any] = dict(zip(("plan", "rows", "report"), signing.digests_of(files), strict=True))
             with self._database.write() as connection:
                 chain = _Chain(connection, campaign)
                 last = chain.last
-                if isinstance(last, Signoff) and (last.signer, last.comment, last.files) == (who.name, comment, files):
+                same = (who.name, comment, files)
+                if isinstance(last, signing.Signoff) and (last.signer, last.comment, last.files) == same:
                     return last
-                signoff = Signoff(
-                    **chain.next(who, comment),
-                    plan=plan,
-                    rows=rows,
-                    report=report,
-                    files=files,
-                    submitted_by=submitter,
-                    is_submitter=submitter == who.name,
-                )
+                own: dict[str, Any] = {"submitted_by": submitter, "is_submitter": submitter == who.name}
+                signoff = signing.Signoff(**chain.next(who, comment), **parts, files=files, **own)
                 self._insert(connection, signoff)
                 # before the transaction ends: without the marker nothing is signed
                 for protection in protections:
                     protection(sha256(signoff.to_bytes()), who.name)
         return signoff
 
-    def withdraw(self, campaign: str, who: Principal, comment: str) -> Withdrawal:
+    def withdraw(self, campaign: str, who: Principal, comment: str) -> signing.Withdrawal:
         """Withdraw the last sign-off of a campaign, which can then be changed again; the reason is kept for ever."""
         with hold_lease(self._store, campaign), self._database.write() as connection:
             chain = _Chain(connection, campaign)
-            if not isinstance(chain.last, Signoff) or chain.last_digest is None:
+            if not isinstance(chain.last, signing.Signoff) or chain.last_digest is None:
                 raise CampaignError(f"{campaign} is not signed; there is nothing to withdraw")
-            withdrawal = Withdrawal(**chain.next(who, comment), withdraws=chain.last_digest)
+            withdrawal = signing.Withdrawal(**chain.next(who, comment), withdraws=chain.last_digest)
             self._insert(connection, withdrawal)
             for each in (campaign, *deciding_campaigns(self._store, campaign)):
                 end_protection(self._store, each)
@@ -170,8 +148,8 @@ class SigningService:
     def _protect(self, stored: set[str]) -> None:
         """Mark the signed ones of some campaigns."""
         for row in self._database.rows(_LAST_OF_EACH):
-            signoff = read_document(row["document"].encode())
-            if not isinstance(signoff, Signoff) or signoff.campaign not in stored:
+            signoff = signing.read_document(row["document"].encode())
+            if not isinstance(signoff, signing.Signoff) or signoff.campaign not in stored:
                 continue
             for each in (signoff.campaign, *deciding_campaigns(self._store, signoff.campaign)):
                 if not is_protected(self._store, each):
@@ -181,7 +159,7 @@ class SigningService:
     def is_signed(self, campaign: str) -> bool:
         """Return whether a campaign has a sign-off that was not withdrawn."""
         row = self._database.row("SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", campaign)
-        return row is not None and isinstance(read_document(row["document"].encode()), Signoff)
+        return row is not None and isinstance(signing.read_document(row["document"].encode()), signing.Signoff)
 
     def has_documents(self, campaign: str) -> bool:
         """Return whether a campaign has sign-offs, withdrawn ones included."""
@@ -189,20 +167,20 @@ class SigningService:
 
     def export(self, campaign: str) -> Iterator[bytes]:
         """Yield the bytes of a ZIP file with a campaign and its sign-offs; see `stream_export`."""
-        names = signed_names(self._store, self._store.plan_header(campaign))
+        names = signing.signed_names(self._store, self._store.plan_header(campaign))
         kept, newest = self._kept(campaign), self._database.row(_NEWEST)
-        head = Head(
-            time=now_in_utc(),
+        head = signing.Head(
+            time=signing.now_in_utc(),
             documents=0 if newest is None else newest["count"],
             newest=None if newest is None else sha256(newest["document"].encode()),
             campaign=campaign,
             of_campaign=len(kept),
             last=sha256(kept[-1].document) if kept else None,
         ).to_bytes()
-        signed = SignedDocument(head, self.key.sign(head))
-        return stream_export(self._store, campaign, names, kept, self.key.public_key(), signed)
+        signed = signing.SignedDocument(head, self.key.sign(head))
+        return signing.stream_export(self._store, campaign, names, kept, self.key.public_key(), signed)
 
-    def _insert(self, connection: sqlite3.Connection, document: Signoff | Withdrawal) -> None:
+    def _insert(self, connection: sqlite3.Connection, document: signing.Signoff | signing.Withdrawal) -> None:
         """Sign a document and add it to the chain."""
         content = document.to_bytes()
         connection.execute(
@@ -210,9 +188,9 @@ class SigningService:
             (document.campaign, content.decode(), self.key.sign(content).hex()),
         )
 
-    def _kept(self, campaign: str) -> list[SignedDocument]:
+    def _kept(self, campaign: str) -> list[signing.SignedDocument]:
         rows = self._database.rows("SELECT document, signature FROM signoffs WHERE campaign = ? ORDER BY id", campaign)
-        return [SignedDocument(row["document"].encode(), bytes.fromhex(row["signature"])) for row in rows]
+        return [signing.SignedDocument(row["document"].encode(), bytes.fromhex(row["signature"])) for row in rows]
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -230,7 +208,7 @@ class SigningService:
         known = self._digests.get((campaign, name))
         if known is not None and mark is not None and known[0] == mark:
             return known[1]
-        digest = digest_file(store, campaign, name)
+        digest = signing.digest_file(store, campaign, name)
         if len(self._digests) >= _MOST_DIGESTS:
             self._digests.clear()
         self._digests[campaign, name] = mark, digest
@@ -244,7 +222,7 @@ class _Chain:
         self._campaign = campaign
         statement = "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1"
         row, newest = connection.execute(statement, (campaign,)).fetchone(), connection.execute(_NEWEST).fetchone()
-        self.last = None if row is None else read_document(row["document"].encode())
+        self.last = None if row is None else signing.read_document(row["document"].encode())
         self.last_digest = None if row is None else sha256(row["document"].encode())
         self._number = 1 if newest is None else newest["count"] + 1
         self._before = None if newest is None else sha256(newest["document"].encode())
@@ -255,7 +233,7 @@ class _Chain:
             "campaign": self._campaign,
             "signer": who.name,
             "role": who.role.word,
-            "time": now_in_utc(),
+            "time": signing.now_in_utc(),
             "comment": comment,
             "previous": self.last_digest,
             "number": self._number,
@@ -267,7 +245,9 @@ def _check_report(campaign: str, files: dict[str, str], source: dict[str, str], 
     """Raise CampaignError unless the files of a report are those written again, from the rows that are there now."""
     if again["source"] != source:
         raise CampaignError(f"{campaign}: its rows have changed just now; read the report again, then sign")
-    found = {name.removeprefix(f"{REPORT}/"): digest for name, digest in files.items() if part_of(name) == "report"}
+    found = {
+        name.removeprefix(f"{REPORT}/"): digest for name, digest in files.items() if signing.part_of(name) == "report"
+    }
     other = sorted(name for name in found.keys() | again["files"].keys() if found.get(name) != again["files"].get(name))
     if other:
         raise CampaignError(

@@ -34,6 +34,7 @@ from clearcap.web.signing_service import SigningService
 from clearcap.web.watcher import Watcher, Workload, look_at_work
 from clearcap.web.webhooks import CampaignEvent, WebhookRepository, WebhookSender, campaign_events
 from engine.platform.child import python_environment
+from engine.platform.private_folder import private_folder
 
 logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next
@@ -126,8 +127,6 @@ class Service:
 
 def open_service(settings: Settings) -> Service:
     """Open the store and the files of a server."""
-    from engine.platform.private_folder import private_folder
-
     folder = private_folder(settings.data.parent, settings.data.name)
     files = Files(settings.store, HASTY, CircuitBreaker())
     database = Database(folder / DATABASE)

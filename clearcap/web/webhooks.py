@@ -14,7 +14,6 @@ import socket
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from sqlite3 import Row
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -126,8 +125,7 @@ class WebhookRepository:
 
     def remove(self, webhook_id: int) -> None:
         """Remove a webhook and its deliveries."""
-        with self._database.write() as connection:
-            connection.execute("DELETE FROM webhooks WHERE id = ?", (webhook_id,))
+        self._database.change("DELETE FROM webhooks WHERE id = ?", webhook_id)
 
     def enqueue(self, events: Iterable[CampaignEvent]) -> None:
         """Queue events for the webhooks that want them, except those that were queued for them before."""
@@ -151,8 +149,7 @@ class WebhookRepository:
         webhooks = {webhook.id: webhook for webhook in self.all()}
         statement = "SELECT * FROM deliveries WHERE next <= ? ORDER BY next LIMIT ?"
         # more than `count`, because those of disabled users are left out below and must not block the others
-        rows = self._database.rows(statement, self._clock(), 10 * count)
-        found = [_delivery(row) for row in rows]
+        found = [Delivery(**dict(row)) for row in self._database.rows(statement, self._clock(), 10 * count)]
         return [(webhooks[each.webhook], each) for each in found if each.webhook in webhooks][:count]
 
     def record(self, delivery: Delivery, fault: str | None) -> None:
@@ -162,25 +159,13 @@ class WebhookRepository:
         is_over = fault is None or attempts >= MOST_ATTEMPTS
         following = None if is_over else self._clock() + pause
         status = "delivered" if fault is None else f"given up: {fault}" if is_over else fault
-        with self._database.write() as connection:
-            connection.execute(
-                "UPDATE deliveries SET attempts = ?, next = ?, status = ? WHERE id = ?",
-                (attempts, following, status[:200], delivery.id),
-            )
+        statement = "UPDATE deliveries SET attempts = ?, next = ?, status = ? WHERE id = ?"
+        self._database.change(statement, attempts, following, status[:200], delivery.id)
 
     def deliveries(self, webhook_id: int, count: int = 50) -> list[Delivery]:
         """Return the last `count` deliveries of a webhook, newest first."""
-        rows = self._database.rows(
-            "SELECT * FROM deliveries WHERE webhook = ? AND status != ? ORDER BY id DESC LIMIT ?",
-            webhook_id,
-            PAST,
-            count,
-        )
-        return [_delivery(row) for row in rows]
-
-
-def _delivery(row: Row) -> Delivery:
-    return Delivery(**dict(row))
+        statement = "SELECT * FROM deliveries WHERE webhook = ? AND status != ? ORDER BY id DESC LIMIT ?"
+        return [Delivery(**dict(row)) for row in self._database.rows(statement, webhook_id, PAST, count)]
 
 
 LONGEST_URL = 2000  # characters
@@ -191,8 +176,6 @@ LOOK_EVERY = 2.0  # s
 AT_ONCE = 8  # deliveries
 ANSWER_WITHIN = 10.0  # s
 logger = logging.getLogger(__name__)
-
-
 # httpx logs each URL at the level INFO, and that of a webhook may hold a secret
 logging.getLogger("httpx").setLevel(logging.WARNING)
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 import time
 from dataclasses import asdict, dataclass
-from sqlite3 import Row
 
 from clearcap.web.access.database import Database
 
@@ -53,7 +52,7 @@ class AuditTrail:
         given = [(condition, value) for condition, value in bounds if value is not None]
         where = f"WHERE {' AND '.join(condition for condition, _ in given)}" if given else ""
         statement = f"SELECT * FROM audit {where} ORDER BY number DESC LIMIT ?"
-        return [_entry(row) for row in self._database.rows(statement, *(value for _, value in given), count)]
+        return [Entry(**dict(row)) for row in self._database.rows(statement, *(value for _, value in given), count)]
 
     def first_fault(self) -> int | None:
         """Return the number of the first entry that was changed or is missing; None if the trail is intact."""
@@ -62,7 +61,7 @@ class AuditTrail:
             "SELECT * FROM audit WHERE number >= ? ORDER BY number LIMIT ?", expected, _PAGE
         ):
             for row in rows:
-                entry = _entry(row)
+                entry = Entry(**dict(row))
                 if entry.number != expected or entry.digest != _digest(before, entry):
                     return expected
                 before, expected = entry.digest, expected + 1
@@ -73,7 +72,3 @@ def _digest(before: str, entry: Entry) -> str:
     """Return the digest of an entry that follows an entry with the digest `before`."""
     content = {name: value for name, value in asdict(entry).items() if name != "digest"}
     return hashlib.sha256((before + json.dumps(content, sort_keys=True)).encode()).hexdigest()
-
-
-def _entry(row: Row) -> Entry:
-    return Entry(**dict(row))

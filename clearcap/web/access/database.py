@@ -140,6 +140,11 @@ class Database:
                         self._connection.execute("ROLLBACK")
                 raise
 
+    def change(self, statement: str, *values: object) -> list[sqlite3.Row]:
+        """Run one statement as a transaction; return the rows that it returns."""
+        with self.write() as connection:
+            return connection.execute(statement, values).fetchall()
+
     def note(self, statement: str, *values: object) -> None:
         """Write what may get lost, unless another writes or the disk fails: who only reads is answered at once."""
         if not self._writing.acquire(blocking=False):

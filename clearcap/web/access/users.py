@@ -129,11 +129,8 @@ class Users:
             )
         kept = None if password is None else hash_password(_checked(password))
         try:
-            with self._database.write() as connection:
-                connection.execute(
-                    "INSERT INTO users (name, role, password, subject, created) VALUES (?, ?, ?, ?, ?)",
-                    (name, role.word, kept, subject, time.time()),
-                )
+            statement = "INSERT INTO users (name, role, password, subject, created) VALUES (?, ?, ?, ?, ?)"
+            self._database.change(statement, name, role.word, kept, subject, time.time())
         except IntegrityError as error:
             raise CampaignError(f"name = {name}: a user of this name exists already; choose another") from error
         user = self.get(name)
@@ -232,8 +229,20 @@ LONGEST_SHARE = 90 * 24 * 3600.0  # s
 USED_EVERY = 60.0  # s between two updates of the time of a token's last use
 
 
+class _Lent:
+    """What is valid for some time, unless it is revoked."""
+
+    expires: float
+    revoked: float | None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it has neither expired nor been revoked."""
+        return self.revoked is None and self.expires > time.time()
+
+
 @dataclass(frozen=True)
-class Token:
+class Token(_Lent):
     """A token as lists show it, without its secret; times in seconds since 1970."""
 
     id: int
@@ -245,14 +254,9 @@ class Token:
     used: float | None  # last use
     revoked: float | None
 
-    @property
-    def is_valid(self) -> bool:
-        """Whether it has neither expired nor been revoked."""
-        return self.revoked is None and self.expires > time.time()
-
 
 @dataclass(frozen=True)
-class SharedLink:
+class SharedLink(_Lent):
     """A shared link as lists show it, without its secret; times in seconds since 1970."""
 
     id: int
@@ -262,11 +266,6 @@ class SharedLink:
     created: float
     expires: float
     revoked: float | None
-
-    @property
-    def is_valid(self) -> bool:
-        """Whether it has neither expired nor been revoked."""
-        return self.revoked is None and self.expires > time.time()
 
 
 class Tokens:
@@ -278,11 +277,10 @@ class Tokens:
     def add(self, user: str, name: str, role: Role, seconds: float) -> tuple[Token, str]:
         """Create a token that lives `seconds` [s]; return it and its secret, which is not kept."""
         secret, now = new_secret("token"), time.time()
-        with self._database.write() as connection:
-            row = connection.execute(
-                "INSERT INTO tokens (digest, user, name, role, created, expires) VALUES (?, ?, ?, ?, ?, ?) RETURNING *",
-                (digest(secret), user, name, role.word, now, now + min(seconds, LONGEST_TOKEN)),
-            ).fetchone()
+        [row] = self._database.change(
+            "INSERT INTO tokens (digest, user, name, role, created, expires) VALUES (?, ?, ?, ?, ?, ?) RETURNING *",
+            digest(secret), user, name, role.word, now, now + min(seconds, LONGEST_TOKEN),
+        )  # fmt: skip
         return _token(row), secret
 
     def all(self, user: str | None = None) -> list[Token]:
@@ -293,20 +291,16 @@ class Tokens:
 
     def revoke(self, token_id: int) -> None:
         """Revoke a token; do nothing if it is revoked already."""
-        with self._database.write() as connection:
-            connection.execute(
-                "UPDATE tokens SET revoked = ? WHERE id = ? AND revoked IS NULL", (time.time(), token_id)
-            )
+        statement = "UPDATE tokens SET revoked = ? WHERE id = ? AND revoked IS NULL"
+        self._database.change(statement, time.time(), token_id)
 
     def share(self, campaign: str, by: str, note: str, seconds: float) -> tuple[SharedLink, str]:
         """Create a link to one campaign that lives `seconds` [s]; return it and its secret, which is not kept."""
         secret, now = new_secret("share"), time.time()
-        with self._database.write() as connection:
-            row = connection.execute(
-                "INSERT INTO shares (digest, campaign, by, note, created, expires) VALUES (?, ?, ?, ?, ?, ?)"
-                " RETURNING *",
-                (digest(secret), campaign, by, note, now, now + min(seconds, LONGEST_SHARE)),
-            ).fetchone()
+        [row] = self._database.change(
+            "INSERT INTO shares (digest, campaign, by, note, created, expires) VALUES (?, ?, ?, ?, ?, ?) RETURNING *",
+            digest(secret), campaign, by, note, now, now + min(seconds, LONGEST_SHARE),
+        )  # fmt: skip
         return _shared_link(row), secret
 
     def shares(self, campaign: str) -> list[SharedLink]:
@@ -369,9 +363,8 @@ class Sessions:
         """Begin a session of a user or of a shared link; return the secret for its cookie."""
         secret, now = new_secret("session"), time.time()
         with self._database.write() as connection:
-            connection.execute(
-                "DELETE FROM sessions WHERE seen < ? OR created < ?", (now - IDLE, now - LONGEST_SESSION)
-            )
+            ended = (now - IDLE, now - LONGEST_SESSION)
+            connection.execute("DELETE FROM sessions WHERE seen < ? OR created < ?", ended)
             connection.execute(
                 "INSERT INTO sessions (digest, user, share, csrf, created, seen) VALUES (?, ?, ?, ?, ?, ?)",
                 (digest(secret), user, share, secrets.token_urlsafe(24), now, now),
@@ -398,8 +391,7 @@ class Sessions:
 
     def end(self, secret: str) -> None:
         """End a session."""
-        with self._database.write() as connection:
-            connection.execute("DELETE FROM sessions WHERE digest = ?", (digest(secret),))
+        self._database.change("DELETE FROM sessions WHERE digest = ?", digest(secret))
 
     def end_all(self, user: str) -> None:
         """End all sessions of a user, and the user's unused one-time links."""
@@ -429,11 +421,9 @@ class Sessions:
 
     def use_link(self, secret: str) -> str | None:
         """Use up a one-time link and return its user; None if it was used, has expired, or the user is disabled."""
-        with self._database.write() as connection:
-            row = connection.execute(
-                # one statement, so that of two simultaneous uses only one succeeds
-                "DELETE FROM login_links WHERE digest = ? RETURNING expires, (SELECT name FROM users"
-                " WHERE name = login_links.user AND NOT disabled) AS name",
-                (digest(secret),),
-            ).fetchone()
-        return None if row is None or row["expires"] < time.time() else row["name"]
+        rows = self._database.change(  # one statement, so that of two simultaneous uses only one succeeds
+            "DELETE FROM login_links WHERE digest = ? RETURNING expires, (SELECT name FROM users"
+            " WHERE name = login_links.user AND NOT disabled) AS name",
+            digest(secret),
+        )
+        return rows[0]["name"] if rows and rows[0]["expires"] >= time.time() else None

@@ -180,7 +180,7 @@ def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> S
     same = {batch for batch, source in kept.items() if sources.get(batch) == source}
     columns = samples_in(plan, store.stream(plan, columns_read(plan), sources.keys() - same))
     if earlier is not None and same:
-        columns = _merged(_rows_of(plan, earlier.columns, same), columns)
+        columns = _merged(plan, earlier.columns, same, columns)
     if not columns.number.size:
         raise no_samples(plan)
     return SourcedColumns(columns, sources)
@@ -197,16 +197,11 @@ def sources_of(store: Store, plan: Plan) -> Sources:
     return sources
 
 
-def _rows_of(plan: Plan, columns: SampleColumns, batches: set[int]) -> SampleColumns:
-    """Return the samples of some batches."""
+def _merged(plan: Plan, earlier: SampleColumns, batches: set[int], others: SampleColumns) -> SampleColumns:
+    """Return the samples of some batches of an earlier result, and others, sorted by number."""
     starts = [first for first, _ in plan.batches]
-    kept = np.isin(np.searchsorted(starts, columns.number, side="right") - 1, sorted(batches))
-    return SampleColumns(columns.number[kept], {name: column[kept] for name, column in columns.values.items()})
-
-
-def _merged(some: SampleColumns, others: SampleColumns) -> SampleColumns:
-    """Return the samples of two sets of batches, sorted by number."""
-    number = np.concatenate([some.number, others.number])
+    kept = np.isin(np.searchsorted(starts, earlier.number, side="right") - 1, sorted(batches))
+    number = np.concatenate([earlier.number[kept], others.number])
     order = np.argsort(number, kind="stable")
-    values = {name: np.concatenate([column, others.values[name]])[order] for name, column in some.values.items()}
+    values = {name: np.concatenate([x[kept], others.values[name]])[order] for name, x in earlier.values.items()}
     return SampleColumns(number[order], values)

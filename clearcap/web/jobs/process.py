@@ -19,19 +19,7 @@ from campaign import errors
 from campaign.errors import CampaignError, SpecError, error_named
 from campaign.json_values import json_values
 from campaign.processes import numerical
-from engine.platform.child import (
-    FAILED,
-    LARGEST_HEAD,
-    ChildEnded,
-    ChildRaised,
-    Limits,
-    Send,
-    command,
-    head_of,
-    kill_session,
-    python_environment,
-    request_of,
-)
+from engine.platform import child
 
 
 @dataclass(frozen=True)
@@ -72,12 +60,12 @@ logger = logging.getLogger(__name__)
 
 def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
     """Return the environment of a job process, with only the variables that paths, locales, stores and numbers need."""
-    given = python_environment() if environment is None else environment
+    given = child.python_environment() if environment is None else environment
     passed = {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)}
     return passed | numerical(given) | _ONE_THREAD | _REUSED_MEMORY
 
 
-def compute(request: bytes, _send: Send) -> bytes:
+def compute(request: bytes, _send: child.Send) -> bytes:
     """Compute a job, in its process; return its bytes, or its plain data as JSON without NaN."""
     job, arguments, answer_mib = pickle.loads(request)
     answer = job(*arguments)
@@ -98,12 +86,12 @@ class JobProcess:
     async def start(cls) -> "JobProcess":
         """Start a process."""
         process = await asyncio.create_subprocess_exec(
-            *command(f"{__name__}:{compute.__name__}"),
+            *child.command(f"{__name__}:{compute.__name__}"),
             stdin=PIPE,
             stdout=PIPE,
             env=job_environment(),
             start_new_session=True,
-            limit=LARGEST_HEAD,
+            limit=child.LARGEST_HEAD,
         )
         return cls(process)
 
@@ -120,36 +108,36 @@ class JobProcess:
         request = pickle.dumps((job, arguments, limits.answer_mib))
         try:
             async with asyncio.timeout(limits.wall_s):
-                stdin.write(request_of(request, Limits(limits.memory_gib * 2**30, limits.processor_s)))
+                stdin.write(child.request_of(request, child.Limits(limits.memory_gib * 2**30, limits.processor_s)))
                 await stdin.drain()
-                kind, size = head_of(await stdout.readuntil(b"\n"))
+                kind, size = child.head_of(await stdout.readuntil(b"\n"))
                 content = await stdout.readexactly(size)
         except TimeoutError:
             raise JobPostponed(
                 f"it takes longer than {limits.wall_s:g} s, most of it waiting; try again later, or ask for less"
             ) from None
         except (EOFError, ConnectionError, ValueError, asyncio.LimitOverrunError):  # ended, or spoiled its answers
-            kill_session(self._process.pid)
-            ended = ChildEnded(await self._process.wait())
+            child.kill_session(self._process.pid)
+            ended = child.ChildEnded(await self._process.wait())
             if ended.status == -signal.SIGXCPU:
                 words = f"it takes more than {limits.processor_s:g} s of processor time; ask for less"
                 raise JobTooLarge(words) from None
             words = f"its process ended ({ended}); it was replaced, and the server's log may say more"
             raise JobFailed(words) from None
-        if kind == FAILED:
-            raise _error(ChildRaised(content), limits)
+        if kind == child.FAILED:
+            raise _error(child.ChildRaised(content), limits)
         return content
 
     async def end(self) -> None:
         """Kill the process and the processes that its job has started."""
         if self.alive:
-            kill_session(self._process.pid)
+            child.kill_session(self._process.pid)
         await self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
 
 
-def _error(raised: ChildRaised, limits: JobLimits) -> CampaignError:
+def _error(raised: child.ChildRaised, limits: JobLimits) -> CampaignError:
     """Return the error for a job that raised one."""
     if "MemoryError" in raised.kinds:
         return JobTooLarge(f"it takes more than {limits.memory_gib:g} GiB of memory; ask for less")

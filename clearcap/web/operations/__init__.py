@@ -2,3 +2,11 @@
 
 The types of their parameters say who may use them, and what is allowed, for FastAPI.
 """
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Sent(BaseModel):
+    """What a request sends; a key that its call does not know is refused."""
+
+    model_config = ConfigDict(extra="forbid")

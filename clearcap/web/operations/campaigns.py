@@ -10,7 +10,7 @@ from contextlib import aclosing
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Header, Path, Query, Request
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
@@ -38,6 +38,7 @@ from clearcap.web.http.authentication import (
 )
 from clearcap.web.http.responses import CountedStream, Refusal, etag_response, sendable
 from clearcap.web.index import LISTED_STATES, CampaignEntry
+from clearcap.web.operations import Sent
 from clearcap.web.operations.submissions import check_user, place_in_queue
 from clearcap.web.web_service import Service
 
@@ -237,23 +238,17 @@ def cancel(service: TheService, campaign: OwnCampaign) -> Done:
 async def resume(service: TheService, campaign: OwnCampaign, who: Engineer) -> Done:
     """Queue a campaign again that was cancelled or interrupted, has failed, or has lost rows."""
     async with place_in_queue(service, who, campaign):
-        return await run_in_threadpool(_resume, service, campaign)
-
-
-def _resume(service: Service, campaign: str) -> Done:
-    """Queue a campaign again."""
-    entry = service.watcher.index.entry(campaign)
-    plan = service.store.plan(campaign)
-    assignment = assign_coordinator(service.store, plan, [], queue_only=True)
-    service.watcher.hurry(campaign)
-    note = "a coordinator computes it already" if assignment.kind == "coordinator" else "queued"
+        entry = service.watcher.index.entry(campaign)
+        plan = await run_in_threadpool(service.store.plan, campaign)
+        found = await run_in_threadpool(assign_coordinator, service.store, plan, [], queue_only=True)
+        service.watcher.hurry(campaign)
+    note = "a coordinator computes it already" if found.kind == "coordinator" else "queued"
     return Done(campaign=campaign, before=entry.state if entry else "planned", note=note)
 
 
-class FailedRows(BaseModel):
+class FailedRows(Sent):
     """The failed rows that are to be computed again."""
 
-    model_config = ConfigDict(extra="forbid")
     statuses: list[FailedStatus] = Field(
         default=[],
         max_length=len(FailedStatus),
@@ -289,10 +284,9 @@ def _rerun(service: Service, campaign: str, who: Principal, wanted: FailedRows) 
     return Done(campaign=campaign, before=before, note=f"queued: {count} failed rows will be computed again")
 
 
-class LabelRequest(BaseModel):
+class LabelRequest(Sent):
     """A change of the labels of a campaign; fields that are left out stay unchanged."""
 
-    model_config = ConfigDict(extra="forbid")
     owner: str | None = Field(None, max_length=200, examples=["eva"])
     add_tags: list[str] = Field(default=[], max_length=50, examples=[["release-3"]])
     remove_tags: list[str] = Field(default=[], max_length=50)

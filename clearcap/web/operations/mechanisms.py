@@ -5,22 +5,15 @@ from importlib import resources
 from typing import Annotated, Any
 
 from fastapi import Path, Query, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from campaign.store.mechanism_library import read_mechanism, save_mechanism, saved_mechanisms
-from clearcap.questions.mechanisms import (
-    MechanismSource,
-    animate_once,
-    check_text,
-    describe,
-    draw_mechanism,
-    simulate_once,
-    values_of,
-)
+from clearcap.questions import mechanisms
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response
+from clearcap.web.operations import Sent
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
@@ -29,6 +22,7 @@ MechanismName = Annotated[
     str,
     Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="Shipped or saved", examples=["clearance_pendulum"]),
 ]
+Choice = Annotated[str | None, Query(max_length=100)]
 MOST_VALUES = 500
 LONGEST_KEY = 400  # characters
 NamedValues = dict[Annotated[str, Field(max_length=LONGEST_KEY)], float]
@@ -41,10 +35,9 @@ class MechanismNames(BaseModel):
     saved: dict[str, int] = Field(description="Newest version by name", examples=[{"latch": 3}])
 
 
-class MechanismText(BaseModel):
+class MechanismText(Sent):
     """The text of a mechanism's file."""
 
-    model_config = ConfigDict(extra="forbid")
     text: str = Field(max_length=LONGEST_TEXT, description="TOML")
     version: int | None = Field(
         None, ge=0, description="The newest version that the caller knows; 409 if there is a later one"
@@ -67,7 +60,7 @@ def list_mechanisms(service: TheService, _: Viewer) -> MechanismNames:
 
 async def show_mechanism(service: TheService, who: Viewer, name: MechanismName) -> dict[str, Any]:
     """Show a mechanism: bodies, joints, clearances, responses, and every number that can be set, with its bounds."""
-    content: dict[str, Any] = await service.pool.data(who.name, describe, await source_of(service, name))
+    content: dict[str, Any] = await service.pool.data(who.name, mechanisms.describe, await source_of(service, name))
     return content
 
 
@@ -75,7 +68,7 @@ async def save(service: TheService, who: Engineer, name: MechanismName, wanted: 
     """Save a mechanism in the store, for all users, as a new version; one with faults is refused."""
     if name in library_names():
         raise Refusal(409, f"{name} is a shipped mechanism; save yours under another name")
-    await service.pool.data(who.name, check_text, MechanismSource(name, wanted.text))
+    await service.pool.data(who.name, mechanisms.check_text, mechanisms.MechanismSource(name, wanted.text))
     store = service.store
     saved = await run_in_threadpool(save_mechanism, store, name, wanted.text, who.name, wanted.version)
     return SavedVersion(name=name, version=saved.version, by=saved.by, at=datetime.fromtimestamp(saved.at, UTC))
@@ -83,7 +76,9 @@ async def save(service: TheService, who: Engineer, name: MechanismName, wanted: 
 
 async def check_mechanism(service: TheService, who: Engineer, wanted: MechanismText) -> dict[str, Any]:
     """Check the text of a mechanism; return its summary and warnings, or its faults with key and line as a problem."""
-    content: dict[str, Any] = await service.pool.data(who.name, check_text, MechanismSource("mechanism", wanted.text))
+    content: dict[str, Any] = await service.pool.data(
+        who.name, mechanisms.check_text, mechanisms.MechanismSource("mechanism", wanted.text)
+    )
     return content
 
 
@@ -92,20 +87,19 @@ def shipped_text(name: str) -> bytes:
     return resources.files("engine.mechanism").joinpath("library", f"{name}.toml").read_bytes()
 
 
-async def source_of(service: Service, name: str, **more: Any) -> MechanismSource:
+async def source_of(service: Service, name: str, **more: Any) -> mechanisms.MechanismSource:
     """Return the source of a mechanism for a job: shipped, or the newest saved version; refuse (404) other names."""
     if name in library_names():
-        return MechanismSource(name, **more)
+        return mechanisms.MechanismSource(name, **more)
     saved = await run_in_threadpool(read_mechanism, service.store, name)
     if saved is None:
         raise Refusal(404, f"no mechanism {name}; shipped: {', '.join(library_names())}")
-    return MechanismSource(name, saved.text, **more)
+    return mechanisms.MechanismSource(name, saved.text, **more)
 
 
-class SimulationRequest(BaseModel):
+class SimulationRequest(Sent):
     """A simulation to be run."""
 
-    model_config = ConfigDict(extra="forbid")
     mechanism: str = Field("", max_length=64, description="Shipped or saved", examples=["clearance_pendulum"])
     text: str | None = Field(None, max_length=LONGEST_TEXT, description="TOML, in place of a name")
     values: NamedValues = Field(default={}, max_length=MOST_VALUES, description="Key -> value", examples=[{}])
@@ -133,10 +127,10 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
         raise Refusal(422, "mechanism, text: give one of them")
     more = {"bench": wanted.bench, "preset": wanted.preset, "values": wanted.values}
     if wanted.text is not None:
-        source = MechanismSource("mechanism", wanted.text, **more)  # type: ignore[arg-type]  # as the model checked
+        source = mechanisms.MechanismSource("mechanism", wanted.text, **more)  # type: ignore[arg-type]  # as the model checked
     else:
         source = await source_of(service, wanted.mechanism, **more)
-    content = await service.pool.data(who.name, simulate_once, source, wanted.step, wanted.horizon)
+    content = await service.pool.data(who.name, mechanisms.simulate_once, source, wanted.step, wanted.horizon)
     return SimulatedRun.model_validate(content)
 
 
@@ -158,15 +152,13 @@ async def mechanism_text(
 
 
 async def mechanism_picture(
-    request: Request,
-    service: TheService,
-    who: Viewer,
-    name: MechanismName,
-    bench: Annotated[str | None, Query(max_length=100)] = None,
+    request: Request, service: TheService, who: Viewer, name: MechanismName, bench: Choice = None
 ) -> Response:
     """Draw a mechanism at its start, with what its responses measure."""
     source = await source_of(service, name, bench=bench)
-    return etag_response(request, await service.answers.made(who.name, draw_mechanism, source), "image/svg+xml")
+    return etag_response(
+        request, await service.answers.made(who.name, mechanisms.draw_mechanism, source), "image/svg+xml"
+    )
 
 
 async def motion(
@@ -175,9 +167,9 @@ async def motion(
     who: Engineer,
     name: MechanismName,
     set: Annotated[list[str] | None, Query(max_length=MOST_VALUES, description="KEY=VALUE")] = None,
-    bench: Annotated[str | None, Query(max_length=100)] = None,
-    preset: Annotated[str | None, Query(max_length=100)] = None,
+    bench: Choice = None,
+    preset: Choice = None,
 ) -> Response:
     """Simulate a mechanism and draw its motion."""
-    source = await source_of(service, name, bench=bench, preset=preset, values=values_of(set or []))
-    return etag_response(request, await service.answers.made(who.name, animate_once, source), "image/gif")
+    source = await source_of(service, name, bench=bench, preset=preset, values=mechanisms.values_of(set or []))
+    return etag_response(request, await service.answers.made(who.name, mechanisms.animate_once, source), "image/gif")

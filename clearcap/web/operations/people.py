@@ -19,6 +19,7 @@ from clearcap.web.http.authentication import (
     lacks_role,
 )
 from clearcap.web.http.responses import Refusal
+from clearcap.web.operations import Sent
 from clearcap.web.web_service import Service
 from clearcap.web.webhooks import LONGEST_URL, Webhook, target_addresses, webhook_target
 
@@ -59,10 +60,9 @@ class UserList(BaseModel):
     next: str | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
 
 
-class NewUser(BaseModel):
+class NewUser(Sent):
     """A user to be added."""
 
-    model_config = ConfigDict(extra="forbid")
     name: str = Field(
         pattern=f"^{NAME.pattern}$", description="Letters, digits and . _ @ -, 64 characters at most", examples=["eva"]
     )
@@ -70,10 +70,9 @@ class NewUser(BaseModel):
     password: Password | None = Field(None, description="Without one the user logs in by a link or the login service")
 
 
-class UserChange(BaseModel):
+class UserChange(Sent):
     """A change of a user; fields that are left out stay unchanged."""
 
-    model_config = ConfigDict(extra="forbid")
     role: RoleWord | None = Field(None, examples=["approver"])
     password: Password | None = Field(None, description="Ends all that `disabled` ends, but the user can log in")
     disabled: bool | None = Field(
@@ -173,10 +172,9 @@ class TokenList(BaseModel):
     next: int | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
 
 
-class NewToken(BaseModel):
+class NewToken(Sent):
     """A token to be created."""
 
-    model_config = ConfigDict(extra="forbid")
     name: str = Field(min_length=1, max_length=100, examples=["nightly measurements"])
     role: RoleWord = Field(description="At most your own", examples=["engineer"])
     days: int = Field(90, ge=1, le=366, description="For how long it is valid", examples=[90])
@@ -233,10 +231,9 @@ def revoke_token(service: TheService, who: Viewer, token: ListedId) -> None:
     service.tokens.revoke(token)
 
 
-class PasswordChange(BaseModel):
+class PasswordChange(Sent):
     """A new password, and the one that it replaces."""
 
-    model_config = ConfigDict(extra="forbid")
     present: str | None = Field(None, max_length=2000, description="Not needed if you have none yet")
     password: Password
 
@@ -282,10 +279,9 @@ class ShareList(BaseModel):
     next: int | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
 
 
-class NewShare(BaseModel):
+class NewShare(Sent):
     """A link to be created."""
 
-    model_config = ConfigDict(extra="forbid")
     days: int = Field(14, ge=1, le=90, description="For how long it is valid", examples=[14])
     note: str = Field("", max_length=200, description="For whom", examples=["the customer's review"])
 
@@ -373,10 +369,9 @@ def check_audit(service: TheService, _: Admin) -> Wholeness:
 MOST_WEBHOOKS = 50  # of a user
 
 
-class NewWebhook(BaseModel):
+class NewWebhook(Sent):
     """A webhook to be created."""
 
-    model_config = ConfigDict(extra="forbid")
     url: str = Field(max_length=LONGEST_URL, description="https", examples=["https://quality.example/clearcap"])
     campaign: str | None = Field(None, pattern=CAMPAIGN_ID, description="By default all of yours", examples=[None])
 

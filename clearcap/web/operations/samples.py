@@ -6,24 +6,17 @@ The numbers are those of the command line, to the last bit.
 from typing import Annotated, Any
 
 from fastapi import Path, Query, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.responses import Response
 
+from clearcap.questions import samples
 from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
-from clearcap.questions.samples import (
-    ReplayedSample,
-    StoredSample,
-    draw_sample,
-    plan_with,
-    replay_document,
-    sample_motion,
-    stored_sample,
-)
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import Authenticated, OtherCampaign, TheCampaign, TheService, Viewer, the_campaign
 from clearcap.web.http.responses import CountedStream, Refusal, etag_response
 from clearcap.web.jobs import queries
+from clearcap.web.operations import Sent
 from clearcap.web.web_service import Service
 
 Setting = Annotated[str, Field(max_length=queries.LONGEST_SETTING)]
@@ -60,26 +53,26 @@ RowsQuery = Annotated[RowsQuestion, Query()]
 SampleQuery = Annotated[SampleQuestion, Query()]
 
 
-def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> StoredSample:
+def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> samples.StoredSample:
     """Show a sample: its variables, its responses, and its certificate."""
-    found = stored_sample(service.store, campaign, sample)
+    found = samples.stored_sample(service.store, campaign, sample)
     if found is None:
         raise Refusal(404, f"sample {sample} of {campaign}: not computed yet, or its part is broken")
     return found
 
 
-async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> ReplayedSample:
+async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> samples.ReplayedSample:
     """Compute a sample again and compare it bit for bit with its row; return the document of `clearcap replay`."""
     store = service.store
-    await run_in_threadpool(plan_with, store, campaign, sample)
-    content = await service.pool.data(who.name, replay_document, store.files.full_url, campaign, sample)
-    return ReplayedSample.model_validate(content)
+    await run_in_threadpool(samples.plan_with, store, campaign, sample)
+    content = await service.pool.data(who.name, samples.replay_document, store.files.full_url, campaign, sample)
+    return samples.ReplayedSample.model_validate(content)
 
 
 async def drawn(service: Service, campaign: str, who: Principal, sample: int, job: Any, *more: str) -> bytes:
     """Return what `draw_sample` or `sample_motion` makes of a sample, the motion as JSON; recent ones are cached."""
     store = service.store
-    await run_in_threadpool(plan_with, store, campaign, sample)
+    await run_in_threadpool(samples.plan_with, store, campaign, sample)
     return await service.answers.made(who.name, job, store.files.full_url, campaign, sample, *more)
 
 
@@ -114,41 +107,40 @@ async def list_samples(
 
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again and draw its curves over time."""
-    return etag_response(request, await drawn(service, campaign, who, sample, draw_sample, "svg"), "image/svg+xml")
+    content = await drawn(service, campaign, who, sample, samples.draw_sample, "svg")
+    return etag_response(request, content, "image/svg+xml")
 
 
 async def motion_gif(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
     """Compute a sample again and draw its motion."""
-    return etag_response(request, await drawn(service, campaign, who, sample, draw_sample, "gif"), "image/gif")
+    return etag_response(request, await drawn(service, campaign, who, sample, samples.draw_sample, "gif"), "image/gif")
 
 
 async def motion_data(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
     """Compute a sample again and return its motion as data: outlines of the bodies and their places over time."""
-    return etag_response(request, await drawn(service, campaign, who, sample, sample_motion), JSON)
+    return etag_response(request, await drawn(service, campaign, who, sample, samples.sample_motion), JSON)
 
 
 LONGEST_COSTS = 2**16  # characters
 Preview = Annotated[bool, Query(description="For a large campaign, use only the first 100,000 samples, and say so")]
 
 
-class WhatIfRequest(BaseModel):
+class WhatIfRequest(Sent):
     """A what-if question, which may be too long for a URL."""
 
-    model_config = ConfigDict(extra="forbid")
     set: list[Setting] = Field(
         max_length=queries.MOST_SETTINGS, description="VARIABLE.KEY=VALUE", examples=[["J1.std=0.01"]]
     )
     preview: bool = Field(False, description="For a large campaign, use only the first 100,000 samples, and say so")
 
 
-class CostRequest(BaseModel):
+class CostRequest(Sent):
     """The costs of tolerances."""
 
-    model_config = ConfigDict(extra="forbid")
     costs: str = Field(
         max_length=LONGEST_COSTS,
         description="The text of a cost file, TOML",

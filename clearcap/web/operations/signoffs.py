@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from fastapi import Query, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
@@ -15,6 +15,7 @@ from clearcap.questions.signing import LONGEST_COMMENT, Signoff, Withdrawal, con
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
 from clearcap.web.http.responses import Refusal
+from clearcap.web.operations import Sent
 from clearcap.web.signing_service import KeptSignoff
 from clearcap.web.web_service import Service
 
@@ -67,10 +68,9 @@ class SignedContent(BaseModel):
     is_submitter: bool = Field(description="You submitted it yourself", examples=[False])
 
 
-class Signing(BaseModel):
+class Signing(Sent):
     """A request to sign a campaign."""
 
-    model_config = ConfigDict(extra="forbid")
     content: str = Field(
         pattern="^[0-9a-f]{64}$", description="From the call that shows what would be signed", examples=["0f" * 32]
     )
@@ -153,10 +153,9 @@ def _check_four_eyes(service: Service, campaign: str, who: Principal) -> None:
             raise Refusal(403, f"{each} was submitted by {who.name}; on this server another approver has to sign it")
 
 
-class Withdrawing(BaseModel):
+class Withdrawing(Sent):
     """A request to withdraw the last sign-off of a campaign."""
 
-    model_config = ConfigDict(extra="forbid")
     comment: str = Field(min_length=1, max_length=LONGEST_COMMENT, description="Why", examples=["wrong drawing"])
 
 

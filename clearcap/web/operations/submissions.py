@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Header, Request
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, Field, InstanceOf, ValidationError, WithJsonSchema
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 from starlette.responses import Response
@@ -35,6 +35,7 @@ from clearcap.web.access import Principal
 from clearcap.web.access.database import Database
 from clearcap.web.http.authentication import CSRF_FIELD, FORMS, Engineer, TheCampaign, TheService
 from clearcap.web.http.responses import Refusal
+from clearcap.web.operations import Sent
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
@@ -82,10 +83,9 @@ FileContent = Annotated[
 ]
 
 
-class CampaignRequest(BaseModel):
+class CampaignRequest(Sent):
     """A campaign to be checked or computed."""
 
-    model_config = ConfigDict(extra="forbid")
     text: str = Field(max_length=LONGEST_TEXT, description="Content of the campaign file, TOML", examples=[EXAMPLE])
     files: dict[str, FileContent] = Field(
         default={}, max_length=MOST_FILES, description="Content of each file that it names, in base64", examples=[{}]
@@ -202,13 +202,11 @@ class RequestKeys:
         at = time.time() if now is None else now
         with self._database.write() as connection:
             connection.execute("DELETE FROM idempotency WHERE time < ?", (at - KEPT,))
-            found = connection.execute(
-                "SELECT question, status, answer FROM idempotency WHERE key = ? AND user = ?", (key, user)
-            ).fetchone()
+            statement = "SELECT question, status, answer FROM idempotency WHERE key = ? AND user = ?"
+            found = connection.execute(statement, (key, user)).fetchone()
             if found is None:
-                connection.execute(
-                    "INSERT INTO idempotency VALUES (?, ?, ?, ?, '', ?)", (key, user, question, _IN_WORK, at)
-                )
+                values = (key, user, question, _IN_WORK, at)
+                connection.execute("INSERT INTO idempotency VALUES (?, ?, ?, ?, '', ?)", values)
                 return None
         if found["question"] != question:
             raise KeyTaken(f"Idempotency-Key {key!r:.80}: was sent with other content before; use a new key")
@@ -216,20 +214,15 @@ class RequestKeys:
 
     def keep(self, user: str, key: str, status: int, answer: str) -> tuple[int, str]:
         """Keep the answer to a request and return it; return the first one if the request was sent twice at once."""
-        with self._database.write() as connection:
-            connection.execute(
-                "UPDATE idempotency SET status = ?, answer = ? WHERE key = ? AND user = ? AND status = ?",
-                (status, answer, key, user, _IN_WORK),
-            )
+        statement = "UPDATE idempotency SET status = ?, answer = ? WHERE key = ? AND user = ? AND status = ?"
+        self._database.change(statement, status, answer, key, user, _IN_WORK)
         kept = self._database.row("SELECT status, answer FROM idempotency WHERE key = ? AND user = ?", key, user)
         return (status, answer) if kept is None else (kept["status"], kept["answer"])
 
     def release(self, user: str, key: str) -> None:
         """Forget the key of a refused request, so that the corrected request may use the same key."""
-        with self._database.write() as connection:
-            connection.execute(
-                "DELETE FROM idempotency WHERE key = ? AND user = ? AND status = ?", (key, user, _IN_WORK)
-            )
+        statement = "DELETE FROM idempotency WHERE key = ? AND user = ? AND status = ?"
+        self._database.change(statement, key, user, _IN_WORK)
 
 
 MOST_FIELDS = 60
@@ -354,7 +347,9 @@ async def submit_campaign(
     except BaseException:
         keys.release(who.name, key)
         raise
-    status, text = await run_in_threadpool(keys.keep, who.name, key, _status(made), made.model_dump_json())
+    status, text = await run_in_threadpool(
+        keys.keep, who.name, key, 201 if made.is_new else 200, made.model_dump_json()
+    )
     return _answer(SubmittedCampaign.model_validate_json(text), status)
 
 
@@ -363,11 +358,7 @@ async def extend_campaign(service: TheService, campaign: TheCampaign, who: Engin
     return _answer(await extend(service, campaign, who, wanted.samples))
 
 
-def _status(made: SubmittedCampaign) -> int:
-    return 201 if made.is_new else 200
-
-
 def _answer(made: SubmittedCampaign, status: int | None = None) -> Response:
     """Return the answer to a submission."""
     headers = {"Location": f"{PREFIX}/campaigns/{made.campaign}"}
-    return Response(made.model_dump_json(), status or _status(made), headers, "application/json")
+    return Response(made.model_dump_json(), status or (201 if made.is_new else 200), headers, "application/json")

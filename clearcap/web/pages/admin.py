@@ -120,28 +120,23 @@ def audit_page(
 @router.get(f"{ADMIN}/system")
 async def system_page(request: Request, service: TheService, who: Admin) -> Response:
     """Show the running and waiting campaigns, health, limits, and the key of sign-offs."""
-    fault, entries = "", [entry for entry, _ in service.watcher.index.entries()]
+    settings, watcher, fault = service.settings, service.watcher, ""
     try:
-        await service.watcher.list_first()
-        entries = [entry for entry, _ in service.watcher.index.entries()]
-        service.workload = await run_in_threadpool(look_at_work, service.store, entries, service.workload)
+        await watcher.list_first()
+        known = [entry for entry, _ in watcher.index.entries()]
+        service.workload = await run_in_threadpool(look_at_work, service.store, known, service.workload)
     except StoreError as error:
         fault = str(error)
+    entries = [entry for entry, _ in watcher.index.entries()]
     values: dict[str, Any] = {
+        **{"coordinate": settings.coordinate, "processes": settings.processes, "limits": asdict(settings.limits)},
+        **{"store": service.store.url, "fault": fault or service.store_fault, "free": service.free_space()},
+        **{"jobs": service.pool.turns.by_user, "followers": watcher.followers, "campaigns": len(entries)},
         "work": None if fault else service.workload,
-        "coordinate": service.settings.coordinate,
-        "processes": service.settings.processes,
-        "jobs": service.pool.turns.by_user,
-        "followers": service.watcher.followers,
-        "limits": asdict(service.settings.limits),
-        "store": service.store.url,
-        "fault": fault or service.store_fault,
-        "listed_s": None if service.watcher.listed_at is None else time.monotonic() - service.watcher.listed_at,
-        "free": service.free_space(),
-        "campaigns": len(entries),
+        "listed_s": None if watcher.listed_at is None else time.monotonic() - watcher.listed_at,
         "broken": sorted(entry.campaign for entry in entries if entry.state == "broken"),
         "database": service.database.path.stat().st_size,
-        "issuer": service.settings.oidc.issuer if service.settings.oidc else "",
+        "issuer": settings.oidc.issuer if settings.oidc else "",
         "key": signoffs.show_signing_key(service, who).fingerprint,
     }
     return page(request, "admin_system", **values)

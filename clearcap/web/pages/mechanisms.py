@@ -18,7 +18,7 @@ from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response, refusal_of
 from clearcap.web.operations import mechanisms
-from clearcap.web.pages.rendering import QueryText, is_number, marked_lines, page, unix_lines
+from clearcap.web.pages.rendering import QueryText, is_number, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
 from engine import EngineError
 from engine.mechanism import library_names, mechanism_schema
@@ -46,13 +46,7 @@ async def upload_form(
     request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
 ) -> Response:
     """Save an uploaded file as a mechanism; a file with faults is shown in the editor."""
-    content = await file.read(mechanisms.LONGEST_TEXT + 1)
-    try:
-        text = unix_lines(content.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise Refusal(422, f"file: is not UTF-8 text ({error.reason} at byte {error.start})") from error
-    if len(content) > mechanisms.LONGEST_TEXT:
-        raise Refusal(422, f"file: has more than {mechanisms.LONGEST_TEXT} bytes; a mechanism is a TOML file")
+    text = await uploaded_text(file, "file", "a mechanism is a TOML file")
     return await _edited(request, service, who, MechanismEdit(name, text, None, is_saved=True))
 
 

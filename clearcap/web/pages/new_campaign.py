@@ -36,7 +36,7 @@ from clearcap.web.http.responses import Refusal, faults_of, refusal_of
 from clearcap.web.operations import submissions
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from clearcap.web.operations.samples import WhatIfSettings
-from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines
+from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
 from engine import EngineError
 from engine.mechanism import library_names
@@ -246,7 +246,9 @@ def tables_of(sent: Mapping[str, str]) -> Tables:
         for row in _rows(sent, letter):
             name = row.pop("name", "").strip()
             if name:
-                known = _known_keys(row) if letter == "v" else {*LIMITS}
+                # a variable's row may still have fields of the distribution before
+                keys = {"distribution", "target", *PARAMETERS.get(row.get("distribution", DEFAULT), {})}
+                known = keys if letter == "v" else {*LIMITS}
                 values = {key: _typed(key, text) for key, text in row.items() if key in known and text.strip()}
                 tables[table][name] = values
     stop = {key: _typed(key, sent.get(f"stop.{key}", "")) for key in ("response", "statistic", *STOP_NUMBERS)}
@@ -320,11 +322,6 @@ def _rows(sent: Mapping[str, str], letter: str) -> Iterator[dict[str, str]]:
             rows.setdefault(int(place[1:]), {})[key] = text
     for _, row in sorted(rows.items())[:MOST_ROWS]:
         yield row
-
-
-def _known_keys(row: Mapping[str, str]) -> set[str]:
-    """Return the keys of a variable's chosen distribution; the row may still have fields of the previous one."""
-    return {"distribution", "target", *PARAMETERS.get(row.get("distribution", DEFAULT), {})}
 
 
 def _typed(key: str, text: str) -> str | int | float:
@@ -416,40 +413,18 @@ async def new_campaign_form(request: Request, service: TheService, who: Engineer
 
 async def _sent(request: Request) -> tuple[Draft, str]:
     """Return the draft that a browser sent, and the action of the pressed button."""
-    form = await request.form()
-    try:
+    async with request.form() as form:
         sent = {key: value for key, value in form.multi_items() if isinstance(value, str)}
         files = dict(zip(form.getlist("file-name"), form.getlist("file-text"), strict=False))
         kept = {str(name): unix_lines(str(text)) for name, text in files.items() if name and str(text).strip()}
         for upload in form.getlist("upload"):
             if isinstance(upload, UploadFile) and upload.filename:
-                kept[upload.filename] = await _text_of(upload)
-    finally:
-        await form.close()
+                kept[upload.filename] = await uploaded_text(upload, f"{upload.filename:.100}", "send it with the API")
     if len(kept) > MOST_FILES:
         raise Refusal(422, f"{len(kept)} files: allowed: up to {MOST_FILES}")
-    draft = Draft(
-        unix_lines(sent.get("text", ""))[:LONGEST_TEXT],
-        tables_of(sent),
-        sent.get("form-was", ""),
-        sent.get("text-was", ""),
-        kept,
-        sent.get("owner", "")[:200],
-        sent.get("tags", "")[:2000],
-    )
+    was, text = (sent.get("form-was", ""), sent.get("text-was", "")), unix_lines(sent.get("text", ""))[:LONGEST_TEXT]
+    draft = Draft(text, tables_of(sent), *was, kept, sent.get("owner", "")[:200], sent.get("tags", "")[:2000])
     return draft, sent.get("action", "check")
-
-
-async def _text_of(upload: UploadFile) -> str:
-    """Return the text of an uploaded file; files that are not text must be sent with the API."""
-    content = await upload.read(LONGEST_TEXT + 1)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise Refusal(422, f"{upload.filename:.100}: is not text; send it with the API instead") from error
-    if len(content) > LONGEST_TEXT:
-        raise Refusal(422, f"{upload.filename:.100}: has more than {LONGEST_TEXT} bytes; send it with the API instead")
-    return unix_lines(text)
 
 
 async def _looked_at(

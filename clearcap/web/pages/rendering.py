@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
 from fastapi import Form, Query, Request
+from starlette.datastructures import UploadFile
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from campaign.errors import CampaignError, StoreError
@@ -17,6 +18,7 @@ from clearcap.web.access import Principal, Role
 from clearcap.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
 from clearcap.web.http.responses import Refusal
 from clearcap.web.jobs.pool import Busy
+from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from reporting.render.page_templates import page_environment
 
 SITE = Path(__file__).parent / "documentation"  # built by docs/build_site.py; a server may be without
@@ -75,6 +77,19 @@ def fault_line(fault: Mapping[str, Any]) -> str:
     """Return a fault as one line: the key, its value, and what is wrong."""
     value = "" if fault.get("value") is None else f" = {fault['value']}"
     return f"{'.'.join(fault['keys'])}{value}: {fault['text']}" if fault["keys"] else str(fault["text"])
+
+
+async def uploaded_text(upload: UploadFile, what: str, remedy: str) -> str:
+    """Return the text of an uploaded file; refuse (422) one that is no text, or too long."""
+    content = await upload.read(LONGEST_TEXT + 1)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        words = f"{what}: is not UTF-8 text ({error.reason} at byte {error.start}); {remedy}"
+        raise Refusal(422, words) from error
+    if len(content) > LONGEST_TEXT:
+        raise Refusal(422, f"{what}: has more than {LONGEST_TEXT} bytes; {remedy}")
+    return unix_lines(text)
 
 
 def unix_lines(text: str) -> str:
