@@ -22,10 +22,9 @@ _announcing = threading.Lock()  # one announcer per process: estimating the run 
 
 
 def compile_engine() -> None:
-    """Compile everything that campaigns need, unless it is in the cache of compiled code; log this.
-
-    Kernels compiled together share most of the work: one left for later takes one second here, ten in another process.
-    """
+    """Compile everything that campaigns need, unless it is in the cache of compiled code; log this."""
+    # Kernels compiled together share most of the work: one left for later takes one second here, ten in another
+    # process.
     if missing := missing_kernels():
         with announced_compilation(missing):
             _compile_apart()

@@ -52,11 +52,9 @@ WRONG_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EINVAL)
 
 
 def unwritable(message: str, error: BaseException | None) -> CampaignError:
-    """Return the error for a place that cannot be written: `StoreError` if a disk fails, else `SpecError`.
-
-    It is the disk's fault if the disk is full, read-only, slow or out of reach; it is the user's fault if the place
-    does not exist, is of the wrong kind, belongs to another user, or has a name that no file can have.
-    """
+    """Return the error for a place that cannot be written: `StoreError` if a disk fails, else `SpecError`."""
+    # It is the disk's fault if the disk is full, read-only, slow or out of reach; it is the user's fault if the place
+    # does not exist, is of the wrong kind, belongs to another user, or has a name that no file can have.
     of_disk = isinstance(error, OSError) and not isinstance(error, WRONG_PLACES) and error.errno not in WRONG_NAMES
     return StoreError(message) if of_disk else SpecError(message)
 

@@ -13,11 +13,9 @@ AGAIN_AFTER = 0.05  # s
 
 @contextmanager
 def exit_at_interrupt() -> Iterator[None]:
-    """End the process cleanly on Ctrl-C in the block, with exit status 130 and no traceback.
-
-    Compiled code that calls Python, such as LLVM's, swallows KeyboardInterrupt, because no exception can pass through
-    it; in that case the interrupt is raised again. If Ctrl-C is ignored, as after ``nohup``, it stays ignored.
-    """
+    """End the process cleanly on Ctrl-C in the block, with exit status 130 and no traceback."""
+    # Compiled code that calls Python, such as LLVM's, swallows KeyboardInterrupt, because no exception can pass through
+    # it; in that case the interrupt is raised again. If Ctrl-C is ignored, as after ``nohup``, it stays ignored.
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return

@@ -71,11 +71,9 @@ class Plan(PlanHeader):
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
-    """Plan a campaign for this build of clearcap; rows do not depend on the batch size.
-
-    Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most
-    10,000 samples each, or of at most 100 if that time is not given either.
-    """
+    """Plan a campaign for this build of clearcap; rows do not depend on the batch size."""
+    # Without one a batch takes a worker about ten seconds by ``seconds_per_run``, with at least 40 batches of at most
+    # 10,000 samples each, or of at most 100 if that time is not given either.
     spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
     size = batch_size or _size(spec.samples, seconds_per_run)
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
@@ -92,7 +90,6 @@ def batch_size_is_fixed(samples: int) -> bool:
 
 
 def _size(samples: int, seconds: float | None) -> int:
-    """Return the number of samples in a batch."""
     most = UNTRIED_BATCH if seconds is None else min(BATCH_TIME / max(seconds, 1e-6), LARGEST_BATCH)
     return max(int(min(most, samples // LEAST_BATCHES)), 1)
 
@@ -111,7 +108,6 @@ def dump_spec(spec: CampaignSpec) -> dict[str, Any]:
 
 
 def _columns(spec: CampaignSpec, mechanism: Mechanism, campaign_id: str) -> list[dict[str, Any]]:
-    """Return the columns of the table as plain data."""
     return [
         {
             "name": field.name,
@@ -136,11 +132,9 @@ def _identity(spec: CampaignSpec, mechanism: Mechanism, build: Mapping[str, str]
 
 
 def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
-    """Return the largest insignificant difference of a response, in its unit and as a share of the largest value, or 0.
-
-    A position is known to within the penetration that a step tolerates, an angle to within that penetration divided by
-    the size of the mechanism, and a force or a torque to within the relative residual of the friction problems.
-    """
+    """Return the largest insignificant difference of a response, in its unit and as a share of the largest value."""
+    # A position is known to within the penetration that a step tolerates, an angle to within that penetration divided
+    # by the size of the mechanism, and a force or a torque to within the relative residual of the friction problems.
     unit, sim = mechanism.response_units()[response], mechanism.simulation
     if unit == mechanism.unit("length"):
         return sim.penetration, 0.0

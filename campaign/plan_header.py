@@ -20,6 +20,7 @@ from campaign.errors import FailedStatus, StoreError
 if TYPE_CHECKING:
     import pyarrow as pa
 
+PARTS = "parts"  # folder of the rows; repeats have others
 FORMAT = 2  # of plan.json
 WITHOUT_DIGEST = 1  # the format before
 TYPES = ("bool", "double", "int64", "string")  # of columns
@@ -45,6 +46,7 @@ class PlanHeader:
     repeats: float = field(default=0.0, kw_only=True)
     # Whether samples that cannot be assembled are a result with a limit of their own, and no failures.
     judges_unfit: bool = field(default=False, kw_only=True)
+    folder: str = field(default=PARTS, kw_only=True)  # of the parts
 
     def is_failed(self, status: str) -> bool:
         """Return whether a row of a status counts as failed."""
@@ -60,11 +62,6 @@ class PlanHeader:
         return sum(self.batches[-1])
 
     @property
-    def folder(self) -> str:
-        """Name of the folder of the parts."""
-        return "parts"
-
-    @property
     def all_samples(self) -> int:
         """Number of samples of the campaign."""
         return self.samples
@@ -72,7 +69,7 @@ class PlanHeader:
     @property
     def sealed_as(self) -> str:
         """Name of the table in the seals of its files."""
-        return self.campaign_id
+        return self.campaign_id if self.folder == PARTS else f"{self.campaign_id}/{self.folder}"
 
     def numbers_of(self, begin: int, end: int) -> list[int]:
         """Return the sample numbers of the rows ``begin`` to ``end - 1``."""
@@ -115,9 +112,14 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
             raise StoreError(f"plan.json has format {document['format']!r:.20}; this version reads {formats}")
         # a file of format 2 whose format was changed to 1, which has no digest, still has keys that format 1 never had
         if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
-            _check_digest(text, document.get("sha256"))
+            stated = document.get("sha256")
+            if not isinstance(stated, str) or len(stated) != len(_UNSEALED):
+                raise changed_plan()
+            if _digest(text.replace(stated, _UNSEALED, 1)) != stated:
+                raise changed_plan()
         content = (document["campaign"], _title(document), _batches(document), _columns(document))
-        header = PlanHeader(*content, repeats=_repeats(document), judges_unfit=_judges_unfit(document))
+        judges_unfit = document["spec"].get("failures", {}).get("max_not_assemblable") is not None
+        header = PlanHeader(*content, repeats=_repeats(document), judges_unfit=judges_unfit)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise unreadable_plan(error) from error
     return header, document
@@ -138,14 +140,6 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _check_digest(text: str, stated: Any) -> None:
-    """Refuse a text whose digest differs from the stated one."""
-    if not isinstance(stated, str) or len(stated) != len(_UNSEALED):
-        raise changed_plan()
-    if _digest(text.replace(stated, _UNSEALED, 1)) != stated:
-        raise changed_plan()
-
-
 def _title(document: Mapping[str, Any]) -> str:
     spec = document["spec"]
     title: str = spec.get("title") or spec["name"]
@@ -153,10 +147,6 @@ def _title(document: Mapping[str, Any]) -> str:
     if not isinstance(title, str) or not isinstance(document["campaign"], str):
         raise ValueError("its title or its id is not a text")
     return title
-
-
-def _judges_unfit(document: Mapping[str, Any]) -> bool:
-    return document["spec"].get("failures", {}).get("max_not_assemblable") is not None
 
 
 def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
@@ -225,24 +215,13 @@ class RepeatPlan(PlanHeader):
     """
 
     campaign: PlanHeader  # whose samples are repeated
-    number: int  # of the set, from 1
     numbers: tuple[int, ...]  # sample of each row, in order
     campaign_batches: tuple[int, ...]  # batch of the campaign that each batch repeats
-
-    @property
-    def folder(self) -> str:
-        """Name of the folder of the parts."""
-        return f"repeats-{self.number}"
 
     @property
     def all_samples(self) -> int:
         """Number of samples of the campaign."""
         return self.campaign.samples
-
-    @property
-    def sealed_as(self) -> str:
-        """Name of the table in the seals of its files."""
-        return f"{self.campaign_id}/{self.folder}"
 
     def numbers_of(self, begin: int, end: int) -> list[int]:
         """Return the sample numbers of the rows ``begin`` to ``end - 1``."""
@@ -271,5 +250,5 @@ def plan_repeats(campaign: PlanHeader, shares: Sequence[float]) -> tuple[RepeatP
         batches = tuple((begin, end - begin) for begin, end in pairwise(begins))
         if batches:
             header = (campaign.campaign_id, campaign.title, batches, columns)
-            plans.append(RepeatPlan(*header, campaign, number, tuple(numbers), tuple(of_batches)))
+            plans.append(RepeatPlan(*header, campaign, tuple(numbers), tuple(of_batches), folder=f"repeats-{number}"))
     return tuple(plans)

@@ -23,11 +23,9 @@ UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of 
 
 @lru_cache(maxsize=1)
 def row_build() -> str:
-    """Return the build of this installation; two machines with the same one and type of processor compute the same row.
-
-    It has hashes of sources, and versions of Python and numerical libraries: ``engine 5d0e..., campaign 9ab1...,
-    distributions 77c0..., python 3.11.7, numpy 2.4.1, ...``.
-    """
+    """Return the build of this installation; with the same one and type of processor, machines compute the same row."""
+    # It has hashes of sources, and versions of Python and numerical libraries: ``engine 5d0e..., campaign 9ab1...,
+    # distributions 77c0..., python 3.11.7, numpy 2.4.1, ...``.
     ingredients = {
         "engine": engine_sources(),
         "campaign": hash_sources(Path(__file__).parent, SOURCES),
@@ -57,7 +55,6 @@ def differences(planned: str) -> str:
 
 
 def _ingredients(build: str) -> dict[str, str]:
-    """Return the version of each ingredient of a build."""
     return {name: value for name, _, value in (item.partition(" ") for item in build.split(", "))}
 
 

@@ -11,10 +11,8 @@ from contextlib import contextmanager
 
 
 def leave_current_folder_out() -> None:
-    """Remove the current folder from the path of this process and of every Python process that it starts.
-
-    It stays on the path of this process if this package itself was imported from there.
-    """
+    """Remove the current folder from the path of this process and of every Python process that it starts."""
+    # It stays on the path of this process if this package itself was imported from there.
     os.environ["PYTHONSAFEPATH"] = "1"
     if not _is_current(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))):
         sys.path[:] = [entry for place, entry in enumerate(sys.path) if entry and (place or not _is_current(entry))]

@@ -183,14 +183,6 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
 
 def _scaled_manifest(cluster: Cluster) -> Any:
     """Return the ``DaskCluster`` that dask's configuration names, with as many workers as are wanted."""
-    manifest = _manifest()
-    if cluster.workers is not None:
-        manifest["spec"]["worker"]["replicas"] = cluster.most
-    return manifest
-
-
-def _manifest() -> Any:
-    """Return the ``DaskCluster`` that dask's configuration names, as a table."""
     key = "kubernetes.custom-cluster-spec"
     given = dask.config.get(key, None)
     if given is None:
@@ -198,14 +190,16 @@ def _manifest() -> Any:
             f"{key}: not set; name the manifest of a DaskCluster in dask's configuration;"
             " deploy/kubernetes/base/cluster.yaml is an example"
         )
-    if isinstance(given, dict):
-        return given
-    yaml = importlib.import_module("yaml")
-    try:
-        manifest = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
-        manifest["spec"]["worker"]["replicas"] += 0  # an error unless it is a number
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
-        raise SpecError(f"{key} {given}: not the manifest of one DaskCluster ({error})") from error
+    manifest = given
+    if not isinstance(given, dict):
+        yaml = importlib.import_module("yaml")
+        try:
+            manifest = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
+            manifest["spec"]["worker"]["replicas"] += 0  # an error unless it is a number
+        except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+            raise SpecError(f"{key} {given}: not the manifest of one DaskCluster ({error})") from error
+    if cluster.workers is not None:
+        manifest["spec"]["worker"]["replicas"] = cluster.most
     return manifest
 
 

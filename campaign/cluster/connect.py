@@ -58,11 +58,9 @@ def check_cluster(cluster: Cluster) -> None:
 
 @contextmanager
 def connect(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement | None]]:
-    """Start or reach a cluster; yield a dask client to it, and the jobs of a batch system that are its workers.
-
-    Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
-    is lost, the block can be left as usual, and another call connects again.
-    """
+    """Start or reach a cluster; yield a dask client to it, and the jobs of a batch system that are its workers."""
+    # Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
+    # is lost, the block can be left as usual, and another call connects again.
     check_cluster(cluster)
     if cluster.scheduler is not None:
         with _existing(cluster.scheduler, cluster) as client:
@@ -83,7 +81,6 @@ def connect(cluster: Cluster) -> Iterator[tuple[Client, JobReplacement | None]]:
 
 @contextmanager
 def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
-    """Yield a client to a running scheduler."""
     address = _address_in(Path(scheduler)) if _is_file(scheduler) else scheduler
     _check_address(address, cluster)
     if address.startswith("tcp://") and not cluster.insecure:
@@ -173,14 +170,12 @@ def _reach(address: str, with_security: Security | None, within: float) -> None:
     arguments = with_security.get_connection_args("client") if with_security else {}  # type: ignore[no-untyped-call]
 
     async def shake_hands() -> None:
-        comm = await open_comm(address, timeout=within, **arguments)  # type: ignore[no-untyped-call]
-        await comm.close()
-
-    async def in_time() -> None:
-        await asyncio.wait_for(shake_hands(), within + 1.0)
+        async with asyncio.timeout(within + 1.0):
+            comm = await open_comm(address, timeout=within, **arguments)  # type: ignore[no-untyped-call]
+            await comm.close()
 
     try:
-        asyncio.run(in_time())
+        asyncio.run(shake_hands())
     except (OSError, RuntimeError, ValueError) as error:
         raise UnreachableError(_unreached(address, error)) from error
 

@@ -138,7 +138,6 @@ def last_lines(kind: str, job: str) -> str:
 
 
 def _jobs(ids: list[str]) -> str:
-    """Return jobs in words."""
     return f"job {ids[0]}" if len(ids) == 1 else f"jobs {_ids(ids)}"
 
 
@@ -232,7 +231,6 @@ class JobReplacement:
             self._known(now)
 
     def _follow_work(self) -> None:
-        """Make the number of jobs that of the work."""
         spec, least = self._jobs.worker_spec, self._limits[0]
         each = max((len(self._workers_of(name)) for name in spec), default=1)
         wanted = math.ceil(max(self._workers, least) / each)
@@ -263,7 +261,6 @@ class JobReplacement:
             logger.info("%s ended: fewer batches are left than workers", _jobs(ids))
 
     def _workers_of(self, name: str) -> list[str]:
-        """Return the names of the workers of a job."""
         return [f"{name}{suffix}" for suffix in self._jobs.worker_spec[name].get("group", [""])]
 
     def _known(self, now: float) -> dict[str, str]:
@@ -279,7 +276,6 @@ class JobReplacement:
 
     @property
     def _ended(self) -> list[str]:
-        """Names without a job."""
         return [name for name in list(self._jobs.worker_spec) if name not in self._jobs.workers]
 
     def _has_joined(self, name: str) -> bool:
@@ -289,10 +285,8 @@ class JobReplacement:
         return bool(workers)
 
     def _count(self, names: list[str], now: float) -> None:
-        """Forget the jobs that have ended, and count how often in a row none of them has had a worker.
-
-        Times, not jobs, are counted: all jobs that wait may be cancelled at once, and that is no reason to give up.
-        """
+        """Forget the jobs that have ended, and count how often in a row none of them has had a worker."""
+        # Times, not jobs, are counted: all jobs that wait may be cancelled at once, and that is no reason to give up.
         ended = {name: self._ids.pop(name) for name in names}
         for name in names:
             if forgotten := self._jobs.workers.pop(name, None):
@@ -323,7 +317,6 @@ class JobReplacement:
             )
 
     def _submit(self) -> None:
-        """Submit a job for each name that has none."""
         try:
             self._jobs.sync(self._jobs._correct_state)
         except (RuntimeError, OSError) as error:
@@ -344,7 +337,6 @@ class JobReplacement:
 
 
 def _by_reason(waiting: dict[str, QueuedJob]) -> str:
-    """Return jobs by their ids, and why they wait."""
     reasons: dict[str, list[str]] = defaultdict(list)
     for job, entry in waiting.items():
         reasons[entry.reason or entry.state].append(job)

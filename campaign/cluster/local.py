@@ -77,10 +77,8 @@ PREFIX = "clearcap-scratch-"
 
 @contextmanager
 def local_client(workers: int, security: Security | None = None) -> Iterator[Client]:
-    """Start ``workers`` processes, and yield a dask client to them; without certificates there are passing ones.
-
-    Each worker and this process may use an equal share of the memory; a worker that takes more is restarted.
-    """
+    """Start ``workers`` processes, and yield a dask client to them; without certificates there are passing ones."""
+    # Each worker and this process may use an equal share of the memory; a worker that takes more is restarted.
     security = security or passing_security()
     settings = {**SETTINGS, **CLOSED, **PRELOAD}
     with scratch_folder() as scratch, dask.config.set({**settings, "temporary-directory": str(scratch)}):
@@ -137,11 +135,9 @@ def _end_children_but(earlier: list[BaseProcess]) -> None:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold back signals that end this process during the block, because half a cluster could not be stopped cleanly.
-
-    A terminal sends Ctrl-C and its hangup to every process, but only the process that talks to the user should react;
-    so threads and processes started in the block never receive them.
-    """
+    """Hold back signals that end this process during the block, because half a cluster could not be stopped cleanly."""
+    # A terminal sends Ctrl-C and its hangup to every process, but only the process that talks to the user should react;
+    # so threads and processes started in the block never receive them.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
         with current_folder_left_out():

@@ -9,7 +9,6 @@ import datetime
 import ipaddress
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from cryptography import x509
@@ -25,17 +24,12 @@ LONGEST = 825  # days; the longest validity that common TLS libraries accept
 _SKEW = datetime.timedelta(minutes=5)  # clocks of a cluster may differ
 
 
-@dataclass(frozen=True)
-class _Authority:
-    certificate: x509.Certificate
-    key: ec.EllipticCurvePrivateKey
+_Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 
 
 def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dict[str, Path]:
-    """Write the certificates of a new authority, and keys of mode 0600; return their paths; no file is replaced.
-
-    ``hosts`` names the scheduler for tools that check names; dask does not.
-    """
+    """Write the certificates of a new authority, and keys of mode 0600; return their paths; no file is replaced."""
+    # ``hosts`` names the scheduler for tools that check names; dask does not.
     if not 1 <= days <= LONGEST:
         raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")
     now = datetime.datetime.now(datetime.UTC)
@@ -47,17 +41,17 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         for name, content in contents.items():
-            _write(paths[name], content, 0o600 if name.endswith(".key") else 0o644)
+            mode = 0o600 if name.endswith(".key") else 0o644  # from the start
+            with os.fdopen(os.open(paths[name], os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+                file.write(content)
     except OSError as error:
         raise SpecError(f"{folder}: cannot be written ({error.strerror}); name a folder of yours") from error
     return paths
 
 
 def passing_security() -> Security:
-    """Return certificates of a new authority for one run on this machine; they exist only in memory.
-
-    They are valid as far back as ahead, so that correcting the clock locks out no worker that replaces a dead one.
-    """
+    """Return certificates of a new authority for one run on this machine; they exist only in memory."""
+    # They are valid as far back as ahead, so that correcting the clock locks out no worker that replaces a dead one.
     now, validity = datetime.datetime.now(datetime.UTC), datetime.timedelta(days=LONGEST)
     contents = _contents((now - validity, now + validity), ())
     roles = {
@@ -72,7 +66,7 @@ def passing_security() -> Security:
 def _contents(valid: tuple[datetime.datetime, datetime.datetime], hosts: Sequence[str]) -> dict[str, bytes]:
     """Return the certificates of a new authority and their keys, in PEM by file name."""
     authority = _authority(valid)
-    contents = {"ca.pem": authority.certificate.public_bytes(serialization.Encoding.PEM)}
+    contents = {"ca.pem": authority[0].public_bytes(serialization.Encoding.PEM)}
     for role in ROLES:
         pair = _signed(authority, role, hosts if role == "scheduler" else (), valid)
         contents[f"{role}.pem"], contents[f"{role}.key"] = pair
@@ -87,16 +81,16 @@ def _authority(valid: tuple[datetime.datetime, datetime.datetime]) -> _Authority
     builder = _begun(name, name, key.public_key(), key.public_key(), valid)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
     builder = builder.add_extension(_usage(signs_certificates=True), critical=True)
-    return _Authority(builder.sign(key, hashes.SHA256()), key)
+    return builder.sign(key, hashes.SHA256()), key
 
 
 def _signed(
     authority: _Authority, role: str, hosts: Sequence[str], valid: tuple[datetime.datetime, datetime.datetime]
 ) -> tuple[bytes, bytes]:
     """Return certificate and private key of a role, in PEM."""
-    key = ec.generate_private_key(ec.SECP256R1())
-    issuer = authority.certificate.subject
-    builder = _begun(_name(f"clearcap {role}"), issuer, key.public_key(), authority.key.public_key(), valid)
+    (authority_certificate, authority_key), key = authority, ec.generate_private_key(ec.SECP256R1())
+    issuer, issuer_key = authority_certificate.subject, authority_key.public_key()
+    builder = _begun(_name(f"clearcap {role}"), issuer, key.public_key(), issuer_key, valid)
     builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
     builder = builder.add_extension(_usage(signs_certificates=False), critical=True)
     # scheduler and workers both listen and connect
@@ -104,7 +98,7 @@ def _signed(
     builder = builder.add_extension(both, critical=False)
     if hosts:
         builder = builder.add_extension(x509.SubjectAlternativeName([_host(h) for h in hosts]), critical=False)
-    certificate = builder.sign(authority.key, hashes.SHA256())
+    certificate = builder.sign(authority_key, hashes.SHA256())
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
@@ -118,7 +112,6 @@ def _begun(
     issuer_key: ec.EllipticCurvePublicKey,
     valid: tuple[datetime.datetime, datetime.datetime],
 ) -> x509.CertificateBuilder:
-    """Return a builder with the fields that all certificates share."""
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -160,9 +153,3 @@ def _host(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
     except ValueError as error:
         raise SpecError(f"--host {host}: neither an address nor a host name in ASCII") from error
-
-
-def _write(path: Path, content: bytes, mode: int) -> None:
-    """Write a file that does not exist yet; it has its mode from the start."""
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-        file.write(content)

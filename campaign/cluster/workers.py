@@ -5,14 +5,12 @@ No other module submits work to dask.
 
 import logging
 import secrets
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any, Protocol, TypeVar, cast
 
 import distributed
@@ -104,7 +102,6 @@ def compile_first(workers: Workers) -> None:
 
 
 def _result(workers: Workers, call: Callable[[], T]) -> T:
-    """Return the result of a call in a worker."""
     future = workers.submit(call.__name__, call)
     workers.next_finished()
     return future.result()
@@ -335,36 +332,33 @@ class PrestartedWorkers:
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
-        self._thread: threading.Thread | None = None
+        self._has_begun = False
+        self._starting: Future[Workers] | None = None  # until the first `connect`
         self._started = ExitStack()
         self._workers: Workers | None = None
-        self._error: Exception | None = None
 
     def __enter__(self) -> "PrestartedWorkers":
-        """Return this object; no worker is started yet."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        """End the workers."""
-        self._wait()
+    def __exit__(self, *error: object) -> None:
+        wait([self._starting] if self._starting else [])
         self._workers = None
         self._started.close()
 
     def begin(self) -> None:
         """Start the workers without waiting for them, if they are processes of this machine."""
-        if self._cluster.starts_here and self._thread is None:
-            self._thread = threading.Thread(target=self._start, name="workers")
-            self._thread.start()
+        if self._cluster.starts_here and not self._has_begun:
+            self._has_begun, pool = True, ThreadPoolExecutor(1, "workers")
+            self._starting = pool.submit(lambda: self._started.enter_context(connect_workers(self._cluster)))
+            pool.shutdown(wait=False)
 
     @contextmanager
     def connect(self, cluster: Cluster) -> Iterator[Workers]:
         """Yield the workers that are there, or connect to some; those whose block ended with an error are ended."""
-        self._wait()
-        error, self._error = self._error, None
-        if error is not None:
-            raise error
+        if self._starting:
+            wait([self._starting])  # before it is forgotten, as Ctrl-C may come meanwhile
+            starting, self._starting = self._starting, None
+            self._workers = starting.result()
         workers, self._workers = self._workers, None
         with ExitStack() as until_lost:
             until_lost.push(self._started.pop_all())
@@ -372,18 +366,6 @@ class PrestartedWorkers:
                 workers = until_lost.enter_context(connect_workers(cluster))
             yield workers
             self._workers, self._started = workers, until_lost.pop_all()
-
-    def _start(self) -> None:
-        """Start the workers; keep an error for `connect` to raise."""
-        try:
-            self._workers = self._started.enter_context(connect_workers(self._cluster))
-        except Exception as error:
-            self._error = error
-
-    def _wait(self) -> None:
-        """Wait until the workers have started or failed to start."""
-        if self._thread is not None:
-            self._thread.join()
 
 
 # -- who has joined or is lost since the last look, said once, and remembered for a while ------------------------------

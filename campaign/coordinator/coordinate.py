@@ -88,11 +88,10 @@ def coordinate(
     report_due: bool = False,
     connect: Callable[[Cluster], AbstractContextManager[Workers]] | None = None,
 ) -> Outcome:
-    """Compute the missing rows of a campaign; at the end there is a row for every sample.
-
-    A service that computes it (``is_served``) leaves it open for the next one if Ctrl-C ends it, and at its end too if
-    it still has to write the report (``report_due``). Whatever it raises, stored rows stay, and another call goes on.
-    """
+    """Compute the missing rows of a campaign; at the end there is a row for every sample."""
+    # A service that computes it (``is_served``) leaves it open for the next one if Ctrl-C ends it, and at its end too
+    # if it still has to write the report (``report_due``). Whatever it raises, stored rows stay, and another call goes
+    # on.
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
         store.plan_header(plan.campaign_id)  # it may have been deleted since; from now on it cannot be
@@ -148,10 +147,8 @@ def _merge_small_files(store: Store, plan: Plan) -> None:
 def _write_failure(
     store: Store, campaign_id: str, error: BaseException, options: list[str], *, is_served: bool
 ) -> None:
-    """Record how a campaign ended; a failure to write this must not hide the original error.
-
-    It stays open for the next coordinator if a supervisor, the store or the cluster ended it, or Ctrl-C a service.
-    """
+    """Record how a campaign ended; a failure to write this must not hide the original error."""
+    # It stays open for the next coordinator if a supervisor, the store or the cluster ended it, or Ctrl-C a service.
     if isinstance(error, LeaseLost):
         return
     is_interrupted = isinstance(error, KeyboardInterrupt)
@@ -330,10 +327,8 @@ class Coordinator:
             self._recorded_at = time.monotonic()
 
     def _probe(self, store: Store) -> None:
-        """If nothing finishes, write a file as large as a part: a disk without room for one may have it for others.
-
-        A worker whose part the store refuses tries for minutes before it gives up.
-        """
+        """If nothing finishes, write a file as large as a part: a disk without room for one may have it for others."""
+        # A worker whose part the store refuses tries for minutes before it gives up.
         now = time.monotonic()
         if not self.progress.is_stalled or now - self._probed_at < PROBE_EVERY:
             return
@@ -417,7 +412,6 @@ class Coordinator:
 
 
 def _text(requests: list[BatchRequest]) -> str:
-    """Return the name in messages of batches that were requested together."""
     first, last = requests[0].batch, requests[-1].batch
     return f"batch {first}" if first == last else f"one of batches {first} to {last}"
 
@@ -430,11 +424,9 @@ class TooManyFailed(CampaignError):
 
 
 def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
-    """Raise TooManyFailed, with the message of one failed run and what to do, if too many runs have failed.
-
-    Without ``failures.max_failed`` that is the case if all of the first runs of a coordinator fail and no run at all is
-    ok. So a campaign that is resumed nevertheless computes as many runs again.
-    """
+    """Raise TooManyFailed, with the message of one failed run and what to do, if too many runs have failed."""
+    # Without ``failures.max_failed`` that is the case if all of the first runs of a coordinator fail and no run at all
+    # is ok. So a campaign that is resumed nevertheless computes as many runs again.
     policy, end = plan.spec.failures, progress.samples
     most = policy.most_failed(plan.spec.samples)
     if progress.failed > most:

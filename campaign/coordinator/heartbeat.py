@@ -232,11 +232,9 @@ class Observation:
 def observe(
     store: Store, campaign_id: str, earlier: Observation | None = None, now: float | None = None
 ) -> Observation:
-    """Observe a campaign once, from at most four small files and without waiting, so that one poller can observe many.
-
-    Judging a coordinator on another machine takes the ``earlier`` observation too; the heartbeat of one that no longer
-    writes says so. ``now`` is the time of a monotonic clock [s], None for that of this process.
-    """
+    """Observe a campaign once, from at most four small files and without waiting, so that one can observe many."""
+    # Judging a coordinator on another machine takes the ``earlier`` observation too; the heartbeat of one that no
+    # longer writes says so. ``now`` is the time of a monotonic clock [s], None for that of this process.
     state, document = state_of(store, campaign_id), store.read_json(campaign_id, HEARTBEAT)
     written, sign = Heartbeat.from_json(document or {}), None
     if state["state"] == "running":
@@ -269,11 +267,9 @@ def _last_of(lease: dict[str, Any] | None, written: Heartbeat) -> Heartbeat:
 
 
 def observe_patiently(store: Store, campaign_id: str) -> Observation:
-    """Observe a campaign, again and again for up to ten seconds if its coordinator elsewhere seems to be silent.
+    """Observe a campaign, again and again for up to ten seconds if its coordinator elsewhere seems to be silent."""
 
-    The clocks of two machines decide only whether it is worth a second look.
-    """
-
+    # The clocks of two machines decide only whether it is worth a second look.
     def is_in_doubt(seen: Observation) -> bool:
         beat = seen.heartbeat if seen.sign is not None and seen.sign.is_alive is None else None
         return beat is not None and abs(time.time() - beat.time) >= STALE_AFTER
@@ -302,7 +298,6 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
 
 
 def _before_first(store: Store, campaign_id: str) -> Heartbeat:
-    """Return a heartbeat for a campaign without one from a coordinator."""
     plan = store.plan(campaign_id)
     survey = store.survey(plan)
     ok = survey.statuses.get("ok", 0)

@@ -100,12 +100,10 @@ def take_lease(
 
 
 def _holding(store: Store, folder: str) -> str:
-    """Describe what the holder of a lease is doing."""
     return f"store {store.url} is served" if folder == SERVICE else f"campaign {folder} is computed"
 
 
 def _remedy(store: Store, folder: str) -> str:
-    """Return advice on a campaign or a store that another process holds."""
     if folder == SERVICE:
         return "end that process first"
     return f"follow it with: {store.command('watch', folder)}; or end it with: {store.command('cancel', folder)}"
@@ -142,11 +140,9 @@ class SignOfLife:
 def judge_life(
     lease: dict[str, Any] | None, heartbeat: dict[str, Any] | None, earlier: SignOfLife | None, now: float
 ) -> SignOfLife:
-    """Judge from this check and the previous one, without waiting, whether the process that holds a lease is alive.
-
-    Of a process on this machine that is known at once. One elsewhere is alive if its heartbeat has changed, and dead if
-    it has been the same for `STALE_AFTER` seconds. ``now`` is when both were read, by a monotonic clock [s].
-    """
+    """Judge from this check and the previous one, without waiting, whether the process that holds a lease is alive."""
+    # Of a process on this machine that is known at once. One elsewhere is alive if its heartbeat has changed, and dead
+    # if it has been the same for `STALE_AFTER` seconds. ``now`` is when both were read, by a monotonic clock [s].
     if lease is None:
         return SignOfLife(None, None, now, False)
     token = str(lease.get("token"))

@@ -42,7 +42,6 @@ def running_report(store: Store, seen: "Observation", say: Say) -> dict[str, Any
 def _report(
     store: Store, campaign_id: str, progress: dict[str, Any], heartbeat: "Heartbeat | None", say: Say
 ) -> dict[str, Any]:
-    """Return the document for a state, counts and a heartbeat."""
     compared = {
         other: store.files.address(report_folder(campaign_id, other)) for other in comparisons(store, campaign_id)
     }
@@ -56,7 +55,15 @@ def _report(
 
 def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the state of a campaign, ``incomplete`` if it lost rows after its end, and the numbers of its rows."""
-    state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
+    state, survey = state_of(store, header.campaign_id), store.survey(header)
+    repeats = survey_repeats(store, repeat_plans(store, header))
+    for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
+        command = resume_command(store, header.campaign_id)
+        say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
+    done, ok, failed = survey.rows, survey.statuses.get("ok", 0), header.failed(survey.statuses)
+    samples = store.end(header)
+    counts: dict[str, Any] = {"samples": samples, "done": done, "ok": ok, "failed": failed, "left": samples - done}
+    counts |= {"statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}
     if state["state"] == "completed" and counts["left"]:
         message = f"rows lost after the campaign was completed: {counts['left']}"
         state |= {"state": "incomplete", "message": message}
@@ -68,15 +75,3 @@ def _dated(state: dict[str, Any]) -> dict[str, Any]:
     since = state["since"]
     date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
     return {**{key: value for key, value in state.items() if key != "options"}, "since": date}
-
-
-def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
-    """Return the numbers of a campaign's rows, in all and by status; report bad parts."""
-    survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
-    for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
-        command = resume_command(store, header.campaign_id)
-        say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
-    done, ok, failed = survey.rows, survey.statuses.get("ok", 0), header.failed(survey.statuses)
-    samples = store.end(header)
-    counts = {"samples": samples, "done": done, "ok": ok, "failed": failed, "left": samples - done}
-    return {**counts, "statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}

@@ -68,10 +68,8 @@ class SignedCampaign(CampaignError):
 
 @contextmanager
 def being_signed(store: Store, campaign_id: str) -> Iterator[Callable[[str, str], None]]:
-    """Protect a campaign from all changes during the block; yield what makes this last, to be called as it ends.
-
-    Its arguments are the digest of the sign-off and the signer's name. Raises LeaseHeld or LeaseLost.
-    """
+    """Protect a campaign from all changes during the block; yield what makes this last, to be called as it ends."""
+    # Its arguments are the digest of the sign-off and the signer's name. Raises LeaseHeld or LeaseLost.
     with hold_lease(store, campaign_id) as token:
         earlier = store.read_json(campaign_id, SIGNED)
         if earlier is not None and "document" not in earlier:  # left by a signer who crashed

@@ -58,11 +58,9 @@ def rerun(
     repeated: Iterable[int] = (),
     begun: Callable[[], None] = lambda: None,
 ) -> RerunResult:
-    """Compute rows, and stored repeats, again in isolated subprocesses, and replace the parts of their batches.
-
-    ``begun`` is called once the lease is held and the workers are connected. Parts that have been replaced stay,
-    whatever fails; SpecError if a sample has no row yet.
-    """
+    """Compute rows, and stored repeats, again in isolated subprocesses, and replace the parts of their batches."""
+    # ``begun`` is called once the lease is held and the workers are connected. Parts that have been replaced stay,
+    # whatever fails; SpecError if a sample has no row yet.
     batches = _by_batch(store, plan, samples)
     address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
     sets = plan_repeats(plan, address.repeats)
@@ -92,11 +90,9 @@ def rerun(
 
 
 def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simulate = simulate) -> RerunResult | None:
-    """Compute failed rows again if the store holds a request for this; return None if it does not.
-
-    The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
-    ok by then stay. It stays too if another attempt may succeed; otherwise the state says why not.
-    """
+    """Compute failed rows again if the store holds a request for this; return None if it does not."""
+    # The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
+    # ok by then stay. It stays too if another attempt may succeed; otherwise the state says why not.
     asked = rerun_request(store, plan.campaign_id)
     if asked is None:
         return None

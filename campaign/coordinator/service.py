@@ -24,10 +24,8 @@ Decide = Callable[[Store, Plan, Cluster], object]  # computes the further campai
 def serve(
     store: Store, cluster: Cluster, *, report: Report | None, decide: Decide | None = None, once: bool = False
 ) -> list[str]:
-    """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones.
-
-    ``decide``, then ``report``, are called for each completed campaign. ``once`` returns when no campaign is queued.
-    """
+    """Coordinate the queued campaigns of a store, and those whose coordinator died; return the completed ones."""
+    # ``decide``, then ``report``, are called for each completed campaign. ``once`` returns when no campaign is queued.
     completed: list[str] = []
     unreadable: dict[str, str] = {}
     with hold_lease(store, SERVICE), beating(store, SERVICE):

@@ -36,12 +36,11 @@ def close_campaign(store: Store, campaign_id: str, message: str | None = None) -
 
 
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
-    """Return ``state``, ``message``, ``since``, ``options`` of a campaign, and whether it is ``open`` for a service.
-
-    A campaign that is running according to its file but has no living coordinator is ``interrupted``, and open like a
-    queued one. Without a state in the file, it follows from the heartbeat; if that says ``completed``, the campaign is
-    open, because its report may be missing. Values that clearcap never writes are ignored, and ``fault`` names them.
-    """
+    """Return ``state``, ``message``, ``since``, ``options`` of a campaign, and whether it is ``open`` for a service."""
+    # A campaign that is running according to its file but has no living coordinator is ``interrupted``, and open like a
+    # queued one. Without a state in the file, it follows from the heartbeat; if that says ``completed``, the campaign
+    # is open, because its report may be missing. Values that clearcap never writes are ignored, and ``fault`` names
+    # them.
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES
     state = content["state"] if is_written else _state_by_heartbeat(store, campaign_id)

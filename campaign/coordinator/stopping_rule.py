@@ -87,6 +87,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     rule = plan.spec.stop
     assert rule is not None
     from campaign.samples import lots_of  # see `_interval`
+    from reporting.capability.lots import LEAST_LOTS
     from reporting.samples import leveled, too_few_ok
 
     name = f"{rule.statistic} of {rule.response}"
@@ -99,13 +100,14 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)
     # with one more sample: it tells whether the last judged one ends its lot
-    whole = None if lots is None else _whole(lots_of(plan, np.arange(samples + 1)))
+    further = lots_of(plan, np.arange(samples + 1))
+    whole = None if further is None else int(further[-1])
     estimate, reason = _interval(rule, x, plan.spec.responses.get(rule.response, Response()), lots)
     if estimate is None:
         return Verdict(samples, name, None, None, None, sure=False, lots=whole, reason=reason)
     value, (low, high) = estimate
-    narrow = high - low <= 2.0 * rule.half_width
-    return Verdict(samples, name, value, low, high, sure=narrow and _enough(whole), lots=whole)
+    sure = high - low <= 2.0 * rule.half_width and (whole is None or whole >= LEAST_LOTS)
+    return Verdict(samples, name, value, low, high, sure=sure, lots=whole)
 
 
 def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -131,18 +133,6 @@ def unfit(store: Store, plan: Plan, samples: int) -> int:
         first = table.filter((pc.field("sample") < samples) & (pc.field("status") == NOT_ASSEMBLABLE))
         found += first.num_rows
     return found
-
-
-def _whole(lots: np.ndarray | None) -> int:
-    """Return the number of lots that end before the last of these samples, which follows the judged ones."""
-    return 0 if lots is None else int(lots[-1])
-
-
-def _enough(whole: int | None) -> bool:
-    """Return whether there are enough whole lots for an interval; True for samples without lots."""
-    from reporting.capability.lots import LEAST_LOTS
-
-    return whole is None or whole >= LEAST_LOTS
 
 
 def _interval(

@@ -8,9 +8,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -42,6 +43,8 @@ IRRELEVANT = ("name", "title", "header", "samples", "responses", "requirements",
 DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid", "not_assemblable")
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 RUNS = 4  # number of trial runs
 ENOUGH = 5.0  # s; if the first run takes longer, no other is tried
 
@@ -56,11 +59,9 @@ def plan_campaign(
     *,
     when_new: Callable[[], None] = lambda: None,
 ) -> tuple[Store, Plan]:
-    """Open the store, load the campaign and plan it; if the store already has its plan, return that one.
-
-    For a new campaign, ``when_new`` is called before any run, and its cautions and open questions (lines that begin
-    with ``#?``) are logged as warnings.
-    """
+    """Open the store, load the campaign and plan it; if the store already has its plan, return that one."""
+    # For a new campaign, ``when_new`` is called before any run, and its cautions and open questions (lines that begin
+    # with ``#?``) are logged as warnings.
     from campaign.spec.campaign_cautions import (
         campaign_cautions,  # loads all of reporting, which a server does not need
         campaign_questions,
@@ -93,12 +94,11 @@ def submit(
     tries_runs: bool = True,
     by: str | None = None,
 ) -> Plan:
-    """Write the plan of a campaign into a store, or return the plan that the store already has.
-
-    ``batch_size`` None makes a batch take about ten seconds, by the time of a few runs in a separate process (minutes),
-    or, without ``tries_runs``, of stored runs of this mechanism; without any, batches are small. ``by`` None is the
-    user of this process, who owns a new campaign unless ``labels`` names an owner; one that is there keeps its owner.
-    """
+    """Write the plan of a campaign into a store, or return the plan that the store already has."""
+    # ``batch_size`` None makes a batch take about ten seconds, by the time of a few runs in a separate process
+    # (minutes), or, without ``tries_runs``, of stored runs of this mechanism; without any, batches are small. ``by``
+    # None is the user of this process, who owns a new campaign unless ``labels`` names an owner; one that is there
+    # keeps its owner.
     new, user = make_plan(campaign, batch_size), user_name() if by is None else by
     is_new = new.campaign_id not in store.campaigns()
     if not is_new:
@@ -174,15 +174,10 @@ def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_on
         write_state(store, plan.campaign_id, "queued")
     if queue_only:
         return Assignment("none")
-    if has_service(store):
+    lease = store.read_json(SERVICE, LEASE)
+    if lease is not None and is_alive(store, SERVICE, lease):
         return Assignment("service")
     return Assignment("coordinator", *start_coordinator(store, plan, options))
-
-
-def has_service(store: Store) -> bool:
-    """Return whether a living coordinator serves the store."""
-    lease = store.read_json(SERVICE, LEASE)
-    return lease is not None and is_alive(store, SERVICE, lease)
 
 
 def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int, str]:
@@ -218,7 +213,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
 def reuse_rows(store: Store, plan: Plan) -> int:
     """Copy rows of a new plan, and repeats, from other campaigns of the store; return the number of rows."""
     reused = 0
-    for other in _plans_with_same_rows(store, plan):
+    for other in _alike(store, plan, _what_rows_depend_on, store.plan):
         if reason := sampler_named(plan.spec.sampler).not_extendable:
             logger.info("the rows of %s cannot be reused: %s", other.campaign_id, reason)
             return 0
@@ -227,16 +222,15 @@ def reuse_rows(store: Store, plan: Plan) -> int:
     return reused
 
 
-def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
-    """Yield the other plans of the store whose rows are also rows of this plan."""
-    required = _what_rows_depend_on(json.loads(plan.to_json()))
+def _alike(
+    store: Store, plan: Plan, matter: Callable[[Mapping[str, Any]], Any], get: Callable[[str], T]
+) -> Iterator[T]:
+    """Yield what can be got of the store's other campaigns whose plans, as documents, agree in what matters."""
+    wanted = matter(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
-        try:
-            content = store.read_json(campaign_id, PLAN, LARGEST) or {}
-            if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == required:
-                yield store.plan(campaign_id)
-        except StoreError:
-            continue  # the plan is damaged or of another version
+        with suppress(StoreError):  # the plan is damaged or of another version
+            if campaign_id != plan.campaign_id and matter(store.read_json(campaign_id, PLAN, LARGEST) or {}) == wanted:
+                yield get(campaign_id)
 
 
 def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
@@ -289,7 +283,8 @@ def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] =
     runs = min(RUNS, plan.spec.samples)
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
         store = open_store(folder)
-        store.create_plan(replace(plan, batches=_first_batch(plan.spec.samples, runs)))
+        batches = ((0, runs), (runs, plan.spec.samples - runs))  # the first holds the trial runs
+        store.create_plan(replace(plan, batches=tuple(batch for batch in batches if batch[1])))
         address = CampaignAddress.of(store, plan, simulate)
         with announced_compilation(missing_kernels() if simulate is engine_simulate else ()):
             rows = rows_in_subprocess(address, range(runs), 1)
@@ -303,20 +298,11 @@ def seconds_per_run(plan: Plan, simulate: Simulate, clock: Callable[[], float] =
 
 def known_seconds_per_run(store: Store, plan: Plan) -> float | None:
     """Return how long runs of the same mechanism and settings took in another campaign of a store [s]; None without."""
-    wanted = _what_time_depends_on(json.loads(plan.to_json()))
-    for campaign_id in store.campaigns():
-        try:
-            document = store.read_json(campaign_id, PLAN, LARGEST) or {}
-            if campaign_id != plan.campaign_id and _what_time_depends_on(document) == wanted:
-                seconds = _mean_time(store, campaign_id)
-                if seconds is not None:
-                    return seconds
-        except StoreError:
-            continue  # the plan is damaged or of another version
-    return None
+    times = _alike(store, plan, _what_time_depends_on, lambda campaign_id: _mean_time(store, campaign_id))
+    return next((seconds for seconds in times if seconds is not None), None)
 
 
-def _what_time_depends_on(document: dict[str, Any]) -> list[Any]:
+def _what_time_depends_on(document: Mapping[str, Any]) -> list[Any]:
     """Return the parts of a plan's document that have the most influence on how long a run takes."""
     spec = document.get("spec", {})
     return [document.get("mechanism_digest"), *(spec.get(key) for key in ("simulation", "bench", "preset"))]
@@ -334,8 +320,3 @@ def _mean_time(store: Store, campaign_id: str) -> float | None:
             if times:
                 return float(sum(times) / len(times))
     return None
-
-
-def _first_batch(samples: int, runs: int) -> tuple[tuple[int, int], ...]:
-    """Return batches of a plan; the first holds the trial runs, a second one all other samples, if any."""
-    return ((0, runs),) if samples == runs else ((0, runs), (runs, samples - runs))

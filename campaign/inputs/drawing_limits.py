@@ -172,7 +172,6 @@ def _size(text: str) -> tuple[Decimal, str]:
 
 
 def _limits(size: Decimal, low: Decimal, high: Decimal, text: str) -> Limits:
-    """Return the limits of a size with these deviations."""
     if not low < high:
         raise ValueError(f"{text!r}: the limits are equal; a dimension without a tolerance is a constant")
     return Limits(float(size + low), float(size + high))

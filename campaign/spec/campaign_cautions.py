@@ -19,11 +19,9 @@ from reporting.capability.row_order import row_order
 
 
 def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
-    """Yield the cautions of `clearcap mechanism check` with all variables at their medians, and those of the campaign.
-
-    Measured values that a variable draws again in any order must come from a stable process. A fixed step that the
-    campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter steps are tried too.
-    """
+    """Yield the cautions of `clearcap mechanism check` with all variables at their medians, and the campaign's own."""
+    # Measured values that a variable draws again in any order must come from a stable process. A fixed step that the
+    # campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter steps are tried too.
     mechanism, settings = _typical(campaign), campaign.spec.simulation
     yield from cautions(mechanism)
     yield from _drifting_values(campaign)

@@ -198,7 +198,6 @@ def _known_sampler(value: Any) -> Any:
 
 
 def _describe_samplers(schema: dict[str, Any]) -> None:
-    """Put the samplers into the JSON Schema of the key."""
     summaries = "; ".join(f"{name}: {sampler.summary}" for name, sampler in SAMPLERS.items())
     schema.update(enum=list(SAMPLERS), description=f"How samples are drawn. {summaries}.")
 

@@ -44,7 +44,6 @@ def fault(keys: Iterable[str], value: Any, text: str, within: tuple[Fault, ...] 
 
 
 def _fault(error: Mapping[str, Any], root: type[BaseModel]) -> SpecFault:
-    """Return one fault with its key and value."""
     refused = error.get("ctx", {}) if error["type"] == "refused" else {}
     below = refused.get("key")  # a table refuses one of its keys
     at = locate(root, (*error["loc"], *below.split(".")) if below else error["loc"])

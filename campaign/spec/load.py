@@ -180,7 +180,6 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[S
 
 
 def _locate(name_or_path: str) -> Path:
-    """Return the file of a campaign given by name or path."""
     names = campaign_names()
     if name_or_path in names:
         return Path(str(resources.files("campaign").joinpath("library", f"{name_or_path}.toml")))
@@ -312,7 +311,6 @@ def _drawing_faults(name: str, target: str, variable: Distribution, mechanism: M
 
 
 def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
-    """Yield the variables that are valid by themselves."""
     for name, entry in table.items() if isinstance(table, dict) else ():
         try:
             variable = _DISTRIBUTION.validate_python(entry)
@@ -383,8 +381,3 @@ def _reason(error: MechanismError, told: str = "") -> str:
         return "; ".join(fault.text if fault.key == told else str(fault) for fault in error.faults)
     heading, *lines = str(error).splitlines()
     return "; ".join(line.strip() for line in lines) or heading
-
-
-# Load a campaign from a file or a text: read it, check everything at once, and load its mechanism.
-#
-# All faults of a file are collected before it is refused, so that users can correct them in one go.

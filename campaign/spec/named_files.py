@@ -232,7 +232,6 @@ def _finite(values: Array, name: str) -> list[float]:
 
 
 def _csv_columns(content: bytes, names: list[str], quote: bool) -> dict[str, Array]:
-    """Return the named columns in the content of a CSV file."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 

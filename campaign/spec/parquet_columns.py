@@ -18,10 +18,8 @@ BATCH = 65_536  # rows decoded at a time
 
 
 def read(request: bytes, send: Callable[[str, bytes], None]) -> None:
-    """Send the names of all columns, and the values of the named ones as float64, if each is there once.
-
-    The request is a list of names as JSON, a line feed, and the content of the file.
-    """
+    """Send the names of all columns, and the values of the named ones as float64, if each is there once."""
+    # The request is a list of names as JSON, a line feed, and the content of the file.
     at = request.index(b"\n")
     names: list[str] = json.loads(request[:at])
     file = parquet.ParquetFile(pa.BufferReader(pa.py_buffer(request).slice(at + 1)))

@@ -8,6 +8,7 @@ import time
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from campaign.errors import CampaignError, SpecError, StoreError
@@ -109,14 +110,6 @@ def is_owner(name: str) -> bool:
         return False
 
 
-def _owner(text: Any) -> str:
-    return _plain("owner", text, LONGEST_OWNER)
-
-
-def _note(text: Any) -> str:
-    return _plain("note", text, LONGEST_NOTE, keep="\n\t")
-
-
 def _tag(text: Any) -> str:
     tag = _plain("tag", text, LONGEST_TAG)
     if not _TAG.fullmatch(tag):
@@ -140,6 +133,10 @@ def _plain(what: str, text: Any, longest: int, keep: str = "") -> str:
     return normal
 
 
+_owner = partial(_plain, "owner", longest=LONGEST_OWNER)
+_note = partial(_plain, "note", longest=LONGEST_NOTE, keep="\n\t")
+
+
 # -- versions in the store ---------------------------------------------------------------------------------------------
 #
 # No change is lost if several people change labels at the same time. Each change writes a new document,
@@ -160,10 +157,8 @@ def read_labels(store: Store, campaign_id: str) -> Labels:
 def change_labels(
     store: Store, campaign_id: str, change: LabelChange, *, by: str = "", version: int | None = None
 ) -> Labels:
-    """Change the labels of a campaign, given by its full id, and return the new ones; `by` is who changes them.
-
-    StaleLabels if they have another version by now than `version`; None applies the change to the current ones.
-    """
+    """Change the labels of a campaign, given by its full id, and return the new ones; `by` is who changes them."""
+    # StaleLabels if they have another version by now than `version`; None applies the change to the current ones.
     # otherwise labels would bring back the folder of a campaign that was deleted
     if not store.files.exists(f"{campaign_id}/{PLAN}"):
         raise SpecError(f"store {store.url}: no campaign {campaign_id}; see: {store.command('list')}")
@@ -204,7 +199,6 @@ def _stale(campaign_id: str, labels: Labels) -> StaleLabels:
 
 
 def _versions(store: Store, campaign_id: str) -> list[int]:
-    """Return the numbers of the listed documents, sorted."""
     found = map(_NAME.fullmatch, store.files.names(campaign_id))
     return sorted(int(name[1]) for name in found if name)
 
@@ -223,11 +217,9 @@ def _newest(store: Store, campaign_id: str, at_least: int) -> Labels:
 
 
 def _prune(store: Store, campaign_id: str, written: int) -> bool:
-    """Remove old documents; return False if the document just written counts as old itself.
-
-    In that case its number was free only because a document of that number had been pruned, and the change does not
-    take the changes of others since then into account.
-    """
+    """Remove old documents; return False if the document just written counts as old itself."""
+    # In that case its number was free only because a document of that number had been pruned, and the change does not
+    # take the changes of others since then into account.
     versions = _versions(store, campaign_id)
     for version in versions:
         if version <= max(versions[-1], written) - KEPT:

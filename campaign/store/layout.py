@@ -4,13 +4,12 @@
 repeats), the state of its computation (state, lease, heartbeat, cancel marker), and its report.
 """
 
-from campaign.plan_header import PlanHeader
+from campaign.plan_header import PARTS, PlanHeader
 
 PLAN = "plan.json"
 DELETED = "plan.json.deleted"  # the plan of a campaign whose deletion has begun
 CAMPAIGN_FILE = "campaign.toml"
 SUBMISSION = "submission.json"  # who submitted it, and when
-PARTS = "parts"
 MANIFEST = "manifest.json"
 REPEATS = "repeats.json"  # exists once somebody has asked for more repeats than the plan has
 STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign

@@ -51,10 +51,8 @@ def read_mechanism(store: Store, name: str, version: int | None = None) -> Saved
 
 
 def save_mechanism(store: Store, name: str, text: str, by: str, version: int | None = None) -> SavedMechanism:
-    """Save a mechanism's file, which is not checked here, as a new version; earlier ones stay.
-
-    `version` is the newest one that its author has seen, 0 for none; StaleMechanism if there is a later one by now.
-    """
+    """Save a mechanism's file, which is not checked here, as a new version; earlier ones stay."""
+    # `version` is the newest one that its author has seen, 0 for none; StaleMechanism if there is a later one by now.
     if not _NAME.fullmatch(name):
         raise SpecError(f"name {name!r:.100}: not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first")
     if len(text.encode(errors="replace")) > LARGEST_TEXT:

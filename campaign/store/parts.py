@@ -158,10 +158,8 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
 
 
 def _check_size(footer: "pq.FileMetaData", rows: int) -> None:
-    """Raise ValueError unless a file states the expected number of rows, and takes no more memory than rows may.
-
-    It states what whoever sealed it has written: who can write to a store is trusted so far; see docs/security.md.
-    """
+    """Raise ValueError unless a file states the expected number of rows, and takes no more memory than rows may."""
+    # It states what whoever sealed it has written: who can write to a store is trusted so far; see docs/security.md.
     if footer.num_rows != rows:
         raise ValueError(f"its footer says {footer.num_rows} rows in place of {rows}")
     size = sum(footer.row_group(group).total_byte_size for group in range(footer.num_row_groups))
@@ -281,7 +279,6 @@ def _listed_parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Pa
 
 
 def _digest(files: dict[str, Any]) -> str:
-    """Return a digest of the entries of a manifest."""
     return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -360,7 +357,6 @@ def read_part_file(files: Files, plan: PlanHeader, batch: int) -> "tuple[Part, p
 
 
 def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
-    """Return the content of a file of rows, and the parts in it."""
     span = batches_of(name, plan)
     if span is None:
         raise FileNotFoundError(name)
@@ -377,11 +373,9 @@ def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
 
 
 def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
-    """Return the sound and the bad files in a plan's folder of parts.
-
-    If parts are merged while the folder is being listed, the listing may miss both the part and the merged file. So if
-    a batch is missing, the folder is listed a second time.
-    """
+    """Return the sound and the bad files in a plan's folder of parts."""
+    # If parts are merged while the folder is being listed, the listing may miss both the part and the merged file. So
+    # if a batch is missing, the folder is listed a second time.
     recorded, index = load_manifest(files, plan), PartIndex()
     done: set[str] = set()
     for _ in range(2):
@@ -390,8 +384,10 @@ def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
             sizes |= _sizes_of_unlisted(files, plan, recorded.keys() - sizes.keys())
         to_read = []
         for name in sorted(sizes.keys() - done):
-            if not verify and _unchanged(plan, name, recorded.get(name), sizes[name]):
-                index.add(recorded[name])
+            # a listing has the size, but the hash takes reading the file: only ``verify`` finds damage that keeps it
+            known = recorded.get(name) if batches_of(name, plan) else None
+            if not verify and known and known[0].size == sizes[name]:
+                index.add(known)
             else:
                 to_read.append(name)
         _check_files(files, plan, to_read, index)
@@ -412,18 +408,10 @@ def _sizes_of_unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> 
     return sizes
 
 
-def _unchanged(plan: PlanHeader, name: str, recorded: list[Part] | None, size: int) -> bool:
-    """Return whether a file still has the size that the manifest recorded."""
-    # the listing has the size, but the hash takes reading the file: only ``verify`` finds damage that keeps the size
-    return batches_of(name, plan) is not None and recorded is not None and recorded[0].size == size
-
-
 def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIndex) -> None:
-    """Read files, several at a time because an object store answers slowly, and add them to the index.
+    """Read files, several at a time because an object store answers slowly, and add them to the index."""
 
-    If the store fails, only this thread waits for it, so that Ctrl-C ends the waiting.
-    """
-
+    # If the store fails, only this thread waits for it, so that Ctrl-C ends the waiting.
     def check_one(files: Files, name: str) -> list[Part] | str:
         try:
             return check_file(files, plan, name)

@@ -121,7 +121,6 @@ def _tables_of_files(
 
 
 def _wanted(by_batch: dict[int, list[str]], batches: Collection[int] | None) -> dict[int, list[str]]:
-    """Return the files of the wanted batches; None means all batches."""
     return by_batch if batches is None else {batch: by_batch[batch] for batch in batches if batch in by_batch}
 
 

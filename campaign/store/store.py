@@ -217,10 +217,8 @@ class Store:
         self.files.write(f"{campaign_id}/{name}", _json(content))
 
     def create_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> bool:
-        """Write a document of a campaign unless it exists; of several simultaneous writers, only one gets True.
-
-        Behind a URL the content must name its writer, because two writers of the same content may both get True.
-        """
+        """Write a document of a campaign unless it exists; of several simultaneous writers, only one gets True."""
+        # Behind a URL the content must name its writer, because two writers of the same content may both get True.
         return self.files.create(f"{campaign_id}/{name}", _json(content))
 
     def remove(self, campaign_id: str, name: str) -> None:
@@ -247,7 +245,6 @@ def open_store(url: str, patience: RetryPolicy = PATIENT) -> Store:
 
 
 def _json(content: dict[str, Any]) -> bytes:
-    """Return the content of a JSON file."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
@@ -287,10 +284,8 @@ def which_campaign(
     wanted: str | None,
     deciding: Callable[[Sequence[str]], Collection[str]] = lambda ids: (),
 ) -> str:
-    """Return the id that a user means by it, by its first letters if no other begins so, or by None for the only one.
-
-    Campaigns that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names.
-    """
+    """Return the id that a user means by it, by its first letters if no other begins so, or by None: the only one."""
+    # Campaigns that only decide another one, as ``deciding`` tells of some ids, are meant only by their own names.
     check_is_store(files)
     if not ids:
         raise SpecError(f"store {files.url}: holds no campaign; make one: {files.command('run', 'CAMPAIGN')}")
@@ -312,7 +307,6 @@ def which_campaign(
 
 
 def _listed(files: Files, ids: Sequence[str]) -> str:
-    """Return the first ids in one line, and the number of further ones."""
     others = len(ids) - MOST_LISTED
     return ", ".join(ids[:MOST_LISTED]) + (f" and {others} more, see: {files.command('list')}" if others > 0 else "")
 
@@ -355,11 +349,9 @@ def change_token(store: Store, campaign_id: str) -> str | None:
 
 
 def change_tokens(store: Store) -> dict[str, str]:
-    """Return the token of each campaign of a store, by id.
-
-    In a folder this takes one listing per campaign and one stat of each of its files, on S3 one request per thousand
-    files of the store.
-    """
+    """Return the token of each campaign of a store, by id."""
+    # In a folder this takes one listing per campaign and one stat of each of its files, on S3 one request per thousand
+    # files of the store.
     if store.files.local:
         tokens = {name: change_token(store, name) for name in store.folders()}
         return {name: token for name, token in tokens.items() if token is not None}
@@ -371,7 +363,6 @@ def change_tokens(store: Store) -> dict[str, str]:
 
 
 def _token(stamps: Mapping[str, str]) -> str:
-    """Return a digest of the stamps that matter."""
     relevant = {n: stamp for n, stamp in stamps.items() if n not in _IRRELEVANT and not n.endswith(TEMPORARY)}
     return hashlib.sha256(json.dumps(relevant, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -147,11 +147,9 @@ class _Ending:
 
 
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
-    """Yield the row of each sample, in order, computed in a child process; replace a child that ends too early.
-
-    Runs that ended their process have rows too. Raises Cancelled, and ChildFailed if `STARTS` children in a row fail
-    for reasons of their own.
-    """
+    """Yield the row of each sample, in order, computed in a child process; replace a child that ends too early."""
+    # Runs that ended their process have rows too. Raises Cancelled, and ChildFailed if `STARTS` children in a row fail
+    # for reasons of their own.
     _, plan = read_campaign(address)
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
     while samples:
@@ -222,7 +220,6 @@ def _raise_failure(ending: _Ending, failures: int) -> None:
 
 
 def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
-    """Return the row of a run that ended its process."""
     if ending.doubtful is not None:
         return ending.doubtful
     status = "timeout" if ending.exit_status == -signal.SIGALRM else "crashed"
@@ -231,7 +228,6 @@ def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
 
 
 def _deed(ending: _Ending) -> str:
-    """Describe how a run ended its process."""
     if ending.exit_status == -signal.SIGALRM:
         return "took no notice of its time limit and was ended"
     if ending.was_silent:

@@ -27,11 +27,9 @@ class NoPandas:
 
 
 def dask_setup(worker: Any) -> None:
-    """Make a starting worker load ahead, in its thread for batches, so that it joins the scheduler in the meantime.
-
-    The versions that the worker states when it joins are looked up before: once in thousands of starts, one of
-    them was not found while another thread imported modules, and dask warned of different versions.
-    """
+    """Make a starting worker load ahead, in its thread for batches, so that it joins the scheduler in the meantime."""
+    # The versions that the worker states when it joins are looked up before: once in thousands of starts, one of them
+    # was not found while another thread imported modules, and dask warned of different versions.
     get_versions()  # caches them
     # Not in the thread: one that imports the whole package and another that imports a part of it, as to unpickle a
     # batch, can wait for one another, and Python then lets one of them fail.

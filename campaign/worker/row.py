@@ -4,11 +4,10 @@ Repeats, which are runs with half the step, become rows too. A row can be comput
 the store.
 """
 
-import math
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from math import isfinite, nan
@@ -23,6 +22,7 @@ from campaign.compiling import load_engine
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.plan_header import SETTINGS, PlanHeader, RepeatPlan, plan_repeats
+from campaign.processes import meanwhile
 from campaign.spec.campaign_file import RETRIED, SimulationSettings
 from campaign.spec.result_columns import LATER_COLUMNS, LATER_NUMBERS
 from campaign.store import BadPart, Store, open_store
@@ -95,7 +95,13 @@ def rows_to_table(plan: Plan, rows: list[Row], schema: pa.Schema | None = None) 
 
 def repeats_to_table(plan: Plan, repeats: RepeatPlan, rows: list[Row]) -> pa.Table:
     """Return repeats as a table that also says in which settings they differ from the runs of their rows."""
-    return rows_to_table(plan, [row | {SETTINGS: what_differs(plan, row)} for row in rows], repeats.schema)
+
+    def what_differs(row: Row) -> str:
+        values = {target: row[name] for name, target in plan.targets.items()}
+        halved = halved_settings(plan.mechanism, values, plan.spec.simulation.step)
+        return ", ".join(f"{key} = {value!r} {unit_of(plan.mechanism, key)}" for key, value in halved.items())
+
+    return rows_to_table(plan, [row | {SETTINGS: what_differs(row)} for row in rows], repeats.schema)
 
 
 def sample_inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:
@@ -151,7 +157,6 @@ def _attempt(
 
 
 def _text(error: BaseException, plan: Plan) -> str:
-    """Return the message of a row about the error that its run raised."""
     if isinstance(error, MemoryError):
         limit = plan.spec.execution.memory_limit
         return f"out of memory: the process may use {limit:g} GiB (execution.memory_limit)"
@@ -208,10 +213,8 @@ def open_repeats(address: CampaignAddress) -> tuple[RepeatPlan, ...]:
 def rows_in_process(
     address: CampaignAddress, samples: Sequence[int], attempt: int = 1, begin: Callable[[int], None] = lambda _: None
 ) -> Iterator[Row]:
-    """Yield the row of each sample, in order, computed here; ``begin`` is called with each before its run.
-
-    Raises Cancelled, and DoubtfulRun if a run raises an error that the machine may have caused.
-    """
+    """Yield the row of each sample, in order, computed here; ``begin`` is called with each before its run."""
+    # Raises Cancelled, and DoubtfulRun if a run raises an error that the machine may have caused.
     from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
 
     store, plan = open_campaign(address)
@@ -268,13 +271,6 @@ def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: flo
     return {key: 0.5 * values.get(key, get_value(mechanism, key)) for key in keys}
 
 
-def what_differs(plan: Plan, inputs: Mapping[str, float]) -> str:
-    """Return, in words, the settings in which a sample's repeat differs from its run; inputs by variable name."""
-    values = {plan.targets[name]: value for name, value in inputs.items() if name in plan.targets}
-    halved = halved_settings(plan.mechanism, values, plan.spec.simulation.step)
-    return ", ".join(f"{key} = {value!r} {unit_of(plan.mechanism, key)}" for key, value in halved.items())
-
-
 # -- comparison with the store -----------------------------------------------------------------------------------------
 
 
@@ -320,13 +316,8 @@ def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> 
     """Return whether two rows agree in everything that the sample determines."""
     names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
     names += [name for name in LATER_COLUMNS if name in stored]
-    return all(_equal(row[name], stored[name]) for name in names)
-
-
-def _equal(a: Any, b: Any) -> bool:
-    """Return whether two values are equal; NaN equals NaN."""
-    both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
-    return bool(a == b or both_nan)
+    pairs = ((row[name], stored[name]) for name in names)
+    return all(a == b or (a != a and b != b) for a, b in pairs)  # NaN equals NaN
 
 
 # -- limits of a run: real time, and cancellation of its campaign ------------------------------------------------------
@@ -334,11 +325,9 @@ def _equal(a: Any, b: Any) -> bool:
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Kill this process with SIGALRM if the block takes longer than ``seconds``.
-
-    The engine ends a run at its own time limit. This limit is for code that ignores that one: the operating system's
-    timer needs neither the interpreter nor its lock.
-    """
+    """Kill this process with SIGALRM if the block takes longer than ``seconds``."""
+    # The engine ends a run at its own time limit. This limit is for code that ignores that one: the operating system's
+    # timer needs neither the interpreter nor its lock.
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
@@ -346,12 +335,10 @@ def time_limit(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
-@contextmanager
-def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
+def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> AbstractContextManager[None]:
     """Set ``cancel`` when ``is_cancelled`` returns True; a thread calls it every two seconds during the block."""
-    over = threading.Event()
 
-    def check() -> None:
+    def check(over: threading.Event) -> None:
         while not over.wait(CHECK_INTERVAL):
             try:
                 if is_cancelled():
@@ -360,10 +347,4 @@ def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator
             except Exception:  # the store cannot be reached: writing the batch will report it
                 continue
 
-    watcher = threading.Thread(target=check, name="cancel", daemon=True)
-    watcher.start()
-    try:
-        yield
-    finally:
-        over.set()
-        watcher.join()
+    return meanwhile(check, "cancel")

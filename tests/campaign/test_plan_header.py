@@ -163,7 +163,7 @@ def test_usual_share_of_many_samples():
 def test_batches_follow_those_of_the_campaign(plan):
     """Each batch of repeats belongs to one batch of the campaign, and the sets hold each repeat once."""
     sets = plan_repeats(plan, (0.1, 0.1, 0.5))
-    assert [repeats.number for repeats in sets] == [1, 3]
+    assert [repeats.folder for repeats in sets] == ["repeats-1", "repeats-3"]
     numbers = sorted(number for repeats in sets for number in repeats.numbers)
     assert numbers == repeated_samples(25, 0.0, 0.5).tolist()
     for repeats in sets:

@@ -45,10 +45,8 @@ def sampler_named(name: str) -> Sampler:
 
 
 def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-    """Return samples ``first .. first + count - 1`` of all variables, shape (count,) each, in their targets' units.
-
-    The values are bit for bit the same however the samples are split into calls.
-    """
+    """Return samples ``first .. first + count - 1`` of all variables, shape (count,) each, in their targets' units."""
+    # The values are bit for bit the same however the samples are split into calls.
     return sampler_named(inputs.sampler).draw(inputs, first, count)
 
 

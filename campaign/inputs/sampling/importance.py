@@ -110,11 +110,9 @@ def aimed(proposal: Proposal, scores: Mapping[str, Array]) -> NDArray[np.bool_]:
 
 
 def log_weights(proposal: Proposal, scores: Mapping[str, Array]) -> Array:
-    """Return the logarithm of the weight of each sample from its moved scores, shape (n,).
-
-    Sums run variable by variable and component by component, so that an element depends, bit for bit, on its own scores
-    alone.
-    """
+    """Return the logarithm of the weight of each sample from its moved scores, shape (n,)."""
+    # Sums run variable by variable and component by component, so that an element depends, bit for bit, on its own
+    # scores alone.
     z = list(scores.values())
     terms = [np.full(z[0].shape, log(proposal.nominal))]
     for c in proposal.components:
@@ -195,7 +193,6 @@ class ImportanceSampler(InverseTransformSampler):
 
 
 def _proposal(inputs: SampledInputs) -> Proposal:
-    """Return the proposal of a checked campaign."""
     assert isinstance(inputs.importance, Proposal)
     return inputs.importance
 

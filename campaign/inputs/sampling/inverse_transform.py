@@ -118,10 +118,8 @@ class InverseTransformSampler(Sampler):
 
 
 def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the number of the production batch of each sample, from 0; None if no variable varies by batch.
-
-    Samples with the same number share all their shifts: a new number begins with every new batch of any variable.
-    """
+    """Return the number of the production batch of each sample, from 0; None if no variable varies by batch."""
+    # Samples with the same number share all their shifts: a new number begins with every new batch of any variable.
     sizes = {v.batch.size for v in inputs.variables.values() if isinstance(v, Continuous) and v.batch}
     if not sizes:
         return None
@@ -182,15 +180,14 @@ class LatinHypercube(InverseTransformSampler):
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
         """Return, for each variable, a uniform number within each sample's own stratum."""
-        return {name: stratified(inputs.seed, name, inputs.samples, first, count) for name in names}
-
-
-def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Array:
-    """Return samples ``first .. first + count - 1`` of a variable, uniform in (0, 1), one in each stratum."""
-    stratum = _strata(seed, name, samples)[first : first + count]
-    # 26 bits, centred: the sum below is exact, and the quotient stays within the stratum
-    place = ((words(seed, name, first, count, PLACE) >> np.uint64(38)).astype(np.float64) + 0.5) * 2.0**-26
-    return (stratum + place) / samples
+        drawn = {}
+        for name in names:
+            stratum = _strata(inputs.seed, name, inputs.samples)[first : first + count]
+            # 26 bits, centred: the sum below is exact, and the quotient stays within the stratum
+            bits = words(inputs.seed, name, first, count, PLACE) >> np.uint64(38)
+            place = (bits.astype(np.float64) + 0.5) * 2.0**-26
+            drawn[name] = (stratum + place) / inputs.samples
+        return drawn
 
 
 @lru_cache(maxsize=64)
@@ -227,9 +224,12 @@ def check_correlations(inputs: SampledInputs) -> None:
         if pairs[frozenset((a, b))] > 1:
             raise ValueError(f"{entry}: this pair is given more than once; keep one entry")
     if inputs.correlations and (smallest := smallest_eigenvalue(inputs.correlations)) < LEAST_EIGENVALUE:
+        scales = (n / 100 for n in range(100, 0, -1))
+        possible = (s for s in scales if smallest_eigenvalue(inputs.correlations, s) >= LEAST_EIGENVALUE)
+        scale = next(possible, 0.0)
         raise ValueError(
             f"correlations: contradict each other, their matrix is not positive definite (smallest eigenvalue"
-            f" {smallest:.3g}); multiply all of them by at most {largest_scale(inputs.correlations):g}"
+            f" {smallest:.3g}); multiply all of them by at most {scale:g}"
         )
 
 
@@ -256,13 +256,6 @@ def smallest_eigenvalue(correlations: Correlations, scale: float = 1.0) -> float
     """Return the smallest eigenvalue of the scores' correlation matrix."""
     names = tuple(dict.fromkeys(name for a, b, _ in correlations for name in (a, b)))
     return float(np.linalg.eigvalsh(matrix(names, correlations, scale))[0])
-
-
-def largest_scale(correlations: Correlations) -> float:
-    """Return the largest factor from 0 to 1, in steps of 0.01, that makes all correlations together possible."""
-    return next(
-        (n / 100 for n in range(100, 0, -1) if smallest_eigenvalue(correlations, n / 100) >= LEAST_EIGENVALUE), 0.0
-    )
 
 
 @lru_cache(maxsize=8)

@@ -91,10 +91,8 @@ def _times(matrix: Integers, columns: Integers) -> Integers:
 
 
 def generators(variables: int, depth: int) -> Integers:
-    """Return the columns of the generator matrices C as integers of 52 binary digits, shape (depth, variables).
-
-    scipy numbers its points in Gray code, so point 2^k is the exclusive or of columns k and k - 1.
-    """
+    """Return the columns of the generator matrices C as integers of 52 binary digits, shape (depth, variables)."""
+    # scipy numbers its points in Gray code, so point 2^k is the exclusive or of columns k and k - 1.
     from scipy.stats import qmc
 
     engine = qmc.Sobol(variables, scramble=False, bits=OWN_DIGITS)
@@ -146,10 +144,8 @@ def _points(seed: int, name: str, base: int, number: NDArray[np.int64]) -> Array
 
 @lru_cache(maxsize=1024)
 def _digits(seed: int, name: str, base: int) -> tuple[NDArray[np.int64], list[int]]:
-    """Return the permutation of every digit, shape (digits, base), and the permuted trailing zeros from each digit on.
-
-    A number has infinitely many zeros after its last digit, and they are permuted like any other digit.
-    """
+    """Return the permutation of every digit, shape (digits, base), and permuted trailing zeros from each digit on."""
+    # A number has infinitely many zeros after its last digit, and they are permuted like any other digit.
     count = floor(BITS / log(base, 2))
     permuted = np.array([permutation(seed, name, base, base * digit, SCRAMBLE) for digit in range(count)])
     endings = [0] * (count + 1)
@@ -220,7 +216,15 @@ class Saltelli(InverseTransformSampler):
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
         """Return the points of A, of B, and of A with one variable from B."""
-        return saltelli(inputs.seed, names, first, count)
+        width = len(names) + 2
+        row, run = np.divmod(np.arange(first, first + count), width)
+        begin, end = first // width, (first + count - 1) // width
+        of_b = [f"B\n{name}" for name in names]  # scrambles depend on the name, so B's dimensions have their own
+        points = sobol(inputs.seed, [*names, *of_b], begin, end - begin + 1)
+        return {
+            name: np.where((run == 1) | (run == 2 + j), points[other][row - begin], points[name][row - begin])
+            for j, (name, other) in enumerate(zip(names, of_b, strict=True))
+        }
 
     def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which samples belong to A or B, in the shape of ``sample``."""
@@ -229,19 +233,6 @@ class Saltelli(InverseTransformSampler):
     def designed(self, inputs: SampledInputs) -> tuple[str, ...]:
         """Return the variables that vary."""
         return tuple(varied(inputs))
-
-
-def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:
-    """Return samples ``first .. first + count - 1`` of all variables by name, uniform inside (0, 1), each (count,)."""
-    width = len(names) + 2
-    row, run = np.divmod(np.arange(first, first + count), width)
-    begin, end = first // width, (first + count - 1) // width
-    of_b = [f"B\n{name}" for name in names]  # scrambles depend on the name, so B's dimensions have their own
-    points = sobol(seed, [*names, *of_b], begin, end - begin + 1)
-    return {
-        name: np.where((run == 1) | (run == 2 + j), points[other][row - begin], points[name][row - begin])
-        for j, (name, other) in enumerate(zip(names, of_b, strict=True))
-    }
 
 
 def nearest_sizes(variables: int, samples: int) -> tuple[int, ...]:

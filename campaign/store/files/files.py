@@ -109,11 +109,9 @@ class Files:
             raise unwritable(message, error) from self._cause(error)
 
     def read(self, name: str, at_most: int = LARGEST, *, must_exist: bool = False) -> bytes:
-        """Return a file's content of at most ``at_most`` bytes; FileNotFoundError, OddFile or StoreError.
-
-        ``must_exist`` says that the file is known to exist: if it is not found, the store may be unavailable, so the
-        read is tried again.
-        """
+        """Return a file's content of at most ``at_most`` bytes; FileNotFoundError, OddFile or StoreError."""
+        # ``must_exist`` says that the file is known to exist: if it is not found, the store may be unavailable, so the
+        # read is tried again.
         return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
 
     def size(self, name: str) -> int:
@@ -156,10 +154,8 @@ class Files:
         self._do(lambda path: self._backend.write(path, content), name, "written")
 
     def create(self, name: str, content: bytes) -> bool:
-        """Write a file whole or not at all, unless it exists; return whether it was written.
-
-        The content must name its writer, so that a writer can recognize that its own earlier attempt had succeeded.
-        """
+        """Write a file whole or not at all, unless it exists; return whether it was written."""
+        # The content must name its writer, so that a writer can recognize that its own earlier attempt had succeeded.
         self._refuse_secret(name, content)
         return self._do(
             lambda path: self._backend.create(path, content) or self._backend.read(path, LARGEST) == content,
@@ -234,12 +230,10 @@ class Files:
 
     @property
     def _remedy(self) -> str:
-        """Advice for a store that keeps failing."""
         remedy = "free or repair the disk" if self.local else "check that it exists and can be reached"
         return f"{remedy}, then run the same command again"
 
     def _reason(self, error: Exception) -> str:
-        """Describe why an operation failed."""
         text = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
         return self._private.redact(str(text))
 
@@ -249,7 +243,6 @@ class Files:
 
 
 def _open_url(url: PrivateUrl, retry_policy: RetryPolicy) -> "ObjectStore":
-    """Open the file system of a URL."""
     from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do not need
 
     try:

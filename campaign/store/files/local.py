@@ -86,10 +86,8 @@ class LocalFolder:
         return sizes
 
     def stamps(self, path: str) -> dict[str, str]:
-        """Return a stamp for each file and folder in a folder; recently changed ones get a new stamp at every call.
-
-        Otherwise, a second change within the same tick of the file system's clock would go unnoticed.
-        """
+        """Return a stamp for each file and folder in a folder; recently changed ones get a new stamp at every call."""
+        # Otherwise, a second change within the same tick of the file system's clock would go unnoticed.
         self._check_within(path)
         stamps: dict[str, str] = {}
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(path) as entries:
@@ -158,7 +156,9 @@ class LocalFolder:
                 old = now - os.stat(leftover).st_mtime > dead_after
             except FileNotFoundError:
                 continue
-            if old or _writer_is_gone(leftover):
+            # whether the process that began it was in this PID namespace and has ended
+            writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", leftover)
+            if old or (writer is not None and writer[1] == _process_space() and started(writer[2]) is None):
                 _discard(leftover)
 
     def _check_within(self, folder: str) -> None:
@@ -186,12 +186,6 @@ def _process_space() -> str:
     return hashlib.sha256(f"{socket.gethostname()} {process_space()}".encode()).hexdigest()[:12]
 
 
-def _writer_is_gone(temporary: str) -> bool:
-    """Return whether the process that began a temporary file was in this PID namespace and has ended."""
-    writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", temporary)
-    return writer is not None and writer[1] == _process_space() and started(writer[2]) is None
-
-
 def _write_temporary(path: str, content: bytes) -> str:
     """Write a temporary file beside ``path``, forced to the disk, and return its path."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
@@ -217,6 +211,5 @@ def _sync_names(path: str) -> None:
 
 
 def _discard(path: str) -> None:
-    """Remove a file, if it exists."""
     with contextlib.suppress(FileNotFoundError):
         os.unlink(path)

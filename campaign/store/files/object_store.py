@@ -122,11 +122,9 @@ class ObjectStore:
         self._put(path, content)
 
     def create(self, path: str, content: bytes) -> bool:
-        """Put a file unless it exists; return whether it was written.
-
-        The server decides (on S3 by ``If-None-Match``). If it cannot, it is first asked whether the file exists; in
-        that case two simultaneous writers may both get True.
-        """
+        """Put a file unless it exists; return whether it was written."""
+        # The server decides (on S3 by ``If-None-Match``). If it cannot, it is first asked whether the file exists; in
+        # that case two simultaneous writers may both get True.
         try:
             self._put(path, content, mode="create")
         except FileExistsError:
@@ -196,7 +194,6 @@ class ObjectStore:
             self._ask("pipe_file", path, content, **how)
 
     def _entries(self, path: str) -> list[dict[str, Any]]:
-        """Return the file system's entries for the content of a folder."""
         self._fs.forget_listings()
         try:
             return list(self._ask("ls", path, detail=True))
@@ -205,7 +202,6 @@ class ObjectStore:
 
 
 def _name(entry: dict[str, Any]) -> str:
-    """Return the name of an entry within its folder."""
     return str(entry["name"]).rstrip("/").rsplit("/", 1)[-1]
 
 
@@ -282,12 +278,10 @@ class OpenedFileSystem:
         self._opened = threading.local()
 
     def ask(self, operation: str, *arguments: Any, seconds: float, **how: Any) -> Any:
-        """Return what an operation, a method of fsspec, returns; TimeoutError without an answer in ``seconds``.
-
-        The limit is needed because libraries retry by themselves, and give up a server that accepts connections but
-        does not answer only after minutes. After it, the operation may still be carried out. For file systems with a
-        connection per thread, their own limit applies instead.
-        """
+        """Return what an operation, a method of fsspec, returns; TimeoutError without an answer in ``seconds``."""
+        # The limit is needed because libraries retry by themselves, and give up a server that accepts connections but
+        # does not answer only after minutes. After it, the operation may still be carried out. For file systems with a
+        # connection per thread, their own limit applies instead.
         fs, _ = self._pair()
         coroutine = getattr(fs, f"_{operation}", None)
         if not (fs.async_impl and inspect.iscoroutinefunction(coroutine)):

@@ -92,10 +92,8 @@ class PrivateUrl:
 
 
 def _login(rest: str) -> str:
-    """Return the user and password in the text after ``scheme://``; empty if there are none.
-
-    A password with a slash, which is invalid in a URL, is recognized all the same, because it must not be shown.
-    """
+    """Return the user and password in the text after ``scheme://``; empty if there are none."""
+    # A password with a slash, which is invalid in a URL, is recognized all the same, because it must not be shown.
     authority = re.split(r"[/?#]", rest, maxsplit=1)[0]
     if "@" in authority:
         return authority.rpartition("@")[0]

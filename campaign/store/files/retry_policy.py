@@ -122,7 +122,6 @@ class CircuitBreaker:
             self._answered("")
 
     def _answered(self, fault: str) -> None:
-        """Record how a request ended."""
         # the usual case needs no lock
         if not (fault or self._fault):
             return
