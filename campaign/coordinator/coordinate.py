@@ -50,6 +50,7 @@ from campaign.worker.messages import (
     moments,
 )
 from engine import simulate
+from reporting.samples import judged_counts, statuses_in_words, too_few_ok
 
 RECONNECTS_FOR = 600.0  # s after the scheduler was lost
 STEADY_AFTER = 60.0  # s after which a connection has held, even if no call has finished
@@ -445,12 +446,6 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
     """Return the message that fewer stored runs are ok than ``failures.min_ok`` requires; empty if enough are."""
-    from reporting.samples import (
-        judged_counts,  # loads numpy, which `clearcap status` does not need
-        statuses_in_words,
-        too_few_ok,
-    )
-
     statuses = judged_counts(statuses, plan.spec.failures.max_not_assemblable)
     done, ok, least = sum(statuses.values()), statuses.get("ok", 0), plan.spec.failures.min_ok
     if done and not ok:

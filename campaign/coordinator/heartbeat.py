@@ -157,8 +157,9 @@ class Progress:
         """Return a heartbeat; ``of_coordinator`` are its ``token``, ``pid`` and ``beat``."""
         now, idle = time.time(), time.monotonic() - self._times[-1][0]
         waiting = list(waits)
-        holds = not self.is_stalled and not any(wait.what in STOPPING for wait in waiting)
-        if self.is_stalled and not any(wait.what in STOPPING for wait in waiting):
+        is_stopped = any(wait.what in STOPPING for wait in waiting)
+        holds = not self.is_stalled and not is_stopped
+        if self.is_stalled and not is_stopped:
             waiting.append(Wait("idle", now - idle))
         (first, before), rate = self._times[0], 0.0
         if self.computed > before:

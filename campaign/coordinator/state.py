@@ -43,7 +43,8 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     # them.
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES
-    state = content["state"] if is_written else _state_by_heartbeat(store, campaign_id)
+    said = content if is_written else store.read_json(campaign_id, HEARTBEAT) or {}
+    state = said["state"] if is_written or said.get("state") in ("running", "completed") else "planned"
     orphaned = state == "running" and not is_coordinated(store, campaign_id)
     is_lost = not is_written and state == "completed"
     is_ending = state == "running" and not orphaned and store.files.exists(f"{campaign_id}/{CANCEL}")
@@ -55,12 +56,6 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
         "fault": _fault(content),
         "options": _options(content.get("options")),
     }
-
-
-def _state_by_heartbeat(store: Store, campaign_id: str) -> str:
-    """Return the state of a campaign without a state file: ``completed``, ``running`` or ``planned``."""
-    heartbeat = store.read_json(campaign_id, HEARTBEAT) or {}
-    return heartbeat["state"] if heartbeat.get("state") in ("running", "completed") else "planned"
 
 
 def _fault(content: dict[str, Any]) -> str | None:

@@ -62,10 +62,8 @@ def plan_campaign(
     """Open the store, load the campaign and plan it; if the store already has its plan, return that one."""
     # For a new campaign, ``when_new`` is called before any run, and its cautions and open questions (lines that begin
     # with ``#?``) are logged as warnings.
-    from campaign.spec.campaign_cautions import (
-        campaign_cautions,  # loads all of reporting, which a server does not need
-        campaign_questions,
-    )
+    # loads all of reporting, which a server does not need
+    from campaign.spec.campaign_cautions import campaign_cautions, campaign_questions
 
     opened = open_store(url)
     if not opened.files.shared:

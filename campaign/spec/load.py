@@ -281,6 +281,9 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
         setters.setdefault(full_key(mechanism, target), name)
     parameters = {key.removeprefix(PREFIX): name for key, name in setters.items() if key.startswith(PREFIX)}
     followers = following(mechanism.formulas, parameters)
+    failures = raw.get("failures")
+    # whether samples whose parts cannot be assembled are counted, and therefore allowed
+    counted = isinstance(failures, dict) and is_number(failures.get("max_not_assemblable"))
     for name, variable in variables.items():
         target, keys = targets[name], ["variables", name]
         key = full_key(mechanism, target)
@@ -296,7 +299,7 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
                 f"{PREFIX}{first}; keep one of them, or add a parameter of its own to the expression",
             )
         else:
-            ends, counted = {*variable.ends(), *_extremes(raw, name)}, _counts_misfits(raw)
+            ends = {*variable.ends(), *_extremes(raw, name)}
             found = list(_faults_of(name, target, ends, mechanism, counted))
             yield from found or _drawing_faults(name, target, variable, mechanism)
 
@@ -327,12 +330,6 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
     listed = [entry.get(name) for entry in (grid, columns) if isinstance(entry, dict)]
     numbers = [x for values in listed if isinstance(values, list) for x in values if is_number(x)]
     return [min(numbers), max(numbers)] if numbers else []
-
-
-def _counts_misfits(raw: Mapping[str, Any]) -> bool:
-    """Return whether samples whose parts cannot be assembled are counted, and therefore allowed."""
-    failures = raw.get("failures")
-    return isinstance(failures, dict) and is_number(failures.get("max_not_assemblable"))
 
 
 def _faults_of(

@@ -75,12 +75,11 @@ def crashed_row(
     *,
     status: str = "crashed",
     wall_s: float | None = None,
-    attempts: int = 1,
 ) -> Row:
     """Return the row of a run without a certificate, because it raised an error or ended its process."""
     empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *LATER_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
-    return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
+    return {"sample": sample, **values, **empty, **ending, "attempts": 1, "earlier_attempts": ""}
 
 
 def rows_to_table(plan: Plan, rows: list[Row], schema: pa.Schema | None = None) -> pa.Table:
@@ -248,19 +247,13 @@ class HalvedStep:
     simulate: Simulate
 
     def __call__(
-        self,
-        mechanism: Mechanism,
-        values: Mapping[str, float],
-        *,
-        step: float | None = None,
-        horizon: float | None = None,
-        cancel: "Cancel | None" = None,
+        self, mechanism: Mechanism, values: Mapping[str, float], *, step: float | None = None, **how: Any
     ) -> Run:
         """Simulate a mechanism; the parameters are those of `engine.simulate`."""
         halved = halved_settings(mechanism, values, step)
         limit = {WALL_LIMIT: 2.0 * values.get(WALL_LIMIT, mechanism.simulation.wall_limit)}
         fixed = None if step is None else halved.pop(STEP)
-        return self.simulate(mechanism, {**values, **limit, **halved}, step=fixed, horizon=horizon, cancel=cancel)
+        return self.simulate(mechanism, {**values, **limit, **halved}, step=fixed, **how)
 
 
 def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: float | None) -> dict[str, float]:

@@ -17,11 +17,11 @@ from typing import Any
 
 from campaign.errors import SpecError, StoreError
 from campaign.plan import Plan
+from campaign.plan_header import PARTS
 from campaign.row_build import clearcap_version
 from campaign.samples import SampleColumns
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
-from campaign.plan_header import PARTS
 from campaign.store.layout import MANIFEST, PLAN, STOPPED
 from clearcap.questions.samples import list_samples
 from clearcap.questions.tolerances import advice_document, advice_from, allocation_document, cheapest_from, costs_of
