@@ -70,12 +70,10 @@ def _slurm(answer: str) -> dict[str, QueuedJob]:
 def _oar(answer: str) -> dict[str, QueuedJob]:
     """Return the jobs in the JSON of ``oarstat``, which says nothing at all where there are none."""
     jobs: dict[str, Any] = json.loads(answer) if answer.strip() else {}
-    ended = ("Terminated", "Error")
-    return {
-        job: QueuedJob(entry["state"], str(entry.get("message") or ""))
-        for job, entry in jobs.items()
-        if entry["state"] not in ended
-    }
+    kept = {job: entry for job, entry in jobs.items() if entry["state"] not in ("Terminated", "Error")}
+    # mostly the message repeats what was asked for, R=1,W=0:2:0, and no reason
+    said = {job: str(entry.get("message") or "") for job, entry in kept.items()}
+    return {job: QueuedJob(kept[job]["state"], "" if each.startswith("R=") else each) for job, each in said.items()}
 
 
 def _pbs(answer: str) -> dict[str, QueuedJob]:

@@ -309,15 +309,24 @@ def test_jobs_that_are_not_needed_end_those_that_wait_first(clock, caplog):
     assert "ended before" not in caplog.text
 
 
+OF_OAR = {
+    "owner": "ada",
+    "queue": "default",
+    "jobType": "PASSIVE",
+    "reservation": "None",
+    "array_index": 1,
+    "types": [],
+}
 ANSWERS = {
     "slurm": "17|PENDING|Resources\n18|RUNNING|None\n19_3|COMPLETING|None\n",
+    # what OAR 2.5.9 wrote of jobs of two cores, without their commands, times and folders
     "oar": json.dumps(
         {
-            "4711": {"state": "Waiting", "message": "FIFO scheduling OK", "owner": "me"},
-            "4712": {"state": "Running", "message": None},
-            "4713": {"state": "Terminated", "message": ""},
-            "4714": {"state": "Hold", "message": ""},
-            "4715": {"state": "toError", "message": "", "array_id": 4714, "assigned_network_address": []},
+            "37": {"state": "Running", "message": "R=1,W=0:2:0,J=B,N=probe (Karma=0.000,quota_ok)", **OF_OAR},
+            "39": {"state": "Hold", "message": "R=1,W=2:0:0,J=B,N=probe", **OF_OAR},
+            "38": {"state": "Waiting", "message": "R=2,W=0:2:0,J=B,N=probe (Karma=0.000,quota_ok)", **OF_OAR},
+            "40": {"state": "toError", "message": "the node is gone", **OF_OAR},
+            "41": {"state": "Terminated", "message": "", **OF_OAR},
         }
     ),
     "pbs": """
@@ -337,7 +346,12 @@ Job ID               Username Queue    Jobname    SessID NDS TSK Memory Time  S 
 }
 MEANT = {
     "slurm": {"17": (True, "Resources"), "18": (False, ""), "19": (False, "")},
-    "oar": {"4711": (True, "FIFO scheduling OK"), "4712": (False, ""), "4714": (True, ""), "4715": (False, "")},
+    "oar": {
+        "37": (False, ""),
+        "38": (True, ""),
+        "39": (True, ""),
+        "40": (False, "the node is gone"),
+    },
     "pbs": {
         "101": (True, "Not Running: Insufficient amount of resource: ncpus (R: 16 A: 0 T: 64)"),
         "102": (False, ""),
