@@ -49,12 +49,7 @@ def _row(kind: str, links: int) -> dict[str, Any]:
 
 
 def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: float = 0.5) -> dict[str, Any]:
-    """Describe a straight chain on joints with play, released at rest.
-
-    Each of the `links` bars hangs on a pin of the one above, the first on the ground. A radial `clearance` [m] of 0
-    makes the joints ideal; `friction` is the coefficient in every joint, `angle` [rad] that of the whole chain from the
-    vertical.
-    """
+    """Describe bars on pins, released at rest at an `angle` [rad]; a radial `clearance` [m] of 0 makes joints ideal."""
     joint = (
         {"type": "clearance_revolute", "rings": [-HALF_WIDTH, HALF_WIDTH], "radial_clearance": clearance}
         if clearance > 0

@@ -24,10 +24,8 @@ LOOK_EVERY = 0.02  # s
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return wall and processor time of each start, and the latter as a multiple of a bare start of Python.
-
-    ``unit_us`` [us], the reference of the other tables, scales the last column.
-    """
+    """Return wall and processor time of each start, and the latter as a multiple of a bare start of Python."""
+    # ``unit_us`` [us], the reference of the other tables, scales the last column.
     with (
         tempfile.TemporaryDirectory(prefix="clearcap-cache-") as empty,
         tempfile.TemporaryDirectory(prefix="clearcap-cache-") as cache,

@@ -55,10 +55,8 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
 
 
 def measure_hard() -> list[dict[str, Any]]:
-    """Return a row for each kind of problem, for each range of the number of contacts, and for all problems.
-
-    Processor times are used, because other load on the machine would distort the time of a problem of a few ms.
-    """
+    """Return a row for each kind of problem, for each range of the number of contacts, and for all problems."""
+    # Processor times are used, because other load on the machine would distort the time of a problem of a few ms.
     kinds, sizes, cold, warm = [], [], [], []
     for seed in HARD_SEEDS:
         problem = hard_problem(seed)

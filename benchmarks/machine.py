@@ -42,10 +42,8 @@ def processor_s() -> float:
 
 
 def most_memory_mib() -> float:
-    """Return the peak memory of this process [MiB]; NaN if the system does not report it.
-
-    `resource.getrusage` would include the memory that the parent process had when it started this one.
-    """
+    """Return the peak memory of this process [MiB]; NaN if the system does not report it."""
+    # `resource.getrusage` would include the memory that the parent process had when it started this one.
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), np.nan)

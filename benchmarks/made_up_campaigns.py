@@ -15,10 +15,8 @@ from campaign.store.layout import PLAN
 
 
 def made_up_campaign(store: Store, loaded: Campaign, samples: int, batch: int, name: str = "") -> Plan:
-    """Write a campaign that imitates another, with `batch` rows in a file and their manifest; return its plan.
-
-    Its name is by default derived from the number of rows.
-    """
+    """Write a campaign that imitates another, with `batch` rows in a file and their manifest; return its plan."""
+    # Its name is by default derived from the number of rows.
     named = {"samples": samples, "name": name or f"{loaded.spec.name}-{samples}", "stop": None}
     plan = make_plan(replace(loaded, spec=loaded.spec.model_copy(update=named)), batch)
     with patch("os.fsync"):  # durability is not needed, and fsync would take most of the time

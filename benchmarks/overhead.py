@@ -25,11 +25,9 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure() -> dict[str, Any]:
-    """Return the overhead of a run at a batch size of 50, and the time of `clearcap status` on the rows [s].
-
-    The overhead [us] is the time that a run adds; and the processor time that it adds divided by the number of cores,
-    which depends less on other load on the machine.
-    """
+    """Return the overhead of a run at a batch size of 50, and the time of `clearcap status` on the rows [s]."""
+    # The overhead [us] is the time that a run adds; and the processor time that it adds divided by the number of cores,
+    # which depends less on other load on the machine.
     from tests.campaign.fake_engine import simulate
 
     taken, processor = {}, {}

@@ -18,10 +18,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure() -> list[dict[str, Any]]:
-    """Return time [s], processor time [s], memory [MiB] and the size of the page [MB] of reports of 6 responses.
-
-    ``making_s`` is the part of the time spent on making the samples.
-    """
+    """Return time [s], processor time [s], memory [MiB] and the size of the page [MB] of reports of 6 responses."""
+    # ``making_s`` is the part of the time spent on making the samples.
     return [report_of(samples) for samples in SIZES]
 
 

@@ -43,10 +43,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
-    """Return the processor time of each answer [ms], its bound, and its ratio to a reference [us].
-
-    The answers are computed by a process with the environment of the service's computing processes.
-    """
+    """Return the processor time of each answer [ms], its bound, and its ratio to a reference [us]."""
+    # The answers are computed by a process with the environment of the service's computing processes.
     command = [sys.executable, "-m", "benchmarks.web_answers"]
     # The service's processes do not import from the current folder; this one must, to find `benchmarks`.
     environment = {**job_environment(), "PYTHONSAFEPATH": ""}

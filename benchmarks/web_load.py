@@ -239,10 +239,8 @@ async def _measure_questions(load: ServerLoad, table: _Table, changed: str, camp
 
 
 async def _mixed(load: ServerLoad, paths: list[str], bare_wait: float) -> dict[str, float]:
-    """Request all paths repeatedly with several concurrent callers; return memory of the process and waiting times.
-
-    `bare_wait` is the waiting time for a bare answer [s].
-    """
+    """Request all paths repeatedly with several concurrent callers; return memory of the process and waiting times."""
+    # `bare_wait` is the waiting time for a bare answer [s].
     at_first = load.memory_mib
     await _ask_all(load, paths, FIRST_MIXED)  # until each thread of the server has allocated its working memory
     load.waits.clear()

@@ -94,7 +94,7 @@ class Results:
         CampaignError
             If the store holds no row of the campaign.
         """
-        from reporting.render.parquet import capability_table
+        from reporting.render.data_files import capability_table
 
         return _frame(capability_table(self._analysis), "response")
 

@@ -30,13 +30,7 @@ def main() -> int:
 
 
 def ask(lock: Path) -> list[dict[str, Any]]:
-    """Return the report of pip-audit on each package of a lock file.
-
-    Raises
-    ------
-    ValueError
-        If pip-audit reports nothing, for example because its service is out of reach.
-    """
+    """Return the report of pip-audit on each package of a lock file; ValueError if it reports nothing."""
     words = ["--disable-pip", "--require-hashes", "--format", "json", "--progress-spinner", "off", "--timeout", "15"]
     command = [sys.executable, "-m", "pip_audit", "--requirement", str(lock), *words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=WITHIN, check=False)
@@ -47,17 +41,7 @@ def ask(lock: Path) -> list[dict[str, Any]]:
 
 
 def judge(packages: list[dict[str, Any]], passed_over: list[dict[str, Any]], today: date) -> tuple[list[str], int]:
-    """Return a line for each known vulnerability and one for all unchecked packages, and the exit status.
-
-    Parameters
-    ----------
-    packages : list of dict
-        Report of pip-audit on each package.
-    passed_over : list of dict
-        Accepted vulnerabilities: tables with ``id``, ``reason`` and ``until``.
-    today : date
-        Date that is compared with ``until``.
-    """
+    """Return a line for each known vulnerability, but for accepted ones until their date, and the exit status."""
     lines, status = [], 0
     for package in packages:
         for fault in package.get("vulns", []):

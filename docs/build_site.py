@@ -41,7 +41,7 @@ def pages() -> dict[Path, str]:
     """Return the name on the site of each page."""
     found = {page: page.relative_to(DOCS).as_posix() for page in sorted(DOCS.rglob("*.md"))}
     found[INDEX] = "index.md"
-    studies = {page: page.relative_to(ROOT).as_posix() for page in sorted((ROOT / "studies").glob("*/*.md"))}
+    studies = {page: page.relative_to(ROOT).as_posix() for page in sorted((ROOT / "studies").glob("*.md"))}
     return found | studies | {ROOT / name: there for name, there in OTHERS.items()}
 
 

@@ -1,6 +1,6 @@
 """Capability reports from a table of samples: numbers, figures, pages.
 
-One analysis model (`reporting.analysis`) has many renderings (`reporting.render.html`, `reporting.render.json`).
+One analysis model (`reporting.analysis`) has many renderings (`reporting.render.html`, `reporting.render.data_files`).
 """
 
 from typing import TYPE_CHECKING

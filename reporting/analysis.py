@@ -49,9 +49,8 @@ from reporting.samples import (
 )
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.repeatability import repeatabilities
-from reporting.sensitivity.summary import sensitivity
+from reporting.sensitivity.summary import Known, sensitivity
 from reporting.sensitivity.total_order import independent_draws, total_order
-from reporting.sensitivity.unexplained import Known
 from reporting.spec import Design, ReportSpec
 from reporting.tolerance.advice import Advice, AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.reweighting import Change

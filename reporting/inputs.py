@@ -10,7 +10,7 @@ from scipy.special import kolmogorov
 
 from reporting.arrays import Array, centred_ranks, random_rows
 from reporting.samples import Samples
-from reporting.sensitivity.rejects import largest_distance
+from reporting.sensitivity.reject_attribution import largest_distance
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, VariableSpec
 

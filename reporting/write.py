@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 
 from reporting.analysis import Analysis, Decision, Rescale, analyse
 from reporting.errors import ReportError
+from reporting.render.data_files import render_json, render_parquet
 from reporting.render.excel import render_workbook
 from reporting.render.html import render_html
-from reporting.render.json import render_json
 from reporting.render.one_page import render_one_page
-from reporting.render.parquet import render_parquet
 from reporting.samples import Repeats, Samples, read_samples
 from reporting.spec import ReportSpec
 

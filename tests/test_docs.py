@@ -21,7 +21,7 @@ from tests.each import each
 ROOT = Path(__file__).parents[1]
 PAGES = {
     page.relative_to(ROOT).as_posix(): page.read_text("utf-8")
-    for pattern in ("*.md", "docs/**/*.md", "deploy/*.md", "studies/*/*.md")
+    for pattern in ("*.md", "docs/**/*.md", "deploy/*.md", "studies/*.md")
     for page in sorted(ROOT.glob(pattern))
 }
 EXAMPLES = [

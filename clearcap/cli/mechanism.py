@@ -281,7 +281,7 @@ def campaign(json: Json = False) -> None:
 @schema_app.command()
 def report(json: Json = False) -> None:
     """Print the JSON Schema of a report's capability.json."""
-    from reporting.render.json import report_schema
+    from reporting.render.data_files import report_schema
 
     print_json(report_schema())
 

@@ -39,7 +39,7 @@ from clearcap.questions.signing import (
     part_of,
     read_document,
 )
-from reporting.render.json import render_json
+from reporting.render.data_files import render_json
 from reporting.write import NAMES
 
 LARGEST_SIGNOFF = 64 * 2**20  # bytes; a sign-off lists every file

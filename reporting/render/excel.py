@@ -258,11 +258,10 @@ def _samples(analysis: Analysis, samples: Samples) -> Table:
 
 
 class SheetWriter:
-    """Writes the sheets of one workbook.
+    """Writes the sheets of one workbook."""
 
-    No displayed number is rounded onto or across one of `fences`: limits, and the thresholds of an index. `colours` are
-    background colours of a cell, by its word.
-    """
+    # No displayed number is rounded onto or across one of `fences`: limits, and the thresholds of an index. `colours`
+    # are background colours of a cell, by its word.
 
     def __init__(self, book: "Workbook", fences: Iterable[float], colours: Mapping[str, str]) -> None:
         self._book, self._fences = book, tuple(fences)

@@ -25,12 +25,12 @@ from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.key_findings import DECIDING, first_sentence, key_findings, short_form
 from reporting.render import figures, overview, panels
-from reporting.render.mechanism_figure import mechanism_figure
+from reporting.render.figures import mechanism_figure
 from reporting.render.page_templates import page_environment
 from reporting.render.svg import DARK, unit_suffix
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.samples import too_few_ok
-from reporting.sensitivity.measures import CRITICAL_SHARE
+from reporting.sensitivity.influence import CRITICAL_SHARE
 
 WIDE = 2  # columns; wider tables become cards on a narrow screen
 _TABLE = re.compile(r"<table\b[^>]*>.*?</table>", re.S)
@@ -60,10 +60,8 @@ CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 
 
 def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",), missing: str = "") -> str:
-    """Return the page of an analysis, the same text for the same analysis.
-
-    `files` are the names of the files next to the page; `missing` names omitted files, and how to get them.
-    """
+    """Return the page of an analysis, the same text for the same analysis."""
+    # `files` are the names of the files next to the page; `missing` names omitted files, and how to get them.
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     # Figures escape their own texts and are marked as safe; the templates escape everything else.
     return label_cells(
@@ -134,10 +132,8 @@ def _notes(response: ResponseAnalysis) -> list[str]:
 
 @cache
 def environment() -> Environment:
-    """Return the environment of the templates, with filters for numbers and figures.
-
-    It is created once: it caches compiled templates, and compiling takes most of the time of a page.
-    """
+    """Return the environment of the templates, with filters for numbers and figures."""
+    # It is created once: it caches compiled templates, and compiling takes most of the time of a page.
     made = page_environment("reporting.render")
     made.globals["deciding"] = DECIDING
     made.globals["dark"] = DARK
@@ -194,10 +190,8 @@ def as_markup(svg: str | None) -> Markup | None:
 
 
 def label_cells(page: str) -> str:
-    """Return the page with the name of its column added to every cell of wide tables.
-
-    It reads HTML from this package's templates: user input is escaped, so every tag comes from the templates.
-    """
+    """Return the page with the name of its column added to every cell of wide tables."""
+    # It reads HTML from this package's templates: user input is escaped, so every tag comes from the templates.
     return _TABLE.sub(lambda found: _labelled(found[0]), page)
 
 

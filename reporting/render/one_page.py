@@ -6,8 +6,8 @@ from reporting.analysis import Analysis
 from reporting.capability.verdict import WORST_FIRST
 from reporting.format_numbers import index, part
 from reporting.key_findings import short_form
+from reporting.render.figures import mechanism_figure
 from reporting.render.html import MARKS, as_markup, environment, label_cells
-from reporting.render.mechanism_figure import mechanism_figure
 from reporting.render.overview import goal_figure
 from reporting.response import ResponseAnalysis
 from reporting.trust.checks import Check

@@ -160,10 +160,8 @@ def _offset_and_spread(response: ResponseAnalysis) -> tuple[float, float]:
 
 
 def _named(name: str, x: float, y: float, frame: PlotArea, taken: list[Box]) -> list[str]:
-    """Return the name of a dot at a free position, with a line to the dot if it is far; add its box to `taken`.
-
-    If there is no room the name is left out; the description of the figure contains it.
-    """
+    """Return the name of a dot at a free position, with a line to the dot if it is far; add its box to `taken`."""
+    # If there is no room the name is left out; the description of the figure contains it.
     for ring in range(_RINGS):
         for i in range(_DIRECTIONS):
             turn = 2 * math.pi * i / _DIRECTIONS

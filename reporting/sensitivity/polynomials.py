@@ -96,11 +96,9 @@ def group_sums(
     group: NDArray[np.intp] | None = None,
     more: Callable[[Array, Array], Array] | None = None,
 ) -> Sums:
-    """Return the sums of finite variables x, shape (n, k), and responses y, shape (n, m), no column constant.
-
-    Rows are in random order (`reporting.arrays.random_rows`); by default row i belongs to group ``i % 20``. `more`
-    (rows of x, their basis) gives further functions of the variables, shape (rows, q), after the polynomials.
-    """
+    """Return the sums of finite variables x, shape (n, k), and responses y, shape (n, m), no column constant."""
+    # Rows are in random order (`reporting.arrays.random_rows`); by default row i belongs to group ``i % 20``. `more`
+    # (rows of x, their basis) gives further functions of the variables, shape (rows, q), after the polynomials.
     basis, group = basis_of(x, degree), groups_of(x.shape[0]) if group is None else group
     groups = int(group.max()) + 1
     y_mean, y_std = y.mean(axis=0), y.std(axis=0)

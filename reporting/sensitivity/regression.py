@@ -5,6 +5,13 @@
   over all orders of variables. Contributions sum to R^2; of independent variables they are the squared coefficients.
 - Variance inflation: 1 / (1 - R^2 of the variable on the others).
 - Spearman's rank correlation with the interval of Bonett and Wright (2000), and the regression of ranks.
+
+The Shapley value: the division of a total among players who achieve it together (Shapley 1953).
+
+A player's share is what it adds to the worth of the players before it, averaged over all orders in which the players
+can enter. The worth of a subset of variables is, for example, the share of a response's variance that its variables
+explain; what two variables explain only together is then split between them (Owen 2014). The definition also holds for
+correlated variables (Song, Nelson, Staum 2016).
 """
 
 import math
@@ -16,7 +23,6 @@ from scipy.special import ndtri
 from reporting.arrays import Array, centred_ranks
 from reporting.sensitivity.first_order import jackknife_error
 from reporting.sensitivity.polynomials import Sums
-from reporting.sensitivity.shapley import shapley_values
 
 MOST_SHARED = 10  # variables; all 2^10 subsets are fitted
 # Below this unexplained share of its variance a variable is a linear combination of the others.
@@ -58,11 +64,7 @@ def linear(sums: Sums) -> Linear:
 
 
 def shapley_of_r2(among: Array, with_response: Array) -> Array:
-    """Return each variable's contribution to R^2, averaged over all orders of variables, shape (g, k, m).
-
-    From the correlations between the variables, shape (g, k, k), and with the responses, shape (g, k, m). The
-    contributions add up to R^2.
-    """
+    """Return each variable's contribution to R^2, averaged over all orders of variables, shape (g, k, m)."""
     g, k, m = with_response.shape
     r2 = np.zeros((2**k, g, m))
     for subset in range(1, 2**k):
@@ -135,3 +137,18 @@ def _inflation(among: Array) -> Array:
         left = 1 - r @ _solve(among[np.ix_(others, others)], r[:, None])[:, 0]
         inflation[i] = 1 / left if left > _COLLINEAR else math.inf
     return inflation
+
+
+def shapley_values(worth: Array) -> Array:
+    """Return the share of each of k players, shape (k, ...), from the worth of each subset, shape (2^k, ...)."""
+    # Player i belongs to the subsets whose number has bit i; subset 0 is empty. The shares add up to the worth of all
+    # players minus that of the empty set.
+    k = worth.shape[0].bit_length() - 1
+    subsets = np.arange(2**k)
+    size = np.array([subset.bit_count() for subset in range(2**k)])
+    weight = np.array([1 / (k * math.comb(k - 1, s)) if s < k else 0.0 for s in range(k + 1)])
+    shares = np.empty((k, *worth.shape[1:]))
+    for i in range(k):
+        without = subsets[(subsets >> i & 1) == 0]
+        shares[i] = np.tensordot(weight[size[without]], worth[without | 1 << i] - worth[without], axes=1)
+    return shares

@@ -66,12 +66,10 @@ def repeatability(
     confidence: float,
     left: Interval | None = None,
 ) -> Repeatability:
-    """Return the scatter between the two runs of some samples.
-
-    `first`, shape (m,), are the runs of the campaign, `second` those with half the step, NaN where a run has no value.
-    `std` is that of the response over all samples; None if no share is wanted. `left` is the share of its variance that
-    the inputs leave unexplained, with an upper bound; None if it is not known.
-    """
+    """Return the scatter between the two runs of some samples."""
+    # `first`, shape (m,), are the runs of the campaign, `second` those with half the step, NaN where a run has no
+    # value. `std` is that of the response over all samples; None if no share is wanted. `left` is the share of its
+    # variance that the inputs leave unexplained, with an upper bound; None if it is not known.
     both = np.isfinite(first) & np.isfinite(second)
     pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
     if pairs < 2:
@@ -108,11 +106,9 @@ def repeatability(
 
 
 def unexplained_by_rows(x: Array, y: Array) -> Interval | None:
-    """Return the share of the variance of y, (n,), that its inputs x, (n, d), leave unexplained, and an upper bound.
-
-    From the squared errors at rows left out one by one, of a linear model or of one with squares, whichever errs less.
-    None with too few rows.
-    """
+    """Return the share of the variance of y, (n,), that its inputs x, (n, d), leave unexplained, and an upper bound."""
+    # From the squared errors at rows left out one by one, of a linear model or of one with squares, whichever errs
+    # less. None with too few rows.
     if y.size < 3:  # fewer than the mean alone takes; none where every run failed
         return None
     x = x[:, np.ptp(x, axis=0) > 0]  # the deviation of equal values may differ from 0 by rounding
@@ -154,11 +150,9 @@ def _share_interval(share: float, ratios: Interval, std: float, std_interval: In
 def repeatabilities(
     repeats: Repeats | None, samples: Samples, drawn: Samples, spec: ReportSpec, confidence: float
 ) -> dict[str, Repeatability]:
-    """Return the repeatability of each response; empty without repeats.
-
-    `drawn` are the independent draws, whose variance represents production. Samples that importance sampling aims at
-    rejects are left out.
-    """
+    """Return the repeatability of each response; empty without repeats."""
+    # `drawn` are the independent draws, whose variance represents production. Samples that importance sampling aims at
+    # rejects are left out.
     if repeats is None or not repeats.sample.size:
         return {}
     pool = drawn if spec.proposal else samples

@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from reporting.arrays import Array
 from reporting.sensitivity.first_order import (
+    MOST_ROWS,
     best_columns,
+    cuts,
     jackknife_error,
     least_squares,
     most_degree,
     unexplained_share,
 )
-from reporting.sensitivity.jumps import MOST_ROWS, cuts
 from reporting.sensitivity.polynomials import Sums, group_sums
-from reporting.sensitivity.regression import MOST_SHARED
-from reporting.sensitivity.shapley import shapley_values
+from reporting.sensitivity.regression import MOST_SHARED, shapley_values
 
 Orders = tuple[tuple[int, int], ...]
 _LINEAR: Orders = ((1, 1),)
@@ -52,11 +52,7 @@ class ShapleyEffects:
 
 
 def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Array) -> ShapleyEffects | None:
-    """Return the Shapley effects of x, shape (n, k), on y, shape (n, m); None above 10 variables.
-
-    No column is constant, and rows are in random order; `inflation`, shape (k,), is the variance inflation of the
-    variables.
-    """
+    """Return the Shapley effects of x, (n, k), on y, (n, m), by the variables' inflation; None above 10 variables."""
     k = x.shape[1]
     if k > MOST_SHARED:
         return None
@@ -89,10 +85,7 @@ class TotalEffects:
 
 
 def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> TotalEffects | None:
-    """Return what independent x, shape (n, k), explain in y, shape (n, m); None above 10 variables.
-
-    No column is constant, and rows are in random order.
-    """
+    """Return what independent x, shape (n, k), explain in y, shape (n, m); None above 10 variables."""
     k = x.shape[1]
     if k > MOST_SHARED:
         return None
@@ -111,10 +104,8 @@ def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> TotalEffects |
 
 
 def _worths(x: Array, y: Array, group: NDArray[np.intp], orders: Orders, subsets: Iterable[int]) -> tuple[Array, Array]:
-    """Return the share that each of some sets of variables explains, and what no sum of single variables does.
-
-    The shapes are (2^k, 1 + g, m), 0 for other sets, and (1 + g, m): of all rows, and of those without each group.
-    """
+    """Return the share that each of some sets of variables explains, and what no sum of single variables does."""
+    # The shapes are (2^k, 1 + g, m), 0 for other sets, and (1 + g, m): of all rows, and of those without each group.
     n, k = x.shape
     degree = min(most_degree(n, k), _MOST_DEGREE)
     smooth = _Regression(k, degree, orders)
@@ -138,10 +129,7 @@ def _worths(x: Array, y: Array, group: NDArray[np.intp], orders: Orders, subsets
 
 @dataclass(frozen=True)
 class _Regression:
-    """Polynomials of each of k variables, products of two, and jumps at places (variable, value).
-
-    `orders` are the degrees of the two polynomials that are multiplied.
-    """
+    """Polynomials of k variables, products of two of given orders (degrees), and jumps at places (variable, value)."""
 
     k: int
     degree: int

@@ -42,10 +42,8 @@ class TotalOrder:
 
 
 def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
-    """Return the independent draws: A and B of a design, the plain runs of importance sampling, or all samples.
-
-    ReportError: the samples are a design without variables, or with a variable that the campaign does not have.
-    """
+    """Return the independent draws: A and B of a design, the plain runs of importance sampling, or all samples."""
+    # ReportError: the samples are a design without variables, or with a variable that the campaign does not have.
     if spec.proposal:
         return samples.where(samples.importance["component"] == 0)
     if spec.designed is None:
@@ -60,10 +58,7 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
 
 
 def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | str]":
-    """Return the indices of every response, or a text that says why there are none; empty without a design.
-
-    ReportError: the samples are not those of a design.
-    """
+    """Return the indices of every response, or why there are none; ReportError: the samples are not of a design."""
     if not spec.designed:
         return {}
     if samples.sample.size and samples.sample[-1] >= spec.requested:

@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
 from reporting.tolerance.index_curve import MOST_FAILED, ROUNDING, IndexCurve, Limits, Question
-from reporting.tolerance.reweighting import Change
-from reporting.tolerance.weighted_intervals import LotLabels
+from reporting.tolerance.reweighting import Change, LotLabels
 
 REWEIGHTING, REGRESSION = "reweighting", "regression"
 MOST_FACTOR, LEAST_FACTOR = 4.0, 0.05
@@ -193,10 +192,7 @@ def asked(
     confidence: float,
     lots: LotLabels | None,
 ) -> Question:
-    """Return the question of an advice: responses with limits, a target and varying values, at the given rows.
-
-    ReportError: there is no such response.
-    """
+    """Return the question of an advice: responses with limits, a target and varying values; ReportError without one."""
     limited = {
         name: np.asarray(y, np.float64)[rows]
         for name, y in responses.items()
@@ -219,10 +215,8 @@ def asked(
 
 
 def advise_one(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
-    """Return the factor by reweighting, or by regression if the samples cannot be reweighted far enough.
-
-    `variable` may be a name for several variables that change together.
-    """
+    """Return the factor by reweighting, or by regression if the samples cannot be reweighted far enough."""
+    # `variable` may be a name for several variables that change together.
     changed = cache(widen)
     most, least = _end(changed(MOST_FACTOR), MOST_FACTOR), _end(changed(LEAST_FACTOR), LEAST_FACTOR)
     limit = changed(MOST_FACTOR).limit

@@ -3,7 +3,7 @@
 The cost of a tolerance t_i of variable i is given by its law or table (`reporting.tolerance.cost_laws`). The variance
 of a response is the sum of the contributions of the variables, ``sigma_y^2 = rest + sum c_i t_i^2``; it must not
 exceed ``(distance from the mean to the nearer limit / (3 target))^2``. `reporting.tolerance.cost_optimum` finds the
-optimum and the price of each target, `reporting.tolerance.process_choice` the cheapest processes.
+optimum and the price of each target, `reporting.tolerance.cost_optimum` the cheapest processes.
 
 If the campaign's samples can be reweighted to the proposed tolerances, the reweighted mean and sigma correct the
 linear model, and the optimum is recomputed until it no longer changes. A proposal aims at the target by the samples'
@@ -23,8 +23,7 @@ from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.tolerance.advice import REWEIGHTING, Rows
 from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
-from reporting.tolerance.cost_optimum import Optimum
-from reporting.tolerance.process_choice import Programme, cheapest_choice
+from reporting.tolerance.cost_optimum import Optimum, Programme, cheapest_choice
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import Estimate, runs_for, what_if_all
 
@@ -280,10 +279,8 @@ def _of_correlated(proposal: Allocation) -> Allocation:
 
 
 def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> Optimum | None:
-    """Return the optimum of the linear model; None if no tolerances within their bounds keep every target.
-
-    A locked variable is treated as a single process, whatever its law.
-    """
+    """Return the optimum of the linear model; None if no tolerances within their bounds keep every target."""
+    # A locked variable is treated as a single process, whatever its law.
     now = np.array([v.tolerance for v in variables])
     rate = np.array([[r.std**2 * r.shares.get(v.variable, 0.0) for v in variables] for r in requirements]) / now**2
     room = np.array([r.allowed - r.variance(dict.fromkeys((v.variable for v in variables), 0.0)) for r in requirements])

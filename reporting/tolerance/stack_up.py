@@ -55,12 +55,10 @@ class WorstCase:
 
 
 def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
-    """Return the worst case of one response, NaN where it has no value; columns have the shape (n,).
-
-    The extremes lie at corners only if the response is monotone in every input. Other samples, such as the centre, are
-    included; a response that is not monotone may still have larger extremes inside the box. ReportError: the columns
-    differ in length.
-    """
+    """Return the worst case of one response, NaN where it has no value; columns have the shape (n,)."""
+    # The extremes lie at corners only if the response is monotone in every input. Other samples, such as the centre,
+    # are included; a response that is not monotone may still have larger extremes inside the box. ReportError: the
+    # columns differ in length.
     y = np.asarray(y, np.float64)
     wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]
     if wrong:
@@ -146,11 +144,9 @@ def linear_stack(
     correlated: bool = False,
     command: Command = lambda _: "",
 ) -> LinearStack | None:
-    """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes.
-
-    Columns have the shape (n,); the response is NaN where it has no value. `correlated`: the campaign requests
-    correlations. `command` gives the command that simulates values by variable.
-    """
+    """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes."""
+    # Columns have the shape (n,); the response is NaN where it has no value. `correlated`: the campaign requests
+    # correlations. `command` gives the command that simulates values by variable.
     varying = [v for v in specs if v.std > 0]
     has = np.flatnonzero(np.logical_and.reduce([np.isfinite(y), *(np.isfinite(columns[v.name]) for v in varying)]))
     if not varying or has.size < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):

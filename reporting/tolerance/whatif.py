@@ -1,7 +1,7 @@
 """Capability under other distributions of the variables, by reweighting the given samples.
 
 Every statistic is a smooth function of weighted means, so its error follows from its influence function: sample i adds
-``w_i IF_i`` (delta method). `reporting.tolerance.weighted_intervals` computes intervals from these terms.
+``w_i IF_i`` (delta method). `reporting.tolerance.reweighting` computes intervals from these terms.
 
 A heavy tail of a response's own contributions widens its interval but is not a reason for a refusal: campaigns that
 happen to miss the tail would pass, and their answers would be wrong. With refusals above k = 0.5, as few as 20 % of the
@@ -23,8 +23,17 @@ from reporting.capability.lots import LEAST_LOTS, lots_worth
 from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
-from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
-from reporting.tolerance.weighted_intervals import LotLabels, by_lot, mean_interval, share_interval, variance_of_sum
+from reporting.tolerance.reweighting import (
+    Change,
+    LotLabels,
+    Weights,
+    by_lot,
+    mean_interval,
+    pareto_smoothed,
+    share_interval,
+    variance_of_sum,
+    weights,
+)
 
 USUAL_CPK = 1.33
 WANTED_HALF_WIDTH = 0.05

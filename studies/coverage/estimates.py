@@ -1,25 +1,35 @@
-"""The estimates of one response, of tolerance intervals, and of a product of two responses.
+"""The estimates that the study repeats. Each function draws one campaign and yields the report's statements on it."""
 
-Of one response they are indices, shares, methods without the normal distribution, and tails.
-
-Each function draws one campaign and yields the report's statements on it.
-"""
-
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
+import pyarrow as pa
+from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
+from campaign.coordinator.stopping_rule import judge
+from campaign.plan import Plan
+from campaign.spec.campaign_file import CampaignSpec
+from campaign.store import Store
+from engine.arrays import Array
 from reporting.capability.intervals import with_ends
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import NOT_NORMAL, capability, target_indices
 from reporting.capability.verdict import USUAL, CapabilityVerdict, index_of_share
+from reporting.comparison import compare
 from reporting.product_yield import product_yield
+from reporting.sensitivity.regression import shapley_values
+from reporting.sensitivity.reject_attribution import reject_attribution
+from reporting.sensitivity.summary import sensitivity
 from reporting.shape.fitting import fit_families
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
+from reporting.tolerance.advice import Rows, advise
+from reporting.tolerance.reweighting import Change
+from reporting.tolerance.whatif import Estimate, what_if
 from reporting.tolerance_intervals import tolerance_intervals
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import (
@@ -28,10 +38,13 @@ from studies.coverage.productions import (
     LIMITS,
     RESPONSE,
     SHARES,
+    VARIABLES,
     Production,
     Truth,
     distance_from_normal,
     explained,
+    first_order,
+    moments,
     page,
     request,
     samples_of,
@@ -216,3 +229,219 @@ def product_shares() -> tuple[float, float]:
     low, high = LIMITS
     conforming = float(together.cdf([high, high], lower_limit=[low, low]))
     return conforming, (1 - conforming) / 2
+
+
+# Closer limits than in the other modules, as scores: 2.9 % of the samples are rejects.
+NEAR = (-2.5, 2.0)
+FACTORS = (0.5, 0.8, 1.3)
+OTHER_SPREAD, OTHER_SHIFT = 1.1, 0.2
+# Present indices of both sides, and the index to keep.
+PRESENT, TARGET = (1.7, 1.5), 1.33
+
+
+def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of first-order indices."""
+    x = production.variables(n, rng)
+    (found,) = sensitivity(
+        dict(zip(VARIABLES, x.T, strict=True)),
+        {RESPONSE: production.values(x)},
+        confidence=CONFIDENCE,
+        lots=production.lot_of(n),
+    ).responses
+    warned = any("too narrow" in note for note in found.notes)
+    for influence, value in zip(found.influences, first_order(production), strict=True):
+        yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value, warned)
+
+
+def attributions(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of each variable's part of the rejects, which do not depend on the response's shape."""
+    x = production.variables(n, rng)
+    score = x @ np.sqrt(SHARES)
+    rejected = (score < NEAR[0]) | (score > NEAR[1])
+    found = reject_attribution(dict(zip(VARIABLES, x.T, strict=True)), rejected, CONFIDENCE, production.lot_of(n))
+    intervals = {share.variable: share.interval for share in found.shares}
+    for variable, part in zip(VARIABLES, parts(), strict=True):
+        yield Statement(f"part of the rejects, {variable}", intervals.get(variable), part)
+
+
+@lru_cache(maxsize=1)
+def parts() -> tuple[float, ...]:
+    """Return each variable's Shapley effect on the event that a sample is a reject."""
+    # The share explained by a subset of variables is the covariance of the event for two samples that share these
+    # variables: two normal scores whose correlation is the subset's part of the variance.
+    k = len(SHARES)
+    members = np.arange(2**k)[:, None] >> np.arange(k) & 1
+    return tuple(shapley_values(np.array([_explained(float(s)) for s in members @ np.array(SHARES)])).tolist())
+
+
+@lru_cache(maxsize=64)
+def _explained(correlation: float) -> float:
+    """Return the correlation of the event for two scores with the given correlation."""
+    low, high = NEAR
+    inside = float(norm.cdf(high) - norm.cdf(low))
+    # Two equal scores have no joint density.
+    if correlation > 1 - 1e-9:
+        return 1.0
+    both = multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], abseps=1e-11)
+    covariance = float(both.cdf([high, high], lower_limit=[low, low])) - inside**2
+    return covariance / (inside * (1 - inside))
+
+
+def changes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of a response for another sigma of the first variable."""
+    now = truth(production.shape)
+    x = production.variables(n, rng)
+    y = production.values(x)
+    for factor in FACTORS:
+        change = _change(x[:, 0], factor)
+        new = truth(production.shape, _spread(factor))
+        found = what_if(y, change, now.lsl, now.usl, CONFIDENCE, production.lot_of(n))
+        decided = any("decide" in note for note in found.notes)
+        for name, estimate, value, warned in (
+            ("mean", found.mean, new.mean, False),
+            ("sigma", found.std, new.std, decided),
+            ("Cpk", found.cpk, new.cpk, decided),
+            ("ppm", found.ppm, new.ppm, False),
+        ):
+            yield Statement(f"what if {factor}: {name}", _interval(estimate), value, warned)
+
+
+def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the interval of the factor by which the sigma of the first variable may grow."""
+    x = production.variables(n, rng)
+    mean, std = moments(production.shape)
+    limits = (mean - 3 * PRESENT[0] * std, mean + 3 * PRESENT[1] * std)
+
+    def widen(_: str, factor: float, rows: Rows) -> Change:
+        return _change(x[rows, 0], factor)
+
+    (found,) = advise(
+        {RESPONSE: production.values(x)},
+        {RESPONSE: limits},
+        {RESPONSE: TARGET},
+        dict(zip(VARIABLES, x.T, strict=True)),
+        VARIABLES[:1],
+        widen,
+        CONFIDENCE,
+        production.lot_of(n),
+    )
+    low, high = found.interval
+    given = found.factor is not None and not found.refusal
+    interval = (low if low is not None else 0.0, high if high is not None else np.inf)
+    yield Statement("advice: factor", interval if given else None, largest_factor(production.shape))
+
+
+@lru_cache(maxsize=16)
+def largest_factor(shape: str) -> float:
+    """Return the factor on the first variable's sigma at which the index of a shape equals the target."""
+    mean, std = moments(shape)
+
+    def excess(factor: float) -> float:
+        new_mean, new_std = moments(shape, _spread(factor))
+        margins = (new_mean - mean + 3 * PRESENT[0] * std, mean + 3 * PRESENT[1] * std - new_mean)
+        return min(margins) / (3 * new_std) - TARGET
+
+    return float(brentq(excess, 1.0, 2.0))
+
+
+def _change(x: Array, factor: float) -> Change:
+    """Return the change of the density of a standard normal variable whose sigma is multiplied by a factor."""
+    return Change(0.5 * x**2 * (1 - factor**-2) - np.log(factor), spread=factor)
+
+
+def _spread(factor: float) -> float:
+    """Return the sigma of the score if that of the first variable is multiplied by a factor."""
+    return float(np.sqrt(1 + SHARES[0] * (factor**2 - 1)))
+
+
+def _interval(estimate: Estimate | None) -> tuple[float, float] | None:
+    """Return the interval of a reweighted number."""
+    return None if estimate is None else estimate.interval
+
+
+def differences(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of the comparison with a campaign whose values are shifted and scaled."""
+    true = truth(production.shape)
+    mine, theirs = production.draw(n, rng), production.draw(n, rng)
+    theirs = true.mean + OTHER_SHIFT * true.std + OTHER_SPREAD * (theirs - true.mean)
+    spec = request(production, n, true)
+    (found,) = compare(samples_of(production, mine), spec, samples_of(production, theirs), spec, CONFIDENCE).responses
+    mean, std = true.mean + OTHER_SHIFT * true.std, OTHER_SPREAD * true.std
+    cpk = min(mean - true.lsl, true.usl - mean) / (3 * std)
+    yield Statement("difference of means", found.mean_interval, true.mean - mean)
+    yield Statement("ratio of sigmas", found.std_ratio_interval, true.std / std)
+    yield Statement("difference of Cpk", found.cpk_interval, true.cpk - cpk)
+
+
+# Half widths: of Cpk, and of mean and sigma in sigmas.
+HALF_WIDTHS = {"cpk": 0.1, "mean": 0.1, "std": 0.1}
+
+
+class _Unitless:
+    """Stand-in for a mechanism, for a stopping rule: its response is not a length, angle, force or torque."""
+
+    simulation = None
+
+    def response_units(self) -> dict[str, str]:
+        """Return the unit of each response."""
+        return {RESPONSE: "1"}
+
+    def unit(self, quantity: str) -> str:
+        """Return the unit of a quantity."""
+        return quantity
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """Stand-in for a plan, for a stopping rule."""
+
+    spec: CampaignSpec
+    mechanism: "_Unitless"
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Stand-in for the rows of a store, for a stopping rule."""
+
+    values: Array
+
+    def stream(self, plan: object, columns: Sequence[str], *_: object, **__: object) -> Iterator[pa.Table]:
+        """Yield all rows as one table."""
+        table = pa.table({"sample": np.arange(self.values.size), RESPONSE: self.values})
+        yield table.select(list(columns))
+
+
+def stops(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the interval at the end of a campaign with a stopping rule, after n samples at the latest."""
+    true = truth(production.shape)
+    rows = _Rows(production.draw(n, rng))
+    for statistic, value in (("cpk", true.cpk), ("mean", true.mean), ("std", true.std)):
+        planned = _Planned(_spec(production, n, true, statistic), _Unitless())
+        rule = planned.spec.stop
+        assert rule is not None
+        for samples in rule.checkpoints(n):
+            verdict = judge(cast(Store, rows), cast(Plan, planned), samples)
+            if verdict.sure:
+                break
+        at_end = (verdict.low, verdict.high) if verdict.low is not None and verdict.high is not None else None
+        yield Statement(f"at the stop: {statistic}", at_end if verdict.sure else None, value)
+
+
+def _spec(production: Production, n: int, true: Truth, statistic: str) -> CampaignSpec:
+    """Return a campaign with a stopping rule on the given statistic."""
+    half_width = HALF_WIDTHS[statistic] * (1.0 if statistic == "cpk" else true.std)
+    variable: dict[str, Any] = {"distribution": "normal", "mean": 0.0, "std": 1.0}
+    if production.lots:
+        variable["batch"] = {"size": n // production.lots, "std": production.between}
+    rule = {"response": RESPONSE, "statistic": statistic, "half_width": half_width, "confidence": CONFIDENCE}
+    return CampaignSpec.model_validate(
+        {
+            "format": 1,
+            "name": "study",
+            "mechanism": "c60",
+            "samples": n,
+            "stop": rule,
+            "variables": {"X1": variable},
+            "responses": {RESPONSE: {"lsl": true.lsl, "usl": true.usl}},
+        }
+    )

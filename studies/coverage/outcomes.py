@@ -1,12 +1,14 @@
-"""Outcome of an interval in each replication, and whether its coverage is as stated in the report."""
+"""Outcome of an interval in each replication, whether its coverage is as the report states, and the tables of both."""
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from reporting.capability.intervals import Interval, share_interval
+from studies.coverage.productions import Production
 
+Key = tuple[str, str, int]  # of a tally: number, production, size
 COVERED, LOW, HIGH, WARNED, WITHHELD = "covered", "missed low", "missed high", "warned", "withheld"
 # Permitted coverage of 95 % intervals, and the confidence required to report a violation.
 LEAST, MOST = 0.92, 0.98
@@ -67,10 +69,8 @@ class Tally:
         return self.counts[COVERED] / self.answered if self.answered else None
 
     def fault(self, number: str, *, textbook: bool) -> str:
-        """Return the fault of the interval, if it is beyond chance; empty otherwise.
-
-        `textbook`: the values are normal, without lots and numerous, so that a warning is a false alarm.
-        """
+        """Return the fault of the interval, if it is beyond chance; empty otherwise."""
+        # `textbook`: the values are normal, without lots and numerous, so that a warning is a false alarm.
         low, _ = share_interval(self.counts[WARNED], self.total, SURE)
         if textbook and low > FALSE_ALARMS:
             return "false alarms"
@@ -90,3 +90,93 @@ def tallied(replications: Iterable[Iterable[Statement]]) -> dict[str, Tally]:
         for statement in statements:
             tallies.setdefault(statement.number, Tally()).counts[statement.outcome()] += 1
     return tallies
+
+
+# Rows of the short table, each for the numbers whose full name matches.
+GROUPS = {
+    "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
+    "joint Cpk": "Cpk, joint",
+    "certain verdicts": "certain verdict, [a-z]+( capable)?",
+    "certain verdicts, in turn": "certain verdict, in turn",
+    "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
+    "Cp within lots": "Cp within lots",
+    "counted shares, yields": "counted, .*|yield.*|loss by a response",
+    "Pp, Ppk, ppm of fitted families": "Ppk?, .*, fitted|ppm, fitted",
+    "Pp, Ppk of the values' percentiles": "Ppk?, empirical",
+    "Pareto tails": "tail, .*",
+    "distance from normal": "distance from normal",
+    "tolerance intervals, normal": "contains .*, normal, .*",
+    "tolerance intervals, any distribution": "contains .*, any, .*",
+    "first-order indices": "first order, .*",
+    "parts of the rejects": "part of the rejects, .*",
+    "what if: mean, sigma, Cpk": "what if .*: (mean|sigma|Cpk)",
+    "what if: ppm": "what if .*: ppm",
+    "advice: factor": "advice: factor",
+    "differences of two campaigns": "difference .*|ratio .*",
+    "at the stop: Cpk, mean, sigma": "at the stop: .*",
+    "rare rejects": "rare, (below|above|total)",
+    "rare rejects, designed": "rare, designed",
+    "rare rejects, bound only": "rare, bound",
+}
+# Production and smallest number of values for which the report should not warn; but for a share far out in a tail it
+# may say that so few values do not exclude another shape.
+TEXTBOOK, CAUTIONED = ("normal", 500), ("Z.bench", "ppm expected, normal")
+# Shares of warned or withheld intervals above which the table shows this share as well, or nothing else.
+SOME, NEARLY_ALL = 0.05, 0.92
+
+
+def table(tallies: dict[Key, Tally], productions: Sequence[Production]) -> Iterator[str]:
+    """Yield a table with a row for each group of numbers and a column for each production, its sizes side by side."""
+    names = [production.name for production in productions]
+    sizes = sorted({n for _, production, n in tallies if production in names})
+    yield f"| intervals of | {' | '.join(names)} |"
+    yield f"| --- |{' --- |' * len(names)}"
+    for group, pattern in GROUPS.items():
+        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(pattern, number)]
+        cells = []
+        for name in names:
+            of_sizes = [
+                {key: tallies[key] for number in numbers if (key := (number, name, n)) in tallies} for n in sizes
+            ]
+            cells.append(" / ".join(cell(found) for found in of_sizes if found))
+        if any(cells):
+            yield f"| {group} | {' | '.join(cells)} |"
+
+
+def cell(found: dict[Key, Tally]) -> str:
+    """Return the smallest and the largest coverage of some numbers in percent; bold if one of them has a fault."""
+    # The coverage of a number that is nearly always warned of or withheld is left out; ``w`` is the largest share of
+    # warned or withheld intervals of the others.
+    stated = [tally for tally in found.values() if tally.answered >= (1 - NEARLY_ALL) * tally.total]
+    if not stated:
+        warned = sum(tally.counts[WARNED] for tally in found.values())
+        text = "w" if warned >= sum(tally.counts[WITHHELD] for tally in found.values()) else "–"
+    else:
+        coverages = [f"{100 * (tally.coverage or 0.0):.0f}" for tally in stated]
+        low, high = min(coverages, key=int), max(coverages, key=int)
+        without = max(1 - tally.answered / tally.total for tally in stated)
+        text = (low if low == high else f"{low}–{high}") + (f" w{100 * without:.0f}" if without >= SOME else "")
+    return f"**{text}**" if faults(found) else text
+
+
+def details(tallies: dict[Key, Tally]) -> Iterator[str]:
+    """Yield a table with a row for each case: the counts of all outcomes, and the fault."""
+    outcomes = (COVERED, LOW, HIGH, WARNED, WITHHELD)
+    yield f"| interval of | production | n | {' | '.join(outcomes)} | fault |"
+    yield f"| --- | --- | --- |{' --- |' * (len(outcomes) + 1)}"
+    for key, tally in tallies.items():
+        counts = " | ".join(str(tally.counts[outcome]) for outcome in outcomes)
+        yield f"| {' | '.join(map(str, key))} | {counts} | {_fault(key, tally)} |"
+
+
+def faults(tallies: dict[Key, Tally]) -> dict[Key, str]:
+    """Return the faults by number, production and size."""
+    found = {key: _fault(key, tally) for key, tally in tallies.items()}
+    return {key: text for key, text in found.items() if text}
+
+
+def _fault(key: Key, tally: Tally) -> str:
+    """Return the fault of the intervals of a number, for a production and a size; empty without a fault."""
+    number, production, n = key
+    textbook = production == TEXTBOOK[0] and n >= TEXTBOOK[1] and number not in CAUTIONED
+    return tally.fault(number, textbook=textbook)

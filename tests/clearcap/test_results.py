@@ -14,7 +14,7 @@ from campaign.spec.load import load_campaign
 from clearcap.questions.report import analysis
 from clearcap.questions.tolerances import advice_of
 from clearcap.results import Results, open_campaign, report
-from reporting.render.json import render_json
+from reporting.render.data_files import render_json
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed

@@ -18,9 +18,9 @@ import pytest
 from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
 from reporting.key_findings import weakest
+from reporting.render.data_files import render_json
 from reporting.render.figures import response_figure
 from reporting.render.html import render_html
-from reporting.render.json import render_json
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 VOID = {"meta", "link", "br", "input", "img", "hr"}

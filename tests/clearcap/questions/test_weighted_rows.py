@@ -15,7 +15,7 @@ from campaign.samples import independent_samples, lots_of
 from campaign.spec.load import load_campaign
 from campaign.worker.messages import CampaignAddress
 from clearcap.questions.report import report
-from reporting.render.json import report_schema
+from reporting.render.data_files import report_schema
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed, rows, start

@@ -8,7 +8,7 @@ import pytest
 from reporting import capability
 from reporting.capability.row_order import FALSE_ALARMS, FEWEST, neighbours_in_random_order, row_order
 from reporting.capability.verdict import verdict
-from studies.row_order.processes import ALTERNATING, CORRELATED, STABLE, drift, step
+from studies.row_order import ALTERNATING, CORRELATED, STABLE, drift, step
 from tests.each import each
 
 

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from reporting import Assumption, ReportError, write, write_report
+from reporting.render.data_files import document, report_schema
 from reporting.render.html import render_html
-from reporting.render.json import document, report_schema
 from reporting.tolerance.reweighting import Change
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 

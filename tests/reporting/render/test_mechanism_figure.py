@@ -1,6 +1,6 @@
 """The drawing of the mechanism as SVG: names are text and never markup, and can be read."""
 
-from reporting.render.mechanism_figure import mechanism_figure, readable
+from reporting.render.figures import mechanism_figure, readable
 from reporting.spec import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
 
 HOSTILE = '</text><script>alert("x")</script>'

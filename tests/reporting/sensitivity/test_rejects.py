@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.sensitivity.rejects import REJECTS, TAIL, reject_causes, worst_samples
+from reporting.sensitivity.reject_attribution import REJECTS, TAIL, reject_causes, worst_samples
 
 RNG = np.random.default_rng(77)
 

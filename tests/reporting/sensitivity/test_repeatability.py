@@ -9,8 +9,8 @@ import pytest
 from reporting.samples import read_samples
 from reporting.sensitivity import sensitivity
 from reporting.sensitivity.repeatability import repeatabilities, repeatability, unexplained_by_rows
+from reporting.sensitivity.summary import Known, without_scatter
 from reporting.sensitivity.total_order import TotalOrder, total_order_indices
-from reporting.sensitivity.unexplained import Known, without_scatter
 from reporting.trust.card import repeatable
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, repeats_of
 

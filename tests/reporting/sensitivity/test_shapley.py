@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reporting.sensitivity.shapley import shapley_values
+from reporting.sensitivity.regression import shapley_values
 
 
 def test_the_glove_game():

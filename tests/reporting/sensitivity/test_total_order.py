@@ -15,8 +15,8 @@ from scipy.special import ndtri
 from scipy.stats import qmc, sobol_indices
 
 from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting.render.data_files import document, report_schema
 from reporting.render.html import render_html
-from reporting.render.json import document, report_schema
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.total_order import total_order_indices

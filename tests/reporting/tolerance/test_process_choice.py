@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from reporting import ReportError
-from reporting.tolerance import process_choice
+from reporting.tolerance import cost_optimum
 from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
 from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw, Process, ProcessTable
-from reporting.tolerance.cost_optimum import cheapest, costs
-from reporting.tolerance.process_choice import Programme, cheapest_choice
+from reporting.tolerance.cost_optimum import Programme, cheapest, cheapest_choice, costs
 from tests.each import each
 
 
@@ -97,7 +96,7 @@ def test_realistic_sizes_are_proved():
 
 def test_a_search_that_is_cut_says_how_much_it_may_miss(monkeypatch):
     """The gap holds: the cheapest of all is not below the found cost less the gap."""
-    monkeypatch.setattr(process_choice, "_MOST_BRANCHES", 3)
+    monkeypatch.setattr(cost_optimum, "_MOST_BRANCHES", 3)
     cut = 0
     for seed in range(12):
         p = random_programme(np.random.default_rng(seed), 5, 4, 2)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from engine import load_mechanism, simulate
-from studies.axial_play.__main__ import HEAD, lines, row
-from studies.axial_play.plays import CENTRED, SHIPPED, plays, run
-from studies.c60_spread.tables import RESPONSES
+from studies.axial_play import CENTRED, HEAD, SHIPPED, lines, plays, row, run
+from studies.c60_spread import RESPONSES
 from tests.house import ROOT
 from tests.studies.c60_spread.test_tables import table_after
 
@@ -50,7 +49,7 @@ def test_a_row_is_of_the_runs_that_are_ok():
 @pytest.mark.slow
 def test_the_documents_figures():
     """The study computes the document's numbers again, within what other processors change in the last digits."""
-    page = (ROOT / "studies" / "axial_play" / "README.md").read_text("utf-8")
+    page = (ROOT / "studies" / "axial_play.md").read_text("utf-8")
     documented = {cells[0]: cells for cells in table_after(HEAD, page) if cells[1] == "drag"}
     for name in (SHIPPED, CENTRED):
         text = lines([BY_NAME[name]], 200)

@@ -5,7 +5,7 @@ import pytest
 
 from engine import load_mechanism
 from engine.mechanism import set_values
-from studies.axial_play.plays import CENTRED, SHIPPED, plays, starts
+from studies.axial_play import CENTRED, SHIPPED, plays, starts
 from tests.each import each
 from tests.engine.mechanism.test_c60 import axial_gaps
 

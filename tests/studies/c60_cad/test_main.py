@@ -12,8 +12,7 @@ from OCP.TopoDS import TopoDS_Compound
 from engine import load_mechanism
 from engine.cad.archive import packed
 from engine.cad.occt.step_assembly import read_assembly
-from studies.c60_cad.__main__ import lines
-from studies.c60_cad.bodies import listed_files, start_pose
+from studies.c60_cad import lines, listed_files, listed_names, start_pose
 from tests.engine.cad.hinges import as_splines
 from tests.engine.cad.step_files import Drawing, box, cut, cylinder
 
@@ -166,12 +165,7 @@ def test_no_files(tmp_path):
 
 def test_files_are_listed_once():
     """Each is of one body, and there is the part of each body that moves."""
-    import tomllib
-    from pathlib import Path
-
-    import studies.c60_cad
-
-    listed = tomllib.loads(Path(studies.c60_cad.__file__).with_name("files.toml").read_text("utf-8"))
+    listed = listed_names()
     assert all(len(set(names)) == len(names) for names in listed.values())
     assert all(PART_FILES[body] in names for body, names in listed.items())
     assert set(listed) == set(load_mechanism("c60").bodies)

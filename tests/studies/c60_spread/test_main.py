@@ -4,10 +4,8 @@ import re
 
 import pytest
 
-from studies.c60_spread import tables
-from studies.c60_spread.__main__ import lines
-from studies.c60_spread.tables import HEAD
-from studies.c60_spread.variants import SHIPPED, variants
+from studies import c60_spread
+from studies.c60_spread import HEAD, SHIPPED, lines, variants
 from tests.studies.c60_spread.test_tables import table_after
 
 pytestmark = pytest.mark.slow
@@ -17,7 +15,7 @@ PAIR = [variant for variant in variants() if variant.name == SHIPPED or variant.
 
 def test_a_few_samples(monkeypatch):
     """Two rows, the tables that compare them, and the words that say what was computed."""
-    monkeypatch.setattr(tables, "RESAMPLES", 99)
+    monkeypatch.setattr(c60_spread, "RESAMPLES", 99)
     text = list(lines(PAIR, 10))
     assert text[0] == HEAD
     assert [line.split(" | ")[1] for line in text[1:3]] == ["10 of 10", "10 of 10"]

@@ -8,8 +8,7 @@ from campaign.inputs.sampling import draw
 from campaign.spec.load import load_campaign
 from engine import check
 from engine.mechanism import get_value
-from studies.c60_spread.runs import clearances, mechanism_of, run
-from studies.c60_spread.variants import ENDS, UNIFORM, Variant, variants
+from studies.c60_spread import ENDS, UNIFORM, Variant, clearances, mechanism_of, run, variants
 from tests.each import each
 
 pytestmark = pytest.mark.slow

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies.c60_spread import tables
-from studies.c60_spread.tables import (
+from studies import c60_spread
+from studies.c60_spread import (
     HEAD,
     RESPONSES,
     column,
@@ -18,12 +18,12 @@ from studies.c60_spread.tables import (
     shift,
     sigma,
     sigma_table,
+    variants,
 )
-from studies.c60_spread.variants import variants
 
 pytestmark = pytest.mark.slow
 
-PAGE = (Path(__file__).parents[3] / "studies" / "c60_spread" / "README.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[3] / "studies" / "c60_spread.md").read_text("utf-8")
 NUMBER = r"[+-]?\d+\.\d+"
 
 
@@ -55,7 +55,7 @@ def test_a_row_counts_what_is_there():
 )
 def test_the_interval_of_sigma_holds_without_normality(draw, truth, monkeypatch):
     """It covers the true sigma about as often as it says, whatever the distribution."""
-    monkeypatch.setattr(tables, "RESAMPLES", 399)
+    monkeypatch.setattr(c60_spread, "RESAMPLES", 399)
     rng = np.random.default_rng(8)
     covered = [low <= truth <= high for low, high in (interval(sigma, draw(rng)) for _ in range(150))]
     assert 0.88 <= np.mean(covered) <= 0.99

@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies.c60_spread.variants import SHIPPED, variants
+from studies.c60_spread import SHIPPED, variants
 
 pytestmark = pytest.mark.slow
 

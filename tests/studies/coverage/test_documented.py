@@ -7,12 +7,10 @@ from functools import partial
 import pytest
 
 from reporting.capability.intervals import share_interval
-from studies.coverage.families import all_tallies, cases
-from studies.coverage.limit_states import DESIGNED
-from studies.coverage.outcomes import COVERED
+from studies.coverage.__main__ import all_tallies, cases
+from studies.coverage.outcomes import COVERED, GROUPS, faults
 from studies.coverage.productions import JUDGED_SHAPES, JUMPS, LOTS, LOTS_IN_TURN, SHAPES
-from studies.coverage.rarities import AIMED
-from studies.coverage.tables import GROUPS, faults
+from studies.coverage.rare import AIMED, DESIGNED
 from tests.house import ROOT
 
 pytestmark = pytest.mark.slow

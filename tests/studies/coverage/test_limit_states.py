@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.coverage.limit_states import STATES, curved, flat, sphere
+from studies.coverage.rare import STATES, curved, flat, sphere
 
 
 @pytest.mark.parametrize(

@@ -5,21 +5,18 @@ import re
 import numpy as np
 import pytest
 
-from studies.coverage import families
-from studies.coverage.__main__ import lines
-from studies.coverage.families import Case, all_tallies, cases
-from studies.coverage.limit_states import DESIGNED
-from studies.coverage.outcomes import Statement
+from studies.coverage import __main__ as coverage
+from studies.coverage.__main__ import Case, all_tallies, cases, lines
+from studies.coverage.outcomes import GROUPS, Statement, faults
 from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES
-from studies.coverage.rarities import AIMED
-from studies.coverage.tables import GROUPS, faults
+from studies.coverage.rare import AIMED, DESIGNED
 
 pytestmark = pytest.mark.slow
 
 
 def test_a_few_replications():
     """One table for a case, the counts behind it, and the words that say what was computed."""
-    text = list(lines([Case(families.indices, SHAPES[0], 50, 20)], detailed=True))
+    text = list(lines([Case(coverage.indices, SHAPES[0], 50, 20)], detailed=True))
     assert text[0] == "| intervals of | normal | lognormal | gamma | t5 | uniform | bimodal |"
     (row,) = (line for line in text if line.startswith("| Cpk | normal | 50 | "))
     assert sum(int(cell) for cell in row.split(" | ")[3:8]) == 20
@@ -68,12 +65,12 @@ def _halved(production, n, rng):
 def test_every_number_has_a_row():
     """No estimate is left out of the short table, and no row is without a number."""
     numbers = set()
-    for estimate in (*families.REPLICATIONS, families.attributions, families.verdicts):
+    for estimate in (*coverage.REPLICATIONS, coverage.attributions, coverage.verdicts):
         numbers |= {key[0] for key in Case(estimate, LOTS[0], 50, 1).tallies()}
-    numbers |= {key[0] for key in Case(families.verdicts_in_turn, SHAPES[0], 100, 1).tallies()}
-    numbers |= {key[0] for key in Case(families.rare_shares, AIMED[0], 50, 1).tallies()}
-    numbers |= {key[0] for key in Case(families.designed_shares, DESIGNED[0], 50, 1).tallies()}
-    numbers |= {key[0] for key in Case(families.stops, LOTS_IN_TURN[0], 100, 1).tallies()}
+    numbers |= {key[0] for key in Case(coverage.verdicts_in_turn, SHAPES[0], 100, 1).tallies()}
+    numbers |= {key[0] for key in Case(coverage.rare_shares, AIMED[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(coverage.designed_shares, DESIGNED[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(coverage.stops, LOTS_IN_TURN[0], 100, 1).tallies()}
     rows = {number: [group for group, pattern in GROUPS.items() if re.fullmatch(pattern, number)] for number in numbers}
     assert {number: found for number, found in rows.items() if len(found) != 1} == {}
     assert {group for found in rows.values() for group in found} == set(GROUPS)

@@ -4,9 +4,8 @@ from collections import Counter
 
 import pytest
 
-from studies.coverage.outcomes import COVERED, LOW, WARNED, WITHHELD, Tally
+from studies.coverage.outcomes import COVERED, LOW, WARNED, WITHHELD, Tally, cell, details, table
 from studies.coverage.productions import SHAPES
-from studies.coverage.tables import cell, details, table
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from reporting.capability.intervals import share_interval
-from studies.row_order.__main__ import SIZES, alarms
-from studies.row_order.processes import PROCESSES
+from studies.row_order import PROCESSES, SIZES, alarms
 from tests.each import each
 from tests.house import ROOT
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from studies.run_lengths.__main__ import CHARTS, SHIFTS, run_length
+from studies.run_lengths import CHARTS, SHIFTS, run_length
 from tests.house import ROOT
 
 # Champ and Woodall (1987, Technometrics 29, 393-399), table 1, rules 1, 12, 13, 14, 1234; Lucas and Saccucci (1990,

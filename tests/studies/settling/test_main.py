@@ -4,9 +4,7 @@ import re
 
 import pytest
 
-from studies.settling.__main__ import lines
-from studies.settling.settlings import CHOSEN, LIMIT, WINDOWS, settlings
-from studies.settling.tables import COSTS
+from studies.settling import CHOSEN, COSTS, LIMIT, WINDOWS, lines, settlings
 
 pytestmark = pytest.mark.slow
 

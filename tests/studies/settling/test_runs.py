@@ -3,7 +3,7 @@
 import pytest
 
 from engine import check, load_mechanism, simulate
-from studies.settling.settlings import CHOSEN, CONTINUED, Settling, mechanism_of, run, settlings
+from studies.settling import CHOSEN, CONTINUED, Settling, mechanism_of, run, settlings
 from tests.each import each
 
 pytestmark = pytest.mark.slow

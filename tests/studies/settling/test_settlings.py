@@ -4,7 +4,7 @@ import pytest
 
 from engine import load_mechanism
 from engine.mechanism import set_values
-from studies.settling.settlings import CHOSEN, FREE_FALL, mechanism_of, settlings
+from studies.settling import CHOSEN, FREE_FALL, mechanism_of, settlings
 
 pytestmark = pytest.mark.slow
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from studies.c60_spread.tables import RESPONSES
-from studies.settling.settlings import Ending
-from studies.settling.tables import cost_row, distance_table, drift, mean_table, scatter, scatter_table, sigma, values
+from studies.c60_spread import RESPONSES
+from studies.settling import Ending, cost_row, distance_table, drift, mean_table, scatter, scatter_table, sigma, values
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from studies.trip_force.assumptions import MAPPED, PUBLISHED_BUMPS, SHIPPED, box, grids
+from studies.trip_force import MAPPED, PUBLISHED_BUMPS, SHIPPED, box, grids
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from engine import load_mechanism, simulate
-from studies.trip_force.assumptions import SHIPPED
-from studies.trip_force.runs import FRICTION, bench, run
+from studies.trip_force import FRICTION, SHIPPED, bench, run
 
 pytestmark = pytest.mark.slow
 

@@ -6,14 +6,26 @@ from pathlib import Path
 
 import pytest
 
-from studies.trip_force.__main__ import lines
-from studies.trip_force.assumptions import MAPPED, SHIPPED, grids
-from studies.trip_force.runs import THRESHOLDS, Push
-from studies.trip_force.tables import AT_PEAK, FORCE, GRIDS, MAP, RELEASE, grid_row, misses, verdict
+from studies.trip_force import (
+    AT_PEAK,
+    FORCE,
+    GRIDS,
+    MAP,
+    MAPPED,
+    RELEASE,
+    SHIPPED,
+    THRESHOLDS,
+    Push,
+    grid_row,
+    grids,
+    lines,
+    misses,
+    verdict,
+)
 
 pytestmark = pytest.mark.slow
 
-PAGE = (Path(__file__).parents[3] / "studies" / "trip_force" / "README.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[3] / "studies" / "trip_force.md").read_text("utf-8")
 
 
 def push(force, at_peak, release):

@@ -1,18 +1,30 @@
-"""Joints and start gaps in the CAD files, compared with those of a mechanism file."""
+"""Comparison of the C-60 in the CAD files published by its authors with the numbers of `c60.toml`.
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+`python -m studies.c60_cad FOLDER` prints the tables. FOLDER is that of the model Trip_Magnetic of siconos-tutorials,
+which contains the folder CAD; the files, listed in c60_cad.toml, are not part of this project (docs/cad.md).
+"""
+
+import argparse
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from engine import load_mechanism
 from engine.arrays import Array
 from engine.assembly import assemble
-from engine.cad import CadAssembly
+from engine.cad import CadAssembly, CadPart, read_step
+from engine.cad.cad_model import Placement, ProductGeometry, TriangleMesh, placed_product
 from engine.cad.findings.joints import PinInHole, pins_in_holes
 from engine.mechanism import Mechanism, mechanism_from
 from engine.mechanism.geometry.cad_table import NearEdge, NearPlace, RoundFace
 from engine.mechanism.geometry.drawn_features import NotOneFace, PartSearch, contact_side, feature_of
+from studies import head, show
 
 NEAR = 0.05
 """Largest distance between an edge or a plane of the CAD files and that of the mechanism file [mm]."""
@@ -45,10 +57,7 @@ def start_gaps(mechanism: Mechanism) -> Gaps:
 
 
 def compared_joints(assembly: CadAssembly, mechanism: Mechanism) -> tuple[dict[str, ComparedJoint], list[PinInHole]]:
-    """Return the joints of a mechanism that are in the CAD files, and the pins in holes that match no joint.
-
-    All bodies of the assembly are in the start pose of the mechanism [mm].
-    """
+    """Return the joints that are in the CAD files, at the start [mm], and the pins in holes that match no joint."""
     found, gaps = pins_in_holes(assembly)[0], start_gaps(mechanism)
     compared: dict[str, ComparedJoint] = {}
     others = []
@@ -110,10 +119,8 @@ def _compared(
 
 
 def compared_contacts(assembly: CadAssembly, mechanism: Mechanism) -> Iterator[tuple[str, float, float | None]]:
-    """Yield each contact with its gap at the start, and the gap between the corresponding edges and faces in CAD.
-
-    The latter is None if the CAD files have no such edge or face, or several.
-    """
+    """Yield each contact with its gap at the start, and the gap between the corresponding edges and faces in CAD."""
+    # The latter is None if the CAD files have no such edge or face, or several.
     given = start_gaps(mechanism)
     numbers = mechanism.with_tables({}, {})  # in place of formulas over parameters
     tables = numbers.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
@@ -155,3 +162,126 @@ def _drawn_side(assembly: CadAssembly, contact: Mapping[str, Any], side: str) ->
         return {"body": table["body"], "plane": {"point": on.tolist(), "normal": normal.tolist()}}
     moved = np.array(at) + ((on - np.array(at)) @ normal) * normal
     return {"body": table["body"], "rectangle": {**shape, "centre": moved.tolist()}}
+
+
+def listed_names() -> dict[str, list[str]]:
+    """Return the authors' files by body, relative to their folder."""
+    return tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+
+
+def listed_files(folder: Path) -> dict[str, list[Path]]:
+    """Return those of the authors' files that a folder has, by body."""
+    listed = {body: [folder / name for name in names] for body, names in listed_names().items()}
+    return {body: [path for path in paths if path.is_file()] for body, paths in listed.items()}
+
+
+def posed_assembly(files: Mapping[str, Sequence[Path]], mechanism: Mechanism) -> CadAssembly:
+    """Return all files, each in the frame of its body [mm], as one assembly in the start pose of the mechanism."""
+    bodies, first_face = [], 0
+    for name, paths in files.items():
+        placement = start_pose(mechanism, name)
+        pieces = [_product(path) for path in paths]
+        for piece in pieces:
+            bodies.append((name, placement, placed_product(piece, name, placement, first_face)))
+            first_face += len(piece.faces)
+    parts = {name: _part(name, placement) for name, placement, _ in bodies}
+    return CadAssembly(
+        sha256="",
+        unit="mm",
+        schema="",
+        recognition=0.0,
+        parts=tuple(parts.values()),
+        faces=tuple(face for _, _, body in bodies for face in body.faces),
+        edges=tuple(edge for _, _, body in bodies for edge in body.edges),
+        meshes=tuple(_joined(name, [body for owner, _, body in bodies if owner == name]) for name in parts),
+    )
+
+
+def start_pose(mechanism: Mechanism, name: str) -> Placement:
+    """Return the placement of the frame of a body at the start."""
+    body = mechanism.bodies[name]
+    turn = Rotation.from_rotvec(body.angle * np.array(body.axis) / np.linalg.norm(body.axis)).as_matrix()
+    return Placement(rotation=turn, translation=np.array(body.origin, float))
+
+
+def _product(path: Path) -> ProductGeometry:
+    """Return the content of a file as one product, in the frame of the file."""
+    assembly = read_step(path)
+    whole = ProductGeometry(
+        solids=tuple(solid for part in assembly.parts for solid in part.solids),
+        faces=assembly.faces,
+        edges=assembly.edges,
+        mesh=assembly.meshes[0],
+    )
+    return replace(whole, mesh=_joined("", [replace(whole, mesh=mesh) for mesh in assembly.meshes]))
+
+
+def _joined(name: str, products: list[ProductGeometry]) -> TriangleMesh:
+    """Return the triangles of several products as one mesh."""
+    meshes = [product.mesh for product in products]
+    firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
+    return replace(
+        meshes[0],
+        part=name,
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        triangles=np.concatenate([mesh.triangles + first for mesh, first in zip(meshes, firsts, strict=True)]),
+        faces=np.concatenate([mesh.faces for mesh in meshes]),
+    )
+
+
+def _part(name: str, placement: Placement) -> CadPart:
+    """Return a part with only a name and a placement."""
+    return CadPart(
+        name=name, product=name, path=(name,), placement=placement, material=None, solids=(), bounds=np.zeros((2, 3))
+    )
+
+
+JOINTS = head(
+    *("joint", "journal radius, mm", "c60.toml", "clearance as drawn, mm", "bearing axis off, mm"),
+    *("journal axis off, mm", "rings inside", "start gap, mm", "c60.toml"),
+)
+CONTACTS = head("contact", "start gap, mm", "c60.toml")
+
+
+def lines(files: Mapping[str, Sequence[Path]]) -> Iterator[str]:
+    """Yield the lines of the tables for some files, given by body."""
+    mechanism = load_mechanism("c60")
+    there = {body: paths for body, paths in files.items() if paths}
+    count, listed = (sum(map(len, each.values())) for each in (there, listed_names()))
+    yield f"{count} of {listed} listed files: {', '.join(there) or 'none'}"
+    if not there:
+        return
+    assembly = posed_assembly(there, mechanism)
+    joints, others = compared_joints(assembly, mechanism)
+    yield JOINTS
+    for name in mechanism.loose_joints():
+        if (joint := joints.get(name)) is None:
+            yield f"| {name} | not found | | | | | | | |"
+            continue
+        radii = [", ".join(f"{radius:g}" for radius in each) for each in (joint.drawn_radii, joint.given_radii)]
+        numbers = joint.clearance, joint.bearing_off, joint.journal_off
+        yield (
+            f"| {name} | {radii[0]} | {radii[1]} | {' | '.join(f'{x:.4f}' for x in numbers)} "
+            f"| {'yes' if joint.rings_inside else 'no'} | {joint.drawn_gap:.4f} | {joint.given_gap:.4f} |"
+        )
+    for pin in others:
+        yield f"no joint of c60.toml: a pin of {pin.journal} in {pin.bearing}, radius {pin.seats[0].pin_radius:g} mm"
+    yield CONTACTS
+    for name, given, drawn in compared_contacts(assembly, mechanism):
+        yield f"| {name} | {'not in the files' if drawn is None else f'{drawn:.4f}'} | {given:.4f} |"
+
+
+def main() -> None:
+    """Print the tables of a folder."""
+    parser = argparse.ArgumentParser(prog="python -m studies.c60_cad", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--file", action="append", default=[], metavar="BODY=FILE", help="one more file of a body")
+    asked = parser.parse_args()
+    files = defaultdict(list, listed_files(asked.folder))
+    for body, _, name in (entry.partition("=") for entry in asked.file):
+        files[body].append(Path(name))
+    show(lines(files))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,7 +1,11 @@
-"""Rare rejects of limits with a known share: a plain campaign, then two that aim by the rows before, as users do it."""
+"""Rare rejects by importance sampling, of limits with a known share: aimed well and badly, and aimed as users do it.
+
+`rare_shares` draws one campaign with components that are given. `designed_shares` draws a plain campaign, then two that
+aim by the rows before.
+"""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import quad
@@ -10,11 +14,13 @@ from scipy.special import ndtri
 from scipy.stats import chi2, norm
 
 from campaign.inputs.sampling.importance import Component, Proposal, aimed, drawn_from, log_weights, moved
+from reporting import Design
 from reporting.arrays import Array
 from reporting.rare.aim import Aim, aims, find_targets
-from reporting.rare.rare_rejects import LEAST, Draws, rare_share
+from reporting.rare.rare_rejects import LEAST, Draws, rare_rejects, rare_share
+from reporting.spec import ProposalPart
 from studies.coverage.outcomes import Statement
-from studies.coverage.productions import CONFIDENCE, Production
+from studies.coverage.productions import CONFIDENCE, SHARES, VARIABLES, Production, request, samples_of, truth
 
 PLAIN, FIRST = 2000, 3000  # runs of the plain campaign, and of the first that aims
 WRITTEN = 0.999  # of the components' shares: rounding must not take from the plain runs
@@ -41,10 +47,8 @@ def sphere(dimensions: int, share: float) -> LimitState:
 
 
 def curved(dimensions: int, curvature: float, share: float) -> LimitState:
-    """Return a limit of ``x0 - curvature (x1^2 + ...)``, which curves away from the middle if `curvature` is above 0.
-
-    The sum of the squares has a chi-square distribution, so the share is one integral.
-    """
+    """Return a limit of ``x0 - curvature (x1^2 + ...)``, curved away from the middle if above 0."""
+    # The sum of the squares has a chi-square distribution, so the share is one integral.
     k = dimensions - 1
 
     def beyond(limit: float) -> float:
@@ -75,7 +79,7 @@ def designed_shares(production: Production, n: int, rng: np.random.Generator) ->
     z, weights = rng.standard_normal((PLAIN, state.dimensions)), np.ones(PLAIN)
     for runs in (FIRST, n):
         targets = find_targets(z, weights, {"y": state.response(z)}, {"y": (None, state.limit)})
-        proposal = _proposal(aims(targets, state.dimensions), names)
+        proposal = _proposal_of(aims(targets, state.dimensions), names)
         component = drawn_from(proposal, rng.random(runs))
         scores = moved(proposal, component, {name: rng.standard_normal(runs) for name in names})
         z, weights = np.column_stack(list(scores.values())), np.exp(log_weights(proposal, scores))
@@ -91,7 +95,7 @@ def designed_shares(production: Production, n: int, rng: np.random.Generator) ->
     yield Statement("rare, bound", found.interval if bound else None, 1e6 * state.share)
 
 
-def _proposal(components: tuple[Aim, ...], names: list[str]) -> Proposal:
+def _proposal_of(components: tuple[Aim, ...], names: list[str]) -> Proposal:
     """Return the proposal that a campaign file would have."""
     return Proposal(
         components=tuple(
@@ -103,3 +107,55 @@ def _proposal(components: tuple[Aim, ...], names: list[str]) -> Proposal:
             for aim in components
         )
     )
+
+
+# Limits as scores: 0.48 ppm below, 1.0 ppm above.
+FAR = (-4.9, 4.75)
+# Scores of the response around which each campaign draws.
+AIMS = {"aimed well": (-4.9, 4.75), "aimed too near": (-3.5, 3.5), "aimed at one limit": (4.75,), "aimed nowhere": ()}
+AIMED = tuple(Production(name, "normal") for name in AIMS)
+_WEIGHTS = dict(zip(VARIABLES, np.sqrt(SHARES).tolist(), strict=True))
+
+
+def rare_shares(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of the shares beyond each limit and beyond either."""
+    true = truth("normal", limits=FAR)
+    proposal = _proposal(AIMS[production.name])
+    component = drawn_from(proposal, rng.random(n))
+    scores = moved(proposal, component, {name: rng.standard_normal(n) for name in VARIABLES})
+    x = np.column_stack(list(scores.values()))
+    samples = replace(
+        samples_of(production, production.values(x), x),
+        importance={
+            "component": component.astype(np.float64),
+            "log_weight": log_weights(proposal, scores),
+            "aimed": aimed(proposal, scores).astype(np.float64),
+        },
+    )
+    spec = replace(
+        request(production, n, true),
+        sampler="importance",
+        design=Design(True, "weighted"),
+        proposal=tuple(
+            ProposalPart(c.share, c.scale, tuple((v, z) for v, z in c.shift.items() if z), "")
+            for c in proposal.components
+        ),
+    )
+    found = rare_rejects(samples, spec, CONFIDENCE)
+    assert found is not None
+    (response,) = found.responses
+    for side, share, ppm in (
+        ("below", response.below, 1e6 * float(norm.cdf(FAR[0]))),
+        ("above", response.above, 1e6 * float(norm.sf(FAR[1]))),
+        ("total", response.total, true.ppm),
+    ):
+        yield Statement(f"rare, {side}", None if share is None else share.interval, ppm)
+
+
+def _proposal(centres: tuple[float, ...]) -> Proposal:
+    """Return a proposal with a component around each of the given scores of the response, and a wide component."""
+    components = [
+        Component(share=0.7 / len(centres), shift={name: a * centre for name, a in _WEIGHTS.items()})
+        for centre in centres
+    ]
+    return Proposal(components=(*components, Component(share=0.2, scale=2.0)))

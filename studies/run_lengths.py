@@ -1,10 +1,14 @@
-"""The command: `python -m studies.run_lengths` prints the table of docs/measured.md on false alarms and detection."""
+"""How many points a control chart takes until a test marks one: of a stable process by chance, and after a shift.
+
+`python -m studies.run_lengths` prints the table of docs/measured.md on false alarms and detection.
+"""
 
 import argparse
 
 import numpy as np
 
 from reporting.capability.row_order import RULES, moving_averages
+from studies import head
 
 PROCESSES, POINTS = 20_000, 1_000
 SHIFTS = (0.0, 0.5, 1.0, 2.0)  # of the mean, in standard deviations of a point
@@ -25,11 +29,9 @@ CHARTS: dict[str, tuple[str, ...] | tuple[float, float]] = {
 
 
 def run_length(chart: str, shift: float, processes: int) -> float:
-    """Return the mean number of points until the first mark, from processes of 1,000 points each.
-
-    A run that is not over counts with its points and without a mark: exact where the chance of a mark does not change
-    with time, as it nearly does not.
-    """
+    """Return the mean number of points until the first mark, from processes of 1,000 points each."""
+    # A run that is not over counts with its points and without a mark: exact where the chance of a mark does not change
+    # with time, as it nearly does not.
     rng, length, marks = np.random.default_rng((processes, int(10 * shift))), 0, 0
     for _ in range(0, processes, 1000):
         z, tests = rng.normal(shift, 1.0, (1000, POINTS)), CHARTS[chart]
@@ -51,8 +53,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0, help="share of the processes; default: 1")
     processes = max(1000, round(parser.parse_args().share * PROCESSES))
-    print(f"| tests | {' | '.join(f'{shift:g} sigma' if shift else 'no shift' for shift in SHIFTS)} |")
-    print(f"|{' --- |' * (1 + len(SHIFTS))}")
+    print(head("tests", *(f"{shift:g} sigma" if shift else "no shift" for shift in SHIFTS)))
     for chart in CHARTS:
         found = (run_length(chart, shift, processes) for shift in SHIFTS)
         print(f"| {chart} | {' | '.join(f'{length:.3g}' for length in found)} |", flush=True)
