@@ -14,7 +14,8 @@ from pathlib import Path
 from statistics import mean, median, stdev
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+from benchmarks import ROOT
+
 BEFORE = "798d972"  # the build before the solver of 6 x 6 blocks and the settling under drag
 BLOCK, BLOCKS = 20, 5
 SECONDS = 1800
@@ -38,7 +39,7 @@ for sample in range(first, first + {BLOCK}):
 """
 
 
-def measure() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def measure() -> dict[str, list[dict[str, Any]]]:
     """Return the cost of a run with both builds, and their responses."""
     with tempfile.TemporaryDirectory(prefix="clearcap-before-") as folder:
         before = Path(folder) / "before"
@@ -52,9 +53,11 @@ def measure() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         finally:
             _git("worktree", "remove", "--force", str(before))
     old, falling, new = rows.values()
-    costs = [_cost(BEFORE, old, old), _cost("this, free fall", falling, old), _cost("this", new, old)]
     moved = [_moved(name, old, falling, "free fall") for name in RESPONSES]
-    return costs, moved + [_moved(name, old, new, "as shipped") for name in RESPONSES]
+    return {
+        "costs": [_cost(BEFORE, old, old), _cost("this, free fall", falling, old), _cost("this", new, old)],
+        "responses": moved + [_moved(name, old, new, "as shipped") for name in RESPONSES],
+    }
 
 
 def _git(*words: str) -> None:

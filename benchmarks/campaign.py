@@ -1,30 +1,27 @@
-"""The cost of dask, store and command: `clearcap run` against bare processes that compute the same samples.
+"""The cost of dask, store and command: `clearcap run` against bare processes, and with runs that take no time.
 
-Both are measured for two numbers of samples. The difference excludes the start of both: imports, loading of the
-compiled engine, and for the command the cluster. Bare processes take the next sample as soon as they are free, so none
-waits for another and no scheduler can be faster. Both are run alternately, and the shortest time of each is used.
-Varying other load on the machine distorts the ratio of times; the ratio of processor times is less affected, but does
-not include idle workers.
+The bare processes compute the same samples. Both are measured for two numbers of samples. The difference excludes the
+start of both: imports, loading of the compiled engine, and for the command the cluster. Bare processes take the next
+sample as soon as they are free, so none waits for another and no scheduler can be faster. Both are run alternately, and
+the shortest time of each is used. Varying other load on the machine distorts the ratio of times; the ratio of processor
+times is less affected, but does not include idle workers.
 """
 
 import math
 import os
-import subprocess
-import sys
 import tempfile
 from multiprocessing import get_context
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.machine import processor_s
+from benchmarks.machine import command_s, processor_s
 from campaign.processes import cores
 
 if TYPE_CHECKING:
     from multiprocessing.sharedctypes import Synchronized
 
 FEW, MANY, ROUNDS = 100, 500, 2
-ROOT = Path(__file__).parents[1]
+BATCH, STAND_INS = 50, (10_000, 100_000)  # size of a batch and numbers of runs that take no time
 
 
 def measure() -> dict[str, Any]:
@@ -93,12 +90,38 @@ def _next(taken: "Synchronized[int]") -> int:
 def _command(samples: int) -> float:
     """Return the time of `clearcap run` for the samples, without the report [s]."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as store:
-        words = ["run", "c60", "--samples", str(samples), "--store", store, "--no-report", "--json"]
-        start = perf_counter()
-        subprocess.run(
-            [sys.executable, "-m", "clearcap", *words],
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            check=True,
-            capture_output=True,
-        )
-        return perf_counter() - start
+        return command_s("run", "c60", "--samples", str(samples), "--store", store, "--no-report", "--json")
+
+
+def measure_overhead() -> dict[str, Any]:
+    """Return the overhead of a run at a batch size of 50, and the time of `clearcap status` on the rows [s]."""
+    # The runs use the tests' stand-in for the engine, so everything else is measured: drawing, making rows, writing
+    # parts, dask, counting. The overhead [us] is the time that a run adds; and the processor time that it adds divided
+    # by the number of cores, which depends less on other load on the machine.
+    from campaign.cluster.cluster import Cluster  # here, because the bare processes import this module
+    from campaign.coordinator.coordinate import coordinate
+    from campaign.coordinator.submit import submit
+    from campaign.spec.load import load_campaign
+    from campaign.store import open_store
+    from tests.campaign.fake_engine import simulate
+
+    few, many = STAND_INS
+    taken, processor = dict[int, float](), dict[int, float]()
+    with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
+        for samples in STAND_INS:
+            store = open_store(f"{folder}/{samples}")
+            plan = submit(store, load_campaign("c60", samples=samples), BATCH, simulate)
+            start, before = perf_counter(), processor_s()
+            coordinate(store, plan, Cluster(), simulate=simulate)
+            taken[samples], processor[samples] = perf_counter() - start, processor_s() - before
+        status = min(command_s("status", "--store", store.url, "--json") for _ in range(3))
+    return {
+        "workers": cores(),
+        "batch": BATCH,
+        "samples": many,
+        "wall_s": taken[many],
+        "overhead_us": 1e6 * (taken[many] - taken[few]) / (many - few),
+        "processor_us": 1e6 * (processor[many] - processor[few]) / (many - few) / cores(),
+        "status_s": status,
+        "load": os.getloadavg()[0],
+    }

@@ -14,9 +14,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from benchmarks import ROOT
 from benchmarks.machine import processor_s
 
-ROOT = Path(__file__).parents[1]
 REPEATS = 3
 SIMULATE = ("-m", "clearcap", "simulate")
 RUN = ("-m", "clearcap", "run", "c60", "--samples", "20", "--no-report")

@@ -3,12 +3,16 @@
 import os
 import platform
 import resource
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+
+from benchmarks import ROOT
 
 UNKNOWNS = 42
 
@@ -39,6 +43,13 @@ def solve_us() -> float:
 def processor_s() -> float:
     """Return the processor time of this process and of its finished child processes [s]."""
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
+def command_s(*words: str) -> float:
+    """Return the time of the command `clearcap` with these words, the start of its process included [s]."""
+    start, environment = perf_counter(), {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "-m", "clearcap", *words], env=environment, check=True, capture_output=True)
+    return perf_counter() - start
 
 
 def most_memory_mib() -> float:

@@ -24,7 +24,8 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from benchmarks import ROOT
+
 AREAS = "reporting", "campaign/store", "campaign/coordinator", "engine"
 LEFT_OUT = ".git", ".venv", "build", "runs", "node_modules", ".*cache"
 SECONDS = 900.0  # of the tests of one mutant; one that makes them hang is seen

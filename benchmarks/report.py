@@ -11,10 +11,11 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from benchmarks import ROOT
+
 PIECE = 50_000  # rows at a time, as from a store
 SIZES = (30_850, 1_000_000)
 RESPONSES = 6
-ROOT = Path(__file__).parents[1]
 
 
 def measure() -> list[dict[str, Any]]:

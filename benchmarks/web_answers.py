@@ -10,16 +10,21 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
+import pyarrow as pa
 
-from benchmarks.made_up_campaigns import made_up_campaign
-from campaign.plan import Plan
-from campaign.spec.load import load_campaign
+from benchmarks import ROOT
+from campaign.inputs.sampling import draw
+from campaign.plan import Plan, make_plan
+from campaign.spec.load import Campaign, load_campaign
 from campaign.store import Store, open_store
+from campaign.store.layout import PLAN
 from clearcap.questions.exported_rows import RowSelection, export_rows
 from clearcap.questions.mechanisms import MechanismSource, simulate_once
 from clearcap.web.jobs.pool import JobPool
@@ -39,7 +44,6 @@ PAPERS, MILLION = 30_850, 1_000_000
 SETTINGS = ("J1.std=0.016", "J2.std=0.016")
 REPEATS = 5
 KEPT_QUESTIONS = 1000
-ROOT = Path(__file__).parents[1]
 
 
 def measure(unit_us: float) -> list[dict[str, Any]]:
@@ -84,7 +88,7 @@ def _settings(number: int) -> tuple[str, ...]:
     return (*SETTINGS, f"J3.std={0.0160 + 0.0001 * number:.4f}")
 
 
-def _figure(what: str, seconds: float, bar_ms: float | None) -> dict[str, Any]:
+def figure_row(what: str, seconds: float, bar_ms: float | None) -> dict[str, Any]:
     """Return a row of the table."""
     milliseconds = 1e3 * seconds
     share = "" if bar_ms is None else milliseconds / bar_ms
@@ -95,7 +99,7 @@ def _first(what: str, rows: AskedRows, bar_ms: float | None) -> dict[str, Any]:
     """Return the cost of the first question to a campaign: reading its rows, writing its columns, the answer."""
     start = process_time()
     what_if_answer(rows, SETTINGS, False)
-    return _figure(what, process_time() - start, bar_ms)
+    return figure_row(what, process_time() - start, bar_ms)
 
 
 def _next(what: str, ask: Callable[[int], object], bar_ms: float | None, repeats: int = REPEATS) -> dict[str, Any]:
@@ -105,7 +109,7 @@ def _next(what: str, ask: Callable[[int], object], bar_ms: float | None, repeats
         start = process_time()
         ask(number)
         taken.append(process_time() - start)
-    return _figure(what, float(np.median(taken)), bar_ms)
+    return figure_row(what, float(np.median(taken)), bar_ms)
 
 
 def _exported(store: Store, plan: Plan) -> None:
@@ -131,10 +135,42 @@ async def _served(store: Store, plan: Plan, folder: Path) -> list[dict[str, Any]
         await pool.run("bench", simulate_once, MechanismSource("c60"))
         run = perf_counter() - begun
     return [
-        _figure("an answer that is kept", kept, 1.0),
-        _figure("passing a question on to a process, in the one that serves", passed_on, None),
-        _figure("the first run of the C-60 in a warm process (time of the clock)", run, 2000.0),
+        figure_row("an answer that is kept", kept, 1.0),
+        figure_row("passing a question on to a process, in the one that serves", passed_on, None),
+        figure_row("the first run of the C-60 in a warm process (time of the clock)", run, 2000.0),
     ]
+
+
+def made_up_campaign(store: Store, loaded: Campaign, samples: int, batch: int, name: str = "") -> Plan:
+    """Write a campaign that imitates another, with `batch` rows in a file and their manifest; return its plan."""
+    # Its name is by default derived from the number of rows.
+    named = {"samples": samples, "name": name or f"{loaded.spec.name}-{samples}", "stop": None}
+    plan = make_plan(replace(loaded, spec=loaded.spec.model_copy(update=named)), batch)
+    with patch("os.fsync"):  # durability is not needed, and fsync would take most of the time
+        store.files.write(f"{plan.campaign_id}/{PLAN}", plan.to_json().encode())  # `create_plan` would also check it
+        parts = [
+            store.write_part(plan, number, _made_up_rows(plan, first, count))
+            for number, (first, count) in enumerate(plan.batches)
+        ]
+        store.record(plan, parts)
+    return plan
+
+
+def _made_up_rows(plan: Plan, first: int, count: int) -> pa.Table:
+    """Return synthetic rows."""
+    variables = draw(plan.spec, first, count)
+    scaled = [(x - x.mean()) / (x.std() or 1.0) for x in variables.values()]
+    rng = np.random.default_rng(first)
+    columns: dict[str, Any] = {"sample": np.arange(first, first + count), **variables}
+    for number, name in enumerate(plan.mechanism.responses):
+        limits = plan.spec.responses[name].limits()[:2] if name in plan.spec.responses else (None, None)
+        low, high = (side if side is not None else end for side, end in zip(limits, (0.0, 10.0), strict=True))
+        spread = sum(x * (1 + (number + k) % 3) for k, x in enumerate(scaled)) + rng.standard_normal(count)
+        columns[name] = (low + high) / 2 + (high - low) / 50 * spread
+    constants = {"status": "ok", "message": "", "earlier_attempts": "", "settled": True, "steps": 80, "attempts": 1}
+    for name in plan.schema.names:
+        columns.setdefault(name, np.full(count, constants.get(name, 1e-9)))
+    return pa.table({name: pa.array(columns[name]) for name in plan.schema.names}).cast(plan.schema)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The cost of the service under load: lists, states and event streams, while a campaign is computed.
 
 A real server in a separate process has a store of 1,000 synthetic campaigns. Each figure is the processor time of that
-process alone, with its bound, and as a multiple of a bare answer (`bare_answer`).
+process alone, with its bound, and as a multiple of a bare answer.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ import httpx
 import numpy as np
 import psutil
 
-from benchmarks.made_up_campaigns import made_up_campaign
+from benchmarks.web_answers import figure_row, made_up_campaign
 from campaign.coordinator.state import write_state
 from campaign.plan import Plan
 from campaign.spec.load import load_campaign
@@ -31,8 +31,17 @@ from campaign.store.layout import SUBMISSION
 from clearcap.questions.report import report
 from clearcap.web.index import REPORT_DOCUMENT
 
+# A minimal HTTP answer, one line of text by Starlette under uvicorn.
+BARE_ANSWER = """
+import sys, uvicorn
+from starlette.applications import Starlette
+from starlette.responses import PlainTextResponse
+from starlette.routing import Route
+async def bare_answer(_):
+    return PlainTextResponse("ok")
+uvicorn.run(Starlette(routes=[Route("/", bare_answer)]), port=int(sys.argv[1]), log_config=None, access_log=False)
+"""
 PATIENCE = 300.0  # s, limit of every wait
-ROOT = Path(__file__).parents[1]
 CAMPAIGNS, SAMPLES = 1000, 20
 FILES, ROWS_OF_A_FILE = 309, 100  # of one larger campaign, that of the paper
 FOLLOWERS = 200
@@ -130,13 +139,13 @@ class ServerLoad:
                 task.cancel()
 
 
-def measure() -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the processor time of each kind of question [ms], and figures of the whole run."""
+def measure() -> dict[str, Any]:
+    """Return the processor time of each kind of question [ms] as figures, and facts of the whole run."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         return asyncio.run(_measured(Path(folder)))
 
 
-async def _measured(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+async def _measured(folder: Path) -> dict[str, Any]:
     """Measure servers of a store, one after the other; see `measure`."""
     changed, small, large = _filled(open_store(str(folder / "runs")))
     async with bare_server() as bare:
@@ -157,7 +166,7 @@ async def _measured(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]
             paths = [LIST, "/api/v1/campaigns", f"/api/v1/campaigns/{running}/status", f"/campaigns/{small}"]
             facts |= await _mixed(load, paths, bare_wait)
         facts |= {"answers": load.statuses.total(), "errors among them": load.errors}
-    return table.rows, facts
+    return {"figures": table.rows, "facts": facts}
 
 
 class _Table:
@@ -169,10 +178,7 @@ class _Table:
 
     def add(self, what: str, seconds: float, bar_ms: float | None = None) -> None:
         """Add a figure."""
-        milliseconds = 1e3 * seconds
-        share = "" if bar_ms is None else milliseconds / bar_ms
-        row = {"what": what, "processor_ms": milliseconds, "bar_ms": bar_ms or "", "share_of_bar": share}
-        self.rows.append(row | {"in_bare_answers": seconds / self._unit})
+        self.rows.append(figure_row(what, seconds, bar_ms) | {"in_bare_answers": seconds / self._unit})
 
 
 def _filled(store: Store) -> tuple[str, str, str]:
@@ -281,11 +287,11 @@ async def _ask_all(load: ServerLoad, paths: list[str], seconds: float) -> list[t
 
 @asynccontextmanager
 async def bare_server() -> AsyncIterator[ServerLoad]:
-    """Serve `bare_answer` in the block."""
+    """Serve a bare answer in the block."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    process = subprocess.Popen([sys.executable, "-m", "benchmarks.bare_answer", str(port)], cwd=ROOT)
+    process = subprocess.Popen([sys.executable, "-c", BARE_ANSWER, str(port)])
     try:
         async with asking(f"http://127.0.0.1:{port}", process.pid) as load:
             async with asyncio.timeout(PATIENCE):

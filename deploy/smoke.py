@@ -73,18 +73,8 @@ def call_kernels() -> None:
 
 def run_campaign(store: Path) -> str:
     """Run a small campaign of the C-60 by the command, check its end and its report, and return the verdict."""
-    command = [
-        sys.executable,
-        "-m",
-        "campaign",
-        "run",
-        "c60",
-        "--samples",
-        str(SAMPLES),
-        "--store",
-        str(store),
-        "--json",
-    ]
+    command = [sys.executable, "-m", "clearcap", "run", "c60", "--samples", str(SAMPLES)]
+    command += ["--store", str(store), "--json"]
     done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
     result = json.loads(done.stdout)
     assert result["statuses"] == {"ok": SAMPLES}, result

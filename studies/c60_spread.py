@@ -14,7 +14,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from importlib.resources import files
 from itertools import combinations
@@ -82,10 +82,7 @@ def _of_the_model() -> list[Variant]:
         Variant("on the way OFF -> ON by the handle (bench cycle)", bench="cycle", fewer=4),
         Variant("random velocities at the start", speeds=SPEEDS),
         Variant("no axial stops: parts move freely along z", {"without": axial}),
-        Variant("friction 0.05 everywhere", values=_friction(0.05)),
-        Variant("friction 0.1 everywhere", values=_friction(0.1)),
-        Variant("friction 0.2 everywhere", values=_friction(0.2)),
-        Variant("friction 0.3 everywhere", values=_friction(0.3)),
+        *(Variant(f"friction {mu} everywhere", values=_friction(mu)) for mu in (0.05, 0.1, 0.2, 0.3)),
         Variant("friction 0.3 everywhere, random velocities", values=_friction(0.3), speeds=SPEEDS),
         Variant("preload of A3 0.49 rad (public)", values={"springs.A3.preload": 0.49}),
         Variant("preload of A3 0.6547 rad", values={"springs.A3.preload": 0.6547}),
@@ -94,8 +91,7 @@ def _of_the_model() -> list[Variant]:
         Variant("A3 by unbalanced forces (as coded)", {"springs": {"A3": as_coded["A3"]}}),
         Variant("all springs by unbalanced forces (as coded)", {"springs": as_coded}),
         Variant("all springs as coded, friction 0.3 everywhere", {"springs": as_coded}, _friction(0.3)),
-        Variant("bump of the latch of radius 0.45", values=_bump(0.45)),
-        Variant("bump of the latch of radius 0.499", values=_bump(0.499)),
+        *(Variant(f"bump of the latch of radius {radius}", values=_bump(radius)) for radius in (0.45, 0.499)),
         Variant("needle seats with 0.1 mm of play", values={"S3": 0.1}),
         Variant("A3 varies, stiffness +- 1 %", varied={"springs.A3.stiffness": 0.01}),
         Variant("A3 varies, stiffness +- 4 %", varied={"springs.A3.stiffness": 0.04}),
@@ -111,25 +107,15 @@ def _of_the_model() -> list[Variant]:
 def _of_the_clearances() -> list[Variant]:
     """Return the variants with dependent clearances or another distribution."""
     rough = _friction(0.3)
+    shared = Variant("one shared uniform clearance for all joints", correlation=1.0, clearances=UNIFORM)
     return [
         *(Variant(f"rank correlation {r} of all clearances", correlation=r, heading=f"{r}") for r in (0.3, 0.6, 0.9)),
         Variant("one shared clearance for all joints", correlation=1.0, heading="shared"),
         Variant("shared clearance, friction 0.3, random velocities", correlation=1.0, values=rough, speeds=SPEEDS),
         Variant("clearances uniform on [0.01, 0.13]", clearances=UNIFORM, heading="uniform"),
         Variant("clearances 0.01 or 0.13", clearances=ENDS, heading="0.01 or 0.13"),
-        Variant(
-            "one shared uniform clearance for all joints",
-            correlation=1.0,
-            clearances=UNIFORM,
-            heading="uniform, shared",
-        ),
-        Variant(
-            "shared uniform clearance, friction 0.3, random velocities",
-            correlation=1.0,
-            clearances=UNIFORM,
-            values=rough,
-            speeds=SPEEDS,
-        ),
+        replace(shared, heading="uniform, shared"),
+        replace(shared, name="shared uniform clearance, friction 0.3, random velocities", values=rough, speeds=SPEEDS),
     ]
 
 

@@ -66,18 +66,10 @@ class Assumptions:
 
     def changes(self) -> str:
         """Return the differences from the shipped values as text for a table."""
-        return (
-            ", ".join(_told(self, field.name) for field in fields(self) if _differs(self, field.name)) or "as shipped"
-        )
-
-
-def _differs(assumed: Assumptions, name: str) -> bool:
-    return bool(getattr(assumed, name) != getattr(SHIPPED, name))
-
-
-def _told(assumed: Assumptions, name: str) -> str:
-    value = getattr(assumed, name)
-    return f"{name} {value:.3g}" if isinstance(value, float) else f"{name} {value}".replace("held True", "held across")
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        changed = {name: value for name, value in own.items() if value != getattr(SHIPPED, name)}
+        told = (f"{name} {x:.3g}" if isinstance(x, float) else f"{name} {x}" for name, x in changed.items())
+        return ", ".join(told).replace("held True", "held across") or "as shipped"
 
 
 SHIPPED = Assumptions()

@@ -88,11 +88,14 @@ def _summary(analysis: Analysis) -> Table:
     for r in analysis.responses:
         c, spec = r.capability, r.spec
         low, high = c.cpk_interval or (None, None)
-        found = r.verdict
+        found, expected = r.verdict, r.expected
+        share = (
+            (expected.ppm, *(expected.interval or (None, None)), expected.by) if expected else (None, None, None, "")
+        )
         rows.append((spec.name, spec.unit, found.word, found.index, found.index_low, found.index_high,
-                     spec.requirement, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
-                     c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected,
-                     *_expected(r)))  # fmt: skip
+                     spec.requirement, {True: "yes", False: "no", None: ""}[found.certain], found.by,
+                     " ".join(found.reasons), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
+                     c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected, *share))  # fmt: skip
     return heads, rows
 
 
@@ -107,18 +110,6 @@ def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
         for r in responses if (f := r.repeatability)
     ]  # fmt: skip
     return heads, rows
-
-
-def _expected(response: ResponseAnalysis) -> tuple[float | None, float | None, float | None, str]:
-    """Return the expected share out of limits, its interval and its basis."""
-    found = response.expected
-    return (None, None, None, "") if found is None else (found.ppm, *(found.interval or (None, None)), found.by)
-
-
-def _basis(response: ResponseAnalysis) -> tuple[str, str, str]:
-    """Return whether a verdict is certain, the estimate that decides, and the reasons."""
-    found = response.verdict
-    return {True: "yes", False: "no", None: ""}[found.certain], found.by, " ".join(found.reasons)
 
 
 def _product(analysis: Analysis) -> Table:

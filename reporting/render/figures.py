@@ -2,7 +2,7 @@
 
 Of one response: histogram, normal probability plot, convergence, tornado, and scatter against its strongest inputs; the
 histograms of an input and of a response in two campaigns; the mechanism and what its responses measure.
-`reporting.render.overview` shows all responses at once.
+`reporting.render.panels` shows all responses at once.
 """
 
 import math
@@ -16,48 +16,7 @@ from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE, FEWEST_FOR_A_VERDICT, MARGINAL
 from reporting.comparison import ResponseComparison
 from reporting.inputs import VariableAnalysis
-from reporting.render.svg import (
-    BAND,
-    BAR,
-    DEEP,
-    FIT,
-    HALF,
-    INK,
-    LIMIT,
-    MUTED,
-    OFF,
-    OTHER,
-    PALE,
-    PAPER,
-    REJECT,
-    SLIVER,
-    TALL,
-    TARGET,
-    PlotArea,
-    around,
-    axis_name,
-    axis_x,
-    axis_y,
-    band,
-    box,
-    curve,
-    density_name,
-    dots,
-    inset,
-    inset_area,
-    is_sliver,
-    labelled,
-    limit_markers,
-    line,
-    marker,
-    shortened,
-    svg,
-    text,
-    text_width,
-    unit_suffix,
-    with_near,
-    y_room,
-)
+from reporting.render import svg
 from reporting.response import ResponseAnalysis
 from reporting.sensitivity.scatter import Scatter
 from reporting.shape.fitting import distribution
@@ -79,31 +38,33 @@ def response_figure(response: ResponseAnalysis) -> str:
     curves: list[tuple[Array, Array, str, str]] = []
     if c.mean is not None and c.std:
         x = np.linspace(c.mean - 4.5 * c.std, c.mean + 4.5 * c.std, 121)
-        curves.append((x, np.exp(-(((x - c.mean) / c.std) ** 2) / 2) / (c.std * math.sqrt(2 * math.pi)), INK, ""))
+        curves.append((x, np.exp(-(((x - c.mean) / c.std) ** 2) / 2) / (c.std * math.sqrt(2 * math.pi)), svg.INK, ""))
         best = response.fits.of(response.fits.best)
         if best is not None and best.family != "normal":
             with np.errstate(all="ignore"):
                 density = np.exp(distribution(best).logpdf(x))
             kept = np.isfinite(density)
-            curves.append((x[kept], density[kept], FIT, "5 3"))
+            curves.append((x[kept], density[kept], svg.FIT, "5 3"))
     most = max([float(np.max(density_bars(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
     y = (0.0, 1.06 * most or 1.0)
-    frame = PlotArea(HALF, TALL, around(ends or [0.0]), y, left=y_room(*y), top=42)
-    marks = [axis_y(frame, density_name(spec.unit))]
+    frame = svg.PlotArea(svg.HALF, svg.TALL, svg.around(ends or [0.0]), y, left=svg.y_room(*y), top=42)
+    marks = [svg.axis_y(frame, svg.density_name(spec.unit))]
     marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
     marks += _curves(frame, curves)
-    marks.append(axis_x(frame, axis_name(spec.name, spec.unit)))
-    marks += limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL")))
+    marks.append(svg.axis_x(frame, svg.axis_name(spec.name, spec.unit)))
+    marks += svg.limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL")))
     if spec.target is not None:
-        marks.append(marker(frame, spec.target, f"target {format_numbers.plain(spec.target)}", TARGET, "2 3", 1))
+        marks.append(
+            svg.marker(frame, spec.target, f"target {format_numbers.plain(spec.target)}", svg.TARGET, "2 3", 1)
+        )
     is_off = (spec.lsl is not None and (c.mean or 0.0) < spec.lsl) or (
         spec.usl is not None and (c.mean or 0.0) > spec.usl
     )
-    least = OFF if is_off else SLIVER
-    if bins is not None and c.min is not None and c.max is not None and is_sliver(c.min, c.max, frame, least):
-        area = inset_area(frame, around([c.min, c.max]), frame.y, limits)
-        marks.append(inset(area, [_bars(area, bins, spec.lsl, spec.usl), *_curves(area, curves)]))
-    return svg(frame, response_label(response), marks)
+    least = svg.OFF if is_off else svg.SLIVER
+    if bins is not None and c.min is not None and c.max is not None and svg.is_sliver(c.min, c.max, frame, least):
+        area = svg.inset_area(frame, svg.around([c.min, c.max]), frame.y, limits)
+        marks.append(svg.inset(area, [_bars(area, bins, spec.lsl, spec.usl), *_curves(area, curves)]))
+    return svg.figure(frame, response_label(response), marks)
 
 
 def variable_figure(variable: VariableAnalysis) -> str:
@@ -113,15 +74,15 @@ def variable_figure(variable: VariableAnalysis) -> str:
     ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
     most = max(float(np.max(density_bars(bins)[1])) if bins else 0.0, _top(points[:, 1]))
     y = (0.0, 1.06 * most or 1.0)
-    frame = PlotArea(340, 210, around(ends or [0.0]), y, left=y_room(*y), top=12)
-    marks = [axis_y(frame, density_name(spec.unit))]
+    frame = svg.PlotArea(340, 210, svg.around(ends or [0.0]), y, left=svg.y_room(*y), top=12)
+    marks = [svg.axis_y(frame, svg.density_name(spec.unit))]
     marks += [_bars(frame, bins, spec.lower, spec.upper)] if bins else []
     if points.size:
         seen = points[points[:, 1] <= frame.y[1]]
-        marks.append(curve(frame, seen[:, 0].tolist(), seen[:, 1].tolist()))
-    marks.append(axis_x(frame, axis_name(spec.name, spec.unit)))
+        marks.append(svg.curve(frame, seen[:, 0].tolist(), seen[:, 1].tolist()))
+    marks.append(svg.axis_x(frame, svg.axis_name(spec.name, spec.unit)))
     label = f"Histogram of input {spec.name}: {variable.n} values; requested {spec.distribution}."
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def compared_figure(comparison: ResponseComparison) -> str | None:
@@ -131,30 +92,30 @@ def compared_figure(comparison: ResponseComparison) -> str | None:
         return None
     limits = [v for v in (comparison.capability.lsl, comparison.capability.usl) if v is not None]
     most = max(float(np.max(density_bars(b)[1])) for b in (bins, other))
-    x, y = around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most)
-    frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
-    marks = [axis_y(frame, density_name(comparison.unit)), _bars(frame, bins, None, None)]
+    x, y = svg.around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most)
+    frame = svg.PlotArea(svg.HALF, svg.TALL, x, y, left=svg.y_room(*y), top=28)
+    marks = [svg.axis_y(frame, svg.density_name(comparison.unit)), _bars(frame, bins, None, None)]
     edges, heights = density_bars(other)
     steps = [(edges[0], 0.0)]
     for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
         steps += [(left, height), (right, height)]
     steps.append((edges[-1], 0.0))
-    marks.append(line(((frame.across(x), frame.up(y)) for x, y in steps), OTHER, 2))
-    marks.append(axis_x(frame, axis_name(comparison.response, comparison.unit)))
-    marks += limit_markers(frame, ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL")))
+    marks.append(svg.line(((frame.across(x), frame.up(y)) for x, y in steps), svg.OTHER, 2))
+    marks.append(svg.axis_x(frame, svg.axis_name(comparison.response, comparison.unit)))
+    marks += svg.limit_markers(frame, ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL")))
     mean, other_mean = (c.mean for c in (comparison.capability, comparison.capability_other))
     label = (
         f"{comparison.response} in both campaigns: bars, {comparison.n} values of this campaign with mean "
         f"{format_numbers.significant(mean, 4)}; line, {comparison.n_other} values of the other campaign with mean "
         f"{format_numbers.significant(other_mean, 4)}."
     )
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def response_label(response: ResponseAnalysis) -> str:
     """Return a description of the histogram of a response."""
     spec, c = response.spec, response.capability
-    unit = unit_suffix(spec.unit)
+    unit = svg.unit_suffix(spec.unit)
     if c.n == 0:
         return f"Histogram of {spec.name}: no values."
     fences, places = (spec.lsl, spec.usl), format_numbers.decimals_for(c.std)
@@ -179,25 +140,29 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     scores = np.asarray(plot.scores)
     reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
     fit = [c.mean - reach * c.std, c.mean + reach * c.std]
-    frame = PlotArea(HALF, TALL, around([*limits, *plot.values, *fit]), (-reach, reach), left=76, top=28)
+    frame = svg.PlotArea(
+        svg.HALF, svg.TALL, svg.around([*limits, *plot.values, *fit]), (-reach, reach), left=76, top=28
+    )
     marks = [
-        axis_y(frame, "values below [%]", tick_scores(PROBABILITIES, reach)),
-        line([(frame.across(fit[0]), frame.up(-reach)), (frame.across(fit[1]), frame.up(reach))], INK, 1.3),
-        *(curve(frame, side, plot.scores, MUTED, "4 3") for side in (plot.low, plot.high)),
-        dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), DEEP, 1.8),
-        axis_x(frame, axis_name(spec.name, spec.unit)),
-        *limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL"))),
+        svg.axis_y(frame, "values below [%]", tick_scores(PROBABILITIES, reach)),
+        svg.line([(frame.across(fit[0]), frame.up(-reach)), (frame.across(fit[1]), frame.up(reach))], svg.INK, 1.3),
+        *(svg.curve(frame, side, plot.scores, svg.MUTED, "4 3") for side in (plot.low, plot.high)),
+        svg.dots(
+            ((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), svg.DEEP, 1.8
+        ),
+        svg.axis_x(frame, svg.axis_name(spec.name, spec.unit)),
+        *svg.limit_markers(frame, ((spec.lsl, "LSL"), (spec.usl, "USL"))),
     ]
     ends = min(plot.values), max(plot.values)
-    if is_sliver(*ends, frame):
-        area = inset_area(frame, around([*ends]), frame.y, limits)
+    if svg.is_sliver(*ends, frame):
+        area = svg.inset_area(frame, svg.around([*ends]), frame.y, limits)
         points = ((area.across(v), area.up(s)) for v, s in zip(plot.values, plot.scores, strict=True))
         reached = [(x, (x - c.mean) / c.std) for x in area.x]
         low, high = (min(max(z, -reach), reach) for _, z in reached)
         straight = [(area.across(c.mean + z * c.std), area.up(z)) for z in (low, high)]
-        marks.append(inset(area, [line(straight, INK, 1.3), dots(points, DEEP, 1.8)]))
+        marks.append(svg.inset(area, [svg.line(straight, svg.INK, 1.3), svg.dots(points, svg.DEEP, 1.8)]))
     label = f"Normal probability plot of {spec.name}, a straight line if it is normal. {response.normality.reason}"
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def tick_scores(shares: Sequence[float], reach: float) -> list[tuple[float, str]]:
@@ -216,30 +181,33 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     low, high = min(run.low[first:]), max(run.high[first:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
     # An axis must not be empty if there is only one point.
-    x, y = (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near])
-    frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
+    x, y = (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), svg.around([low, high, *near])
+    frame = svg.PlotArea(svg.HALF, svg.TALL, x, y, left=svg.y_room(*y), top=28)
     n = [math.log10(count) for count in run.n[first:]]
     powers = [10**p for p in range(1, 9) if run.n[first] <= 10**p <= run.n[-1]]
     if len(powers) < 3:
         powers = [k * 10**p for p in range(1, 9) for k in (1, 2, 5) if run.n[first] <= k * 10**p <= run.n[-1]]
     if len(powers) < 3:  # a range in which hardly one of these lies
-        powers = [round(count) for count, _ in labelled(run.n[first], run.n[-1], 5) if count == round(count)]
+        powers = [round(count) for count, _ in svg.labelled(run.n[first], run.n[-1], 5) if count == round(count)]
     ticks = [(math.log10(p), format_numbers.grouped(p)) for p in powers or [run.n[-1]]]
     unit = spec.unit if run.index == "mean" else "1"
     marks = [
-        axis_y(frame, axis_name(f"{run.index}", unit)),
-        band(frame, n, run.low[first:], run.high[first:], BAND),
-        curve(frame, n, run.value[first:], DEEP),
-        *(line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], LIMIT, 1.2, "7 4") for b in near),
-        *(text(frame.width - frame.right - 2, frame.up(b) - 4, f"{b:.2f}", "end", LIMIT) for b in near),
-        axis_x(frame, "samples", ticks),
+        svg.axis_y(frame, svg.axis_name(f"{run.index}", unit)),
+        svg.band(frame, n, run.low[first:], run.high[first:], svg.BAND),
+        svg.curve(frame, n, run.value[first:], svg.DEEP),
+        *(
+            svg.line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], svg.LIMIT, 1.2, "7 4")
+            for b in near
+        ),
+        *(svg.text(frame.width - frame.right - 2, frame.up(b) - 4, f"{b:.2f}", "end", svg.LIMIT) for b in near),
+        svg.axis_x(frame, "samples", ticks),
     ]
     label = (
         f"{run.index} of {spec.name} over the first samples: {format_numbers.significant(run.value[-1], 4)}, "
         f"{format_numbers.significant(run.low[-1], 4)} to {format_numbers.significant(run.high[-1], 4)}, "
         f"after {run.n[-1]}."
     )
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def tornado_figure(response: ResponseAnalysis) -> str | None:
@@ -251,25 +219,25 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
         return None
     lows, highs = [i.low or 0.0 for i in shown], [i.high or 0.0 for i in shown]
     height = 62.0 + 22 * len(shown)
-    left = min(16 + max(text_width(i.variable) for i in shown), 170.0)
-    frame = PlotArea(HALF, height, around([*lows, *highs, c.mean]), (0, len(shown)), left=left, top=8)
+    left = min(16 + max(svg.text_width(i.variable) for i in shown), 170.0)
+    frame = svg.PlotArea(svg.HALF, height, svg.around([*lows, *highs, c.mean]), (0, len(shown)), left=left, top=8)
     marks = []
     for row, (influence, low, high) in enumerate(zip(shown, lows, highs, strict=True)):
         y = frame.top + 22 * row
         x, end = frame.across(low), frame.across(high)
-        colour = DEEP if influence.verdict == "critical" else PALE
+        colour = svg.DEEP if influence.verdict == "critical" else svg.PALE
         marks += [
-            box(x, y + 3, max(end - x, 0.8), 15, colour),
-            text(frame.left - 6, y + 15, shortened(influence.variable, left - 8), "end"),
+            svg.box(x, y + 3, max(end - x, 0.8), 15, colour),
+            svg.text(frame.left - 6, y + 15, svg.shortened(influence.variable, left - 8), "end"),
         ]
     middle = frame.across(c.mean)
-    marks.append(line([(middle, frame.top), (middle, frame.ground)], INK, 1, "3 3"))
-    marks.append(axis_x(frame, f"expected {axis_name(spec.name, spec.unit)}"))
+    marks.append(svg.line([(middle, frame.top), (middle, frame.ground)], svg.INK, 1, "3 3"))
+    marks.append(svg.axis_x(frame, f"expected {svg.axis_name(spec.name, spec.unit)}"))
     ranges = "; ".join(
         f"{i.variable} {format_numbers.significant(i.low)} to {format_numbers.significant(i.high)}" for i in shown
     )
     label = f"Tornado of {spec.name}: expected value with each variable from its 5th to its 95th percentile: {ranges}."
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> str:
@@ -277,34 +245,34 @@ def scatter_figure(response: ResponseAnalysis, scatter: Scatter, unit: str) -> s
     spec = response.spec
     limits = [(name, value) for name, value in (("LSL", spec.lsl), ("USL", spec.usl)) if value is not None]
     low = min(scatter.y)
-    shown, beyond_reach = with_near([low, max(scatter.y)], [value for _, value in limits])
-    y = around(shown)
-    frame = PlotArea(HALF, TALL, around([*scatter.x]), y, left=y_room(*y), top=26)
+    shown, beyond_reach = svg.with_near([low, max(scatter.y)], [value for _, value in limits])
+    y = svg.around(shown)
+    frame = svg.PlotArea(svg.HALF, svg.TALL, svg.around([*scatter.x]), y, left=svg.y_room(*y), top=26)
     inside, outside = list[tuple[float, float]](), list[tuple[float, float]]()
     for at, value in zip(scatter.x, scatter.y, strict=True):
         out = (spec.lsl is not None and value < spec.lsl) or (spec.usl is not None and value > spec.usl)
         (outside if out else inside).append((frame.across(at), frame.up(value)))
     radius = 2.2 if len(scatter.x) <= 200 else 1.5
-    marks = [axis_y(frame, axis_name(spec.name, spec.unit)), dots(inside, BAR, radius)]
-    marks += [dots(outside, REJECT, radius)] if outside else []
-    marks += [curve(frame, scatter.mean_x, scatter.mean_y, INK)] if scatter.mean_x else []
+    marks = [svg.axis_y(frame, svg.axis_name(spec.name, spec.unit)), svg.dots(inside, svg.BAR, radius)]
+    marks += [svg.dots(outside, svg.REJECT, radius)] if outside else []
+    marks += [svg.curve(frame, scatter.mean_x, scatter.mean_y, svg.INK)] if scatter.mean_x else []
     far = []
     for name, value in limits:
         words = f"{name} {format_numbers.plain(value)}"
         if value not in beyond_reach:
             ends = [(frame.left, frame.up(value)), (frame.width - frame.right, frame.up(value))]
-            marks.append(line(ends, LIMIT, 1.5, "7 4"))
+            marks.append(svg.line(ends, svg.LIMIT, 1.5, "7 4"))
             above = frame.up(value) - 5 > frame.top
-            marks.append(text(ends[1][0] - 2, frame.up(value) + (-5 if above else 15), words, "end", LIMIT))
+            marks.append(svg.text(ends[1][0] - 2, frame.up(value) + (-5 if above else 15), words, "end", svg.LIMIT))
         else:
             far.append(f"{words} is far {'below' if value < low else 'above'}")
     if far:
-        marks.append(text(frame.left, 14, "; ".join(far), "start", LIMIT))
-    marks.append(axis_x(frame, axis_name(scatter.variable, unit)))
+        marks.append(svg.text(frame.left, 14, "; ".join(far), "start", svg.LIMIT))
+    marks.append(svg.axis_x(frame, svg.axis_name(scatter.variable, unit)))
     slope = "" if scatter.slope is None else f", slope {format_numbers.significant(scatter.slope)}"
     beyond = f", {len(outside)} of them out of limits" if limits else ""
     label = f"{spec.name} against {scatter.variable}: {len(scatter.x)} points{beyond}{slope}."
-    return svg(frame, label, marks)
+    return svg.figure(frame, label, marks)
 
 
 def slope_unit(response: str, variable: str) -> str:
@@ -316,16 +284,16 @@ def slope_unit(response: str, variable: str) -> str:
     return f" {above}/{variable}" if " " not in variable and "/" not in variable else f" {above}/({variable})"
 
 
-def _curves(frame: PlotArea, curves: list[tuple[Array, Array, str, str]]) -> list[str]:
+def _curves(frame: svg.PlotArea, curves: list[tuple[Array, Array, str, str]]) -> list[str]:
     """Return the parts of the curves (x, y, colour, dash) that lie inside a figure."""
     marks = []
     for x, y, colour, dash in curves:
         seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])
-        marks += [curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
+        marks += [svg.curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
     return marks
 
 
-def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
+def _bars(frame: svg.PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
     """Return the bars; those outside the limits are coloured and hatched."""
     edges, heights = density_bars(bins)
     marks = []
@@ -336,17 +304,12 @@ def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | Non
         outside = (low is not None and right <= low) or (high is not None and left > high)
         x, end, top = frame.across(left), frame.across(right), frame.up(height)
         top = min(top, frame.ground - 0.8)  # a single value stays visible
-        edge = f'stroke="{PAPER}" stroke-width="0.5"'
-        marks.append(box(x, top, end - x, frame.ground - top, REJECT if outside else BAR, edge))
-        if outside:
-            marks += _hatched(x, end, top, frame.ground)
+        edge = f'stroke="{svg.PAPER}" stroke-width="0.5"'
+        marks.append(svg.box(x, top, end - x, frame.ground - top, svg.REJECT if outside else svg.BAR, edge))
+        if outside:  # white oblique lines over the bar
+            at = [float(y) for y in np.arange(top, frame.ground, _HATCH)]
+            marks += [svg.line([(x, y), (end, max(y - (end - x), top))], svg.PAPER, 0.9) for y in at]
     return "\n".join(marks)
-
-
-def _hatched(left: float, right: float, top: float, ground: float) -> list[str]:
-    """Return white oblique lines over a bar."""
-    at = np.arange(top, ground, _HATCH)
-    return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], PAPER, 0.9) for y in at]
 
 
 def density_bars(bins: Histogram) -> tuple[list[float], list[float]]:
@@ -373,13 +336,13 @@ def mechanism_figure(drawing: MechanismDrawing) -> str:
     marks = [_area(corners, colour) for corners, colour in drawing.areas]
     for stroke in drawing.strokes:
         dash = "3 2" if stroke.style == "dashed" else ""
-        marks.append(line(stroke.points, stroke.colour, _WIDTHS[stroke.style], dash))
+        marks.append(svg.line(stroke.points, stroke.colour, _WIDTHS[stroke.style], dash))
         marks += [_head(stroke)] if stroke.style == "arrow" and len(stroke.points) > 1 else []
-    marks += [dots([(x, y)], colour, 2.4) for x, y, colour in drawing.dots]
+    marks += [svg.dots([(x, y)], colour, 2.4) for x, y, colour in drawing.dots]
     marks += [mark for words in drawing.words for mark in _words(words, drawing.text)]
     listed = "; ".join(f"{each.name}: {each.title or 'no title'}, {each.value}" for each in drawing.legend)
-    frame = PlotArea(drawing.width, drawing.height, (0.0, 1.0), (0.0, 1.0))
-    return svg(frame, f"The mechanism at its start, with arrows for what is measured. {listed}.", marks)
+    frame = svg.PlotArea(drawing.width, drawing.height, (0.0, 1.0), (0.0, 1.0))
+    return svg.figure(frame, f"The mechanism at its start, with arrows for what is measured. {listed}.", marks)
 
 
 def _area(corners: tuple[tuple[float, float], ...], colour: str) -> str:
@@ -407,9 +370,11 @@ def _words(words: DrawnWords, size: float) -> list[str]:
     wide, tall = _LETTER * size * max(map(len, words.lines)), _LINE * size
     top = words.y - 0.5 * tall * len(words.lines)
     more = f'font-size="{size:.3g}"' + (' font-weight="700"' if words.bold else "")
-    ground = box(words.x - 0.5 * wide, top, wide, tall * len(words.lines), "white", 'fill-opacity="0.75"')
+    ground = svg.box(words.x - 0.5 * wide, top, wide, tall * len(words.lines), "white", 'fill-opacity="0.75"')
     colour = readable(words.colour)
-    rows = (text(words.x, top + tall * (i + 0.78), each, "middle", colour, more) for i, each in enumerate(words.lines))
+    rows = (
+        svg.text(words.x, top + tall * (i + 0.78), each, "middle", colour, more) for i, each in enumerate(words.lines)
+    )
     return [ground, *rows]
 
 

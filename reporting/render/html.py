@@ -8,12 +8,10 @@ the name of its column, which the style sheet shows instead of the head.
 """
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from operator import attrgetter
-from typing import Any
 
 from jinja2 import Environment
 from markupsafe import Markup
@@ -24,7 +22,7 @@ from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.key_findings import DECIDING, first_sentence, key_findings, short_form
-from reporting.render import figures, overview, panels
+from reporting.render import figures, panels
 from reporting.render.figures import mechanism_figure
 from reporting.render.page_templates import page_environment
 from reporting.render.svg import DARK, unit_suffix
@@ -85,10 +83,10 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             marginal=MARGINAL,
             critical=CRITICAL_SHARE,
             claims=[(ppm, runs_to_claim(ppm, analysis.confidence)) for ppm in CLAIMS],
-            overview=as_markup(overview.overview_figure(analysis)),
-            goal=as_markup(overview.goal_figure(analysis)),
-            one_sided=overview.one_sided(analysis),
-            out_of_figures=overview.out_of_figures(analysis),
+            overview=as_markup(panels.overview_figure(analysis)),
+            goal=as_markup(panels.goal_figure(analysis)),
+            one_sided=panels.one_sided(analysis),
+            out_of_figures=panels.out_of_figures(analysis),
             mechanism=as_markup(mechanism_figure(analysis.spec.drawing) if analysis.spec.drawing else None),
             files=files,
             missing=missing,
@@ -147,7 +145,9 @@ def environment() -> Environment:
         unit=unit_suffix,
         places=format_numbers.decimals_for,
         assumed=_assumed_text,
-        grouped_by=_grouped_by,
+        grouped_by=lambda items, attribute: [
+            (kind, list(those)) for kind, those in groupby(items, attrgetter(attribute))
+        ],
         histogram=lambda r: as_markup(figures.response_figure(r)),
         probability_plot=lambda r: as_markup(figures.probability_figure(r)),
         convergence_plot=lambda r: as_markup(figures.convergence_figure(r)),
@@ -170,11 +170,6 @@ def environment() -> Environment:
         compared=lambda c: as_markup(figures.compared_figure(c)),
     )
     return made
-
-
-def _grouped_by(items: Iterable[Any], attribute: str) -> list[tuple[Any, list[Any]]]:
-    """Return groups of consecutive items with the same attribute, in order."""
-    return [(kind, list(members)) for kind, members in groupby(items, attrgetter(attribute))]
 
 
 def _assumed_text(value: float | tuple[float, ...] | str) -> str:
@@ -202,14 +197,9 @@ def _labelled(table: str) -> str:
     if len(names) <= WIDE:
         return table
     rows = _ROW.sub(lambda row: _labelled_row(row[0], names), body)
-    return _stacked(head) + end + rows
-
-
-def _stacked(head: str) -> str:
-    """Return the opening tag of a table with the class of tables that become cards."""
     tag, _, rest = head.partition(">")
     tag = tag.replace('class="', 'class="stack ') if 'class="' in tag else f'{tag} class="stack"'
-    return f"{tag}>{rest}"
+    return f"{tag}>{rest}{end}{rows}"
 
 
 def _column_names(rows: list[str]) -> list[str]:

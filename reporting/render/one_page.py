@@ -8,7 +8,7 @@ from reporting.format_numbers import index, part
 from reporting.key_findings import short_form
 from reporting.render.figures import mechanism_figure
 from reporting.render.html import MARKS, as_markup, environment, label_cells
-from reporting.render.overview import goal_figure
+from reporting.render.panels import goal_figure
 from reporting.response import ResponseAnalysis
 from reporting.trust.checks import Check
 

@@ -66,7 +66,7 @@ class PlotArea:
         return self.height - self.bottom
 
 
-def svg(frame: PlotArea, label: str, marks: Iterable[str]) -> str:
+def figure(frame: PlotArea, label: str, marks: Iterable[str]) -> str:
     """Return the figure; `label` describes it in words."""
     body = "\n".join(marks)
     return (
@@ -221,7 +221,9 @@ def labelled(low: float, high: float, count: int) -> list[tuple[float, str]]:
     """Return about `count` round numbers between `low` and `high`, each with its text."""
     if not 0 < (high - low) / count < math.inf:
         return []
-    step = _round_step((high - low) / count)
+    about = (high - low) / count
+    power = 10.0 ** math.floor(math.log10(about))
+    step = power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))
     first = math.ceil(low / step - 1e-9)
     values = [step * i for i in range(first, math.floor(high / step + 1e-9) + 1)]
     largest = max((abs(v) for v in values), default=0.0)
@@ -241,12 +243,6 @@ def _fitting(frame: PlotArea) -> list[tuple[float, str]]:
         if sum(text_width(words) + 14 for _, words in ticks) < room:
             return ticks
     return ticks[:1]  # none in a range that is no number
-
-
-def _round_step(about: float) -> float:
-    """Return the next larger number of the form 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(about))
-    return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))
 
 
 def is_sliver(low: float, high: float, frame: PlotArea, least: float = SLIVER) -> bool:

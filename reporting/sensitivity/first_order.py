@@ -76,7 +76,9 @@ def rank_based(x: Array, effect: Array, residual: Array, y: Array, group: NDArra
     most = min(max(x.size // 400, 1), 10)
     rest = [slice(None), *(group != g for g in range(int(group.max()) + 1))]
     share = [_explained(f[rows], e[rows], most) / float(np.var(ordered[rows])) for rows in rest]
-    return RankBased(np.array(share), 0.0, _carriers(f + _smooth(e)))
+    padded = np.concatenate([e[1:2], e, e[-2:-1]])
+    smooth = (padded[:-2] + padded[2:]) / 2  # the mean of the two neighbours of each value
+    return RankBased(np.array(share), 0.0, _carriers(f + smooth))
 
 
 def _explained(f: Array, e: Array, most: int) -> float:
@@ -90,12 +92,6 @@ def _neighbours(e: Array, most: int) -> tuple[float, float]:
     products = [e[lag:] * e[:-lag] for lag in range(1, most + 1)]
     count = sum(p.size for p in products)
     return sum(float(p.sum()) for p in products) / count, float(np.sqrt(sum(float(p @ p) for p in products))) / count
-
-
-def _smooth(e: Array) -> Array:
-    """Return the mean of the two neighbours of each value."""
-    padded = np.concatenate([e[1:2], e, e[-2:-1]])
-    return np.asarray((padded[:-2] + padded[2:]) / 2)
 
 
 def _carriers(effect: Array) -> float:
@@ -166,9 +162,10 @@ def effects(
     """Return the effects of the variables x, shape (n, k), on the responses y, shape (n, m)."""
     # `sums` and `group` are those of the rows, `ends` the 5th and the 95th percentile of each variable. Independent
     # variables are fitted together.
-    degree = best_degree(sums)
+    k = sums.basis.mean.size
+    degree = 1 + best_columns(sums, [np.arange(1 + k * d) for d in range(1, sums.basis.degree + 1)])
     curve_x = np.linspace(*ends, CURVE_POINTS, axis=1)
-    k, m, groups = curve_x.shape[0], degree.size, sums.rows.size
+    m, groups = degree.size, sums.rows.size
     share, unexplained = np.zeros((1 + groups, m, k)), np.zeros((1 + groups, m))
     curve = np.zeros((1 + groups, m, k, CURVE_POINTS))
     by_ranks, missed, carriers = np.zeros((m, k), np.bool_), np.zeros((m, k)), np.zeros((m, k))
@@ -216,12 +213,6 @@ def effects(
         missed=missed,
         carriers=carriers,
     )
-
-
-def best_degree(sums: Sums) -> NDArray[np.int64]:
-    """Return the lowest degree with the smallest error on left-out groups, for each response; shape (m,)."""
-    k = sums.basis.mean.size
-    return 1 + best_columns(sums, [np.arange(1 + k * degree) for degree in range(1, sums.basis.degree + 1)])
 
 
 def best_columns(sums: Sums, candidates: Sequence[NDArray[np.intp]]) -> NDArray[np.int64]:

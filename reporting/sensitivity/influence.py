@@ -238,6 +238,11 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
     share, share_error = float(alone.share[at, i]), float(alone.share_error[at, i])
     contribution = None if line.contribution is None else float(line.contribution[at, i])
     contribution_error = 0.0 if line.contribution_error is None else float(line.contribution_error[at, i])
+    # Without the one group of rows in which the variable differs, there is no coefficient.
+    ends = coefficient - quantile * error, coefficient + quantile * error
+    contribution_ends = None
+    if contribution is not None and math.isfinite(contribution_error):
+        contribution_ends = share_interval(contribution, quantile * contribution_error)
     curve = measures.mean[at] + std * alone.curve[at, i]
     swing, swing_half = float(np.ptp(curve)), quantile * std * float(alone.swing_error[at, i])
     errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
@@ -248,16 +253,9 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
     return Influence(
         variable=variable,
         coefficient=coefficient,
-        # without the one group of rows in which the variable differs, there is no coefficient
-        coefficient_interval=(
-            (coefficient - quantile * error, coefficient + quantile * error) if math.isfinite(error) else None
-        ),
+        coefficient_interval=ends if math.isfinite(error) else None,
         contribution=contribution,
-        contribution_interval=(
-            None
-            if contribution is None or not math.isfinite(contribution_error)
-            else share_interval(contribution, quantile * contribution_error)
-        ),
+        contribution_interval=contribution_ends,
         inflation=float(line.inflation[i]) if np.isfinite(line.inflation[i]) else None,
         spearman=float(ranks.spearman[at, i]),
         spearman_interval=(float(ranks.spearman_low[at, i]), float(ranks.spearman_high[at, i])),

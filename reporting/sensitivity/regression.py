@@ -88,7 +88,8 @@ class Rank:
 def rank(x: Array, y: Array, confidence: float) -> Rank:
     """Return the rank regression of the columns of y, shape (n, m), on the columns of x, shape (n, k)."""
     k = x.shape[1]
-    columns = [_standardised_ranks(column) for column in (*x.T, *y.T)]
+    ranks = [centred_ranks(column) for column in (*x.T, *y.T)]
+    columns = [r / max(float(np.sqrt(np.mean(r**2))), np.finfo(float).tiny) for r in ranks]
     n = y.shape[0]
     correlation = np.array([[np.dot(a, b) / n for b in columns] for a in columns[:k]])
     among, spearman = correlation[:, :k], np.clip(correlation[:, k:].T, -1.0, 1.0)
@@ -107,12 +108,6 @@ def rank(x: Array, y: Array, confidence: float) -> Rank:
 def _solve(correlation: Array, right: Array) -> Array:
     """Return the coefficients of a regression on standardised variables, which may be collinear."""
     return np.asarray(np.linalg.solve(correlation + _RIDGE * np.eye(correlation.shape[-1]), right))
-
-
-def _standardised_ranks(values: Array) -> Array:
-    """Return the ranks of values with mean 0 and standard deviation 1."""
-    centred = centred_ranks(values)
-    return np.asarray(centred / max(float(np.sqrt(np.mean(centred**2))), np.finfo(float).tiny))
 
 
 def _correlations(parts: Sums, k: int) -> tuple[Array, Array]:

@@ -203,7 +203,7 @@ def reject_attribution(
     # The cost doubles with each variable: those that differ most among the rejects are judged.
     judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
     rows = _case_control(out)
-    scores = np.column_stack([_normal_scores(column)[rows] for column in judged.values()])
+    scores = np.column_stack([ndtri(0.5 + centred_ranks(column) / column.size)[rows] for column in judged.values()])
     with threadpool_limits(1):  # the matrices are small, so threads would wait for each other
         worth, influence = _worths(scores, out[rows], rejects / n)
     resolved = float(worth[-1])
@@ -297,11 +297,6 @@ def _case_control(out: NDArray[np.bool_]) -> NDArray[np.intp]:
     rejects, others = np.flatnonzero(out), np.flatnonzero(~out)
     few = rejects[random_rows(rejects.size)[:_MOST_REJECTS]], others[random_rows(others.size)[:_MOST_OTHERS]]
     return np.concatenate(few)
-
-
-def _normal_scores(column: Array) -> Array:
-    """Return the normal quantiles of a variable's ranks."""
-    return np.asarray(ndtri(0.5 + centred_ranks(column) / column.size))
 
 
 def _difference(column: Array, out: NDArray[np.bool_]) -> float:

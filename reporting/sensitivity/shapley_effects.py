@@ -38,17 +38,23 @@ _MOST_PLACES = 6  # largest number of jumps along one variable, over all respons
 
 
 @dataclass(frozen=True)
-class ShapleyEffects:
+class JointEffects:
+    """What a regression on several variables together says of the variance of m responses."""
+
+    interaction: Array  # share that is not a sum of functions of single variables, jumps included, shape (m,)
+    interaction_error: Array
+    remainder: Array  # share that the regression does not explain, attributed to no variable, shape (m,)
+    remainder_error: Array
+
+
+@dataclass(frozen=True)
+class ShapleyEffects(JointEffects):
     """Shares of k correlated variables in the variance of m responses."""
 
     share: Array  # Shapley effect, shape (m, k)
     share_error: Array
     own: Array  # with all other variables fixed, a share, shape (m, k); above 1 if the others compensate it
     own_error: Array
-    interaction: Array  # share that is not a sum of functions of single variables, shape (m,)
-    interaction_error: Array
-    remainder: Array  # share that the regression does not explain, attributed to no variable, shape (m,)
-    remainder_error: Array
 
 
 def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Array) -> ShapleyEffects | None:
@@ -73,15 +79,11 @@ def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Arra
 
 
 @dataclass(frozen=True)
-class TotalEffects:
+class TotalEffects(JointEffects):
     """What k independent variables explain with their interactions in pairs, in the variance of m responses."""
 
     total: Array  # loss of the regression without the variable, a share, shape (m, k)
     total_error: Array
-    interaction: Array  # share that is not a sum of functions of single variables, jumps included, shape (m,)
-    interaction_error: Array
-    remainder: Array  # share that the regression does not explain, attributed to no variable, shape (m,)
-    remainder_error: Array
 
 
 def total_effects(x: Array, y: Array, group: NDArray[np.intp]) -> TotalEffects | None:

@@ -38,6 +38,7 @@ from reporting.sensitivity.influence import (
     measure,
     needed_errors,
     response_verdict,
+    share_interval,
     varies,
     with_shapley,
     with_total_effect,
@@ -46,6 +47,7 @@ from reporting.sensitivity.influence import (
 from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.reject_attribution import reject_attribution, reject_causes, worst_samples
 from reporting.sensitivity.repeatability import Repeatability
+from reporting.sensitivity.shapley_effects import JointEffects
 from reporting.sensitivity.total_order import TotalOrder
 
 
@@ -86,13 +88,13 @@ def split(share: float, half: float, known: Known) -> Unexplained:
     """Return an unexplained share, whose interval has the half width `half`, split into its parts."""
     # The squared distance to each end of the rest's interval is the sum of the squared distances of both shares (method
     # of variance estimates recovery: their errors are independent, because repeats are separate runs).
-    interval = _within(share - half), _within(share + half)
+    interval = share_interval(share, half)
     if known.scatter is None:
         return Unexplained(share, interval)
     scatter, (low, high) = known.scatter
     rest = share - scatter
-    ends = _within(rest - math.hypot(half, high - scatter)), _within(rest + math.hypot(half, scatter - low))
-    return Unexplained(share, interval, scatter, (low, high), _within(rest), ends)
+    ends = as_share(rest - math.hypot(half, high - scatter)), as_share(rest + math.hypot(half, scatter - low))
+    return Unexplained(share, interval, scatter, (low, high), as_share(rest), ends)
 
 
 def without_scatter(totals: TotalOrder, known: Known, quantile: float) -> TotalOrder:
@@ -146,12 +148,7 @@ def _advice(known: Known, independent: bool) -> str:
 
 def _percent(share: float) -> str:
     """Return a share as percent without decimals."""
-    return f"{100 * _within(share):.0f} %"
-
-
-def _within(value: float) -> float:
-    """Return an estimate of a share, clipped to 0 and 1."""
-    return min(max(value, 0.0), 1.0)
+    return f"{100 * as_share(share):.0f} %"
 
 
 def sensitivity(
@@ -193,7 +190,7 @@ def sensitivity(
             lsl, usl = (limits or {}).get(name, (None, None))
             more = (known or {}).get(name, Known())
             found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, more, confidence)
-            out = _out_of_limits(values[name], lsl, usl)
+            out = (values[name] < (-np.inf if lsl is None else lsl)) | (values[name] > (np.inf if usl is None else usl))
             costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
             done[name] = replace(found, attribution=costs, notes=(*found.notes, *_of_lots(count, int(at.sum()))))
     return Sensitivity(tuple(inputs), tuple(done[name] for name in outputs))
@@ -238,14 +235,11 @@ def _response(
     if totals is not None:
         influences = tuple(with_total_order(i, totals, confidence) for i in influences)
     uncovered = left_over.most_interactions
-    if shapley is not None:
-        uncovered = split(
-            float(shapley.remainder[at]), quantile * float(shapley.remainder_error[at]), known
-        ).most_interactions
-    elif together is not None:
-        uncovered = split(
-            float(together.remainder[0]), quantile * float(together.remainder_error[0]), known
-        ).most_interactions
+    joint: JointEffects | None = shapley or together  # one of them at most
+    if joint is not None:
+        row = at if shapley else 0
+        half = quantile * float(joint.remainder_error[row])
+        uncovered = split(float(joint.remainder[row]), half, known).most_interactions
     return ResponseSensitivity(
         response=name,
         n=y.size,
@@ -282,12 +276,6 @@ def _of_lots(lots: int | None, n: int) -> tuple[str, ...]:
     if lots < LEAST_LOTS:
         return (f"{come} of the shares treat them as independent and are too narrow.",)
     return (f"{come} of the shares allow for this, those of rank correlations do not.",)
-
-
-def _out_of_limits(y: Array, lsl: float | None, usl: float | None) -> NDArray[np.bool_]:
-    """Return which values are rejects."""
-    below = y < (-np.inf if lsl is None else lsl)
-    return np.asarray(below | (y > (np.inf if usl is None else usl)))
 
 
 def _notes(measures: Measures, at: int, found: Unexplained, known: Known) -> tuple[str, ...]:

@@ -358,7 +358,7 @@ def _proposal(
         for requirement, price in zip(requirements, prices, strict=True)
     )
     tolerances = {v.variable: float(t) for v, t in zip(variables, optimum.tolerance, strict=True)}
-    names = {v.variable: _process_name(v, tolerances[v.variable]) for v in variables if v.processes}
+    chosen = [(v.variable, p) for v in variables for p in v.processes if p.tolerance == tolerances[v.variable]]
     if method == CONTRIBUTIONS:
         notes = (*notes, _NO_INTERVAL)
     if optimum.gap > 0:
@@ -373,7 +373,7 @@ def _proposal(
         effective=effective,
         runs=runs,
         notes=notes,
-        processes={name: process for name, process in names.items() if process},
+        processes={name: process.name for name, process in chosen if process.name},
     )
 
 
@@ -381,11 +381,6 @@ def _total_cost(variables: Sequence[CostedVariable], tolerances: Iterable[float]
     """Return the total cost of one tolerance per variable; None if a cost is unknown."""
     known = [v.cost_of(t) for v, t in zip(variables, tolerances, strict=True)]
     return None if None in known else sum(cost for cost in known if cost is not None)
-
-
-def _process_name(variable: CostedVariable, tolerance: float) -> str:
-    """Return the name of the process that achieves a tolerance; may be empty."""
-    return next((p.name for p in variable.processes if p.tolerance == tolerance), "")
 
 
 def _allocated(requirement: Requirement, variance: float, price: float | None) -> AllocatedResponse:

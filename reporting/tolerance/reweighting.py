@@ -195,14 +195,6 @@ def weights(change: Change) -> Weights:
     return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal)
 
 
-def hill_shape(raw: Array) -> float:
-    """Return the mean logarithmic excess of the largest fifth of the weights over the next smaller one; 0 if equal."""
-    count = int(_HILL_SHARE * raw.size)
-    top = -np.partition(-raw, count)[: count + 1]
-    cut = float(top.min())
-    return float(np.sum(np.log(top / cut))) / count if count and cut > 0 else 0.0
-
-
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:
     """Return the weights with a smoothed tail, and the shape of the tail; minus infinity if there is none to fit."""
     # The tail has ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
@@ -256,7 +248,11 @@ def _too_little(n: int, worth: float) -> str:
 
 def _heavy_body(raw: Array, k: float) -> str:
     """Return why the weights cannot be used, judged by the tail of their upper fifth; empty if they can."""
-    hill = hill_shape(raw)
+    # The mean logarithmic excess of the largest fifth over the next smaller one; 0 if equal.
+    count = int(_HILL_SHARE * raw.size)
+    top = -np.partition(-raw, count)[: count + 1]
+    cut = float(top.min())
+    hill = float(np.sum(np.log(top / cut))) / count if count and cut > 0 else 0.0
     if hill > HILL_BAR and k > CLEAR_TAIL:
         return (
             f"the largest fifth of the weights has too heavy a tail, with the shape {hill:.2f} above {HILL_BAR:.2f} "

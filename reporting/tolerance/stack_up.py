@@ -167,7 +167,7 @@ def linear_stack(
     reliable = plane.shape in (LINEAR, CONSTANT) and not exceeded
     corners = [_corner(specs, varying, ends, sign * plane.slopes) for sign in (-1, 1)]
     stacked = [
-        StackedVariable(v.name, float(low), float(high), _is_bounded(v), float(slope), abs(float(step)))
+        StackedVariable(v.name, float(low), float(high), None not in (v.lower, v.upper), float(slope), abs(float(step)))
         for v, (low, high), slope, step in zip(varying, ends, plane.slopes, steps, strict=True)
     ]
     return LinearStack(
@@ -271,11 +271,6 @@ def _corner(
     """Return the values at which a plane with these slopes is highest; a constant keeps its value."""
     highest = {v.name: float(ends[i, int(slopes[i] > 0)]) for i, v in enumerate(varying)}
     return {v.name: highest.get(v.name, v.mean) for v in specs}
-
-
-def _is_bounded(spec: VariableSpec) -> bool:
-    """Return whether both ends of a variable's tolerance are bounds."""
-    return spec.lower is not None and spec.upper is not None
 
 
 def _is_within(ends: tuple[float, float], limits: tuple[float | None, float | None]) -> bool | None:

@@ -29,7 +29,7 @@ from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
 from reporting.tolerance.advice import Rows, advise
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.whatif import Estimate, what_if
+from reporting.tolerance.whatif import what_if
 from reporting.tolerance_intervals import tolerance_intervals
 from studies.coverage.outcomes import Statement
 from studies.coverage.productions import (
@@ -303,7 +303,7 @@ def changes(production: Production, n: int, rng: np.random.Generator) -> Iterato
             ("Cpk", found.cpk, new.cpk, decided),
             ("ppm", found.ppm, new.ppm, False),
         ):
-            yield Statement(f"what if {factor}: {name}", _interval(estimate), value, warned)
+            yield Statement(f"what if {factor}: {name}", None if estimate is None else estimate.interval, value, warned)
 
 
 def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -352,11 +352,6 @@ def _change(x: Array, factor: float) -> Change:
 def _spread(factor: float) -> float:
     """Return the sigma of the score if that of the first variable is multiplied by a factor."""
     return float(np.sqrt(1 + SHARES[0] * (factor**2 - 1)))
-
-
-def _interval(estimate: Estimate | None) -> tuple[float, float] | None:
-    """Return the interval of a reweighted number."""
-    return None if estimate is None else estimate.interval
 
 
 def differences(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:

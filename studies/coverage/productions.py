@@ -55,11 +55,6 @@ def _mirrored(share_below: Curve, farthest: float) -> Curve:
     return lambda w: np.asarray(interpolated(w))
 
 
-def _two_normals(apart: float) -> Curve:
-    """Return the curve of a mixture of two normal distributions, `apart` sigmas apart."""
-    return _mirrored(lambda x: stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1), 25.0)
-
-
 def _contaminated(share: float) -> Curve:
     """Return the curve of a normal distribution in which this share of the values is five times as wide."""
     return _mirrored(lambda x: (1 - share) * stats.norm.cdf(x) + share * stats.norm.cdf(x / 5), 70.0)
@@ -71,7 +66,8 @@ CURVES: dict[str, Curve] = {
     "gamma": _of(stats.gamma(16)),
     "t5": _of(stats.t(5)),
     "uniform": _of(stats.uniform()),
-    "bimodal": _two_normals(4.0),
+    # two normal distributions, 4 sigmas apart
+    "bimodal": _mirrored(lambda x: stats.norm.cdf(x[:, None], (-2.0, 2.0)).mean(axis=1), 25.0),
     "0.3 % five times as wide": _contaminated(0.003),
     "1 % five times as wide": _contaminated(0.01),
     "normal cut at 2 sigmas": _of(stats.truncnorm(-2, 2)),

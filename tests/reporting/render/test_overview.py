@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from reporting.render.html import render_html
-from reporting.render.overview import goal_figure, one_sided, out_of_figures, overview_figure
+from reporting.render.panels import goal_figure, one_sided, out_of_figures, overview_figure
 from reporting.render.svg import SIZE, text_width
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
