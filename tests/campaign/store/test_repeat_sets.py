@@ -160,7 +160,7 @@ def test_half_of_every_step():
     HalvedStep(lambda *args, **more: calls.append((args, more)))(c60, {"J1": 0.07})
     (_, fixed), (given, free) = calls[0][0], calls[1][0]
     assert fixed == {"J1": 0.07, "simulation.wall_limit": 120.0}
-    assert calls[0][1] == {"step": 2.5e-3, "horizon": 9.0, "cancel": None}
+    assert calls[0][1] == {"step": 2.5e-3, "horizon": 9.0}
     assert free["simulation.adaptive.travel"] == 4e-3
     assert calls[1][1]["step"] is None
     assert set_values(given, free).simulation.adaptive.longest == 0.032
