@@ -241,11 +241,12 @@ def response_correlations(samples: Samples, spec: ReportSpec, confidence: float)
             whole[name] if whole[name].size == rows.size else centred_ranks(column)
             for name, column in zip(both, columns, strict=True)
         ]
-        size = math.prod(float(np.linalg.norm(column)) for column in pair)
-        if not size > 0.0:
+        # the mean of equal values may differ from them by rounding; their ranks do not
+        size, of_ranks = (math.prod(float(np.linalg.norm(column)) for column in columns) for columns in (pair, ranks))
+        if not (size > 0.0 and of_ranks > 0.0):
             continue
         r = min(max(float(pair[0] @ pair[1]) / size, -1.0), 1.0)
-        rank = float(ranks[0] @ ranks[1]) / math.prod(float(np.linalg.norm(column)) for column in ranks)
+        rank = float(ranks[0] @ ranks[1]) / of_ranks
         worth = float(rows.size)
         if samples.lots is not None and not independent(samples.lots):
             worth = min(describe_lots(column, samples.lots[rows]).effective for column in pair)

@@ -1,6 +1,7 @@
 """Correlations of responses: against scipy and the definition, their intervals by coverage."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from scipy import stats
 
@@ -47,3 +48,13 @@ def test_ends_and_few_samples():
     spec = c60_spec(29)
     assert response_correlations(read_samples(c60_table(29), spec), spec, 0.95) == ()
     assert len(analysis_of(c60_table(60), c60_spec(60)).response_correlations) == 21
+
+
+def test_equal_values_correlate_with_nothing():
+    """Also where their mean differs from them by rounding, as of 60 times 0.1."""
+    spec, table = c60_spec(60), c60_table(60)
+    name = spec.responses[0].name
+    column = table.column_names.index(name)
+    table = table.set_column(column, table.schema.field(name), pa.array(np.full(60, 0.1)))
+    found = response_correlations(read_samples(table, spec), spec, 0.95)
+    assert (len(found), [each for each in found if name in (each.first, each.second)]) == (15, [])
