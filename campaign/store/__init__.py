@@ -14,6 +14,6 @@ STORE/CAMPAIGN_ID/campaign.toml   the spec
 """
 
 from campaign.store.parts import BadPart, Part, Survey, part_name
-from campaign.store.store import Store, open_store
+from campaign.store.store import Store, open_store, read_repeats
 
-__all__ = ["BadPart", "Part", "Store", "Survey", "open_store", "part_name"]
+__all__ = ["BadPart", "Part", "Store", "Survey", "open_store", "part_name", "read_repeats"]

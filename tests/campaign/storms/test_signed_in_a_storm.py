@@ -3,7 +3,6 @@
 import os
 import random
 import threading
-import time
 from contextlib import suppress
 from itertools import count
 
@@ -176,8 +175,9 @@ def test_storm_of_signatures(seed, tmp_path):
         threads = [threading.Thread(target=storm.repeat, args=each) for each in acts]
         for thread in threads:
             thread.start()
-        for _ in range(KILLS):
-            time.sleep(storm.chance.uniform(2.0, 6.0))
+        for _ in range(KILLS):  # each in the midst of what is asked then
+            due = sum(storm.counts.values()) + storm.chance.randint(3, 12)
+            until(lambda due=due: sum(storm.counts.values()) >= due or storm.faults, storm.server.said, pause=0.001)
             storm.kill()
         until(lambda: len(storm.signed) >= SIGNATURES or storm.faults, storm.server.said)
         storm.over.set()
