@@ -41,7 +41,7 @@ def asked_for() -> list[str]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     asked = list(project["dependencies"])
     for extra, requirements in project["optional-dependencies"].items():
-        asked += requirements if extra not in ("test", "dev") else []
+        asked += requirements if extra not in ("docs", "test", "dev") else []
     return sorted({re.match(r"[\w-]+", requirement)[0] for requirement in asked})
 
 
