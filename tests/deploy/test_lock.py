@@ -1,6 +1,7 @@
 """The lock files have all that pyproject.toml asks for: with hashes what machines install, without them the tools."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -47,6 +48,14 @@ def test_what_pyproject_asks_for(python):
 def test_extras():
     """All that are not for tests, development and the site of the docs."""
     assert set(EXTRAS) >= set(PYPROJECT["project"]["optional-dependencies"]) - {"test", "dev", "docs"}
+
+
+def test_oldest_and_newest_name_what_they_install():
+    """`deploy/smoke.py` prints the versions of these packages, and ends where one is missing."""
+    smoke = runpy.run_path(str(ROOT / "deploy" / "smoke.py"))
+    project = PYPROJECT["project"]
+    asked = [*project["dependencies"], *(each for name in EXTRAS for each in project["optional-dependencies"][name])]
+    assert smoke["asked_for"]() == sorted({Requirement(each).name for each in asked})
 
 
 def test_every_package_has_hashes():
