@@ -48,14 +48,14 @@ def report(
     The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
     server has are fetched.
     """
-    from reporting.write import NAMES
-
     if remote := asked_server(context, server):
         if against is not None or pdf or summary:
             raise SpecError("--server: fetches the report that there is; leave out --against, --pdf and --summary")
         with remote:
             campaign_id = remote.find(campaign)
             fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
+        from reporting.write import NAMES
+
         kinds = {name: kind for kind, name in NAMES.items()}
         files = {kinds.get(name, name): str(path) for name, path in fetched.items()}
         document = {"campaign": campaign_id, "store": remote.address, "against": None}

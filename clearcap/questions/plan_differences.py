@@ -34,10 +34,7 @@ def plan_keys(store: Store, campaign: str) -> dict[str, Any]:
 def plan_differences(store: Store, campaign: str, other_store: Store, other: str) -> list[PlanDifference]:
     """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest."""
     plans = (_plan(*each) for each in ((store, campaign), (other_store, other)))
-    here, there = (
-        _flat({**plan["spec"], "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")})
-        for plan in plans
-    )
+    here, there = map(_told, plans)
     keys = [key for key in dict.fromkeys((*here, *there)) if here.get(key) != there.get(key)]
     irrelevant = set(IRRELEVANT)
     found = [PlanDifference(key, here.get(key), there.get(key), key.split(".")[0] not in irrelevant) for key in keys]
@@ -52,6 +49,12 @@ def shortened(value: Any) -> str:
 
 def _plan(store: Store, campaign: str) -> dict[str, Any]:
     return parse_plan(store.files.read(f"{campaign}/{PLAN}").decode())[1]
+
+
+def _told(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a plan says by dotted key: its campaign file before its mechanism, which may be long."""
+    spec = {key: value for key, value in plan["spec"].items() if key != "mechanism"}
+    return _flat({**spec, "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")})
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:

@@ -281,11 +281,12 @@ def test_what_differs_in_the_plans_comes_first(campaign_file, tmp_path):
         ("title", "", "B", False),
     ]
     assert plan_differences(store, first.campaign_id, store, first.campaign_id) == []
-    moved = load_campaign({**tomllib.loads(campaign_file.read_text()), "preset": "latch12"})
+    moved = load_campaign({**tomllib.loads(campaign_file.read_text()), "preset": "latch12", "seed": 8})
     elsewhere, third = computed(tmp_path / "elsewhere", moved, 25)
     keys = [each.key for each in plan_differences(store, first.campaign_id, elsewhere, third.campaign_id)]
     assert "mechanism.parameters.latch_angle" in keys
     assert "preset" in keys
+    assert keys.index("seed") < keys.index("mechanism.parameters.latch_angle")  # a long mechanism cannot cut it off
 
 
 def test_corners_are_not_compared(campaign_file, tmp_path):
