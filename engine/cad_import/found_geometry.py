@@ -263,6 +263,6 @@ def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list
         plain = "".join(c for c in plain if not unicodedata.combining(c))
         stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
-        numbered = (stem, *(f"{stem}-{number}" for number in range(2, len(texts) + 1)))
+        numbered = (f"{stem}-{number}" if number > 1 else stem for number in range(1, len(texts) + 1))
         names.append(next(name for name in numbered if name not in names))
     return names

@@ -152,7 +152,7 @@ def _area(polygon: Array) -> tuple[float, Array]:
 # -- ends and flanges of a joint --------------------------------------------------------------------------------------
 
 _MOST_PLAY = 1.0  # largest axial play at one end [mm] at which a face counts as a flange
-_DEEPEST_OVERLAP = 0.02  # mm
+_DEEPEST_FLANGE = 0.02  # mm by which such a face may overlap the bearing
 _ACROSS = 1e-4  # rad between a plane's normal and the axis
 _WIDEST = 3.0  # multiple of the hole's radius
 _SHRUNK = 0.985  # factor, so that the chords of a mesh do not cut off a circle
@@ -193,7 +193,7 @@ def _thrust(
     station = float((end.point - joint.point) @ joint.axis)
     play = float((flange.point - end.point) @ joint.axis) * way
     middle = (joint.seats[0].start + joint.seats[-1].end) / 2
-    if (station - middle) * way <= 0 or not -_DEEPEST_OVERLAP <= play <= _MOST_PLAY:
+    if (station - middle) * way <= 0 or not -_DEEPEST_FLANGE <= play <= _MOST_PLAY:
         return None
     hole = max(seat.hole_radius for seat in joint.seats)
     angles = np.linspace(0.0, 2 * np.pi, _ANGLES, endpoint=False)
