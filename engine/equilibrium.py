@@ -112,8 +112,9 @@ def touching_gap(mechanism: Mechanism) -> float:
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
     """Return the contact forces, (nc, 3), that balance the loads of ``phase`` at time ``t`` in this pose, or None.
 
-    The twists then give the motion that starts, at an arbitrary scale, or zero if no forces were found. Contacts touch
-    with a gap up to ``touching_gap`` or after a load in the last step; ``work.chosen`` receives their numbers, then -1.
+    None: the touching contacts cannot hold the loads; the twists give the motion that starts, at an arbitrary scale, or
+    zero if no forces were found. Contacts touch with a gap up to ``touching_gap`` or after a load in the last step;
+    ``work.chosen`` receives their numbers, then -1.
     A pose that springs would hold counts as held if it is at most ``touching_gap`` away. ``h``: any positive time.
     """
     h *= SHORT
@@ -129,7 +130,10 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
 
 
 def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) -> bool:
-    """Return whether loads stop driving the starting motion within a length, as springs do at a pose never reached."""
+    """Return whether springs stop the starting motion within a length, because the loads stop driving it there.
+
+    Where only springs hold a body, the loads balance at a single pose, which a run approaches without ever reaching it.
+    """
     model, work, there = assembly.model, assembly.work, copied(assembly.state)
     begins, wrench = there.v[:-1].copy(), np.zeros_like(work.wrench)
     spin_energy = np.einsum("bi,bij,bj->b", begins[:, 3:], model.bodies.inertia, begins[:, 3:])
@@ -144,7 +148,10 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
 
 
 def is_balanced(pose: Assembly, forces: Array, h: float) -> bool:
-    """Return whether forces, (nc, 3), balance the loads of a pose that `forces_at_rest` left, as far as rest counts."""
+    """Return whether forces, (nc, 3), balance the loads, to within what counts as rest.
+
+    ``pose`` is as `forces_at_rest` left it with this ``h``.
+    """
     touching, load = _touching(pose), _load(pose, h)
     left = load + _weights(pose) - _balance(pose, touching.size).T @ forces[touching].ravel()
     return float(left @ left) <= MOVING * float(load @ load)

@@ -132,9 +132,8 @@ def drive(
                 else:
                     break
             if _rests(assembly, control, course):
-                course.counts[[time_loop.SETTLED, time_loop.COMPLETED]] = (
-                    1  # the horizon leaves no time for a longer window
-                )
+                # the horizon leaves no time for a longer window
+                course.counts[[time_loop.SETTLED, time_loop.COMPLETED]] = 1
     finally:
         if sink:  # the loop records the start of a step, so the end of the last one is missing, whatever ended the run
             if record(model, state, work, course.reals[time_loop.TIME], course.reals[time_loop.STEP], rows):

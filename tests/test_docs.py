@@ -69,6 +69,15 @@ def test_link(page, link):
         assert anchor in {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
+def test_modules_named_exist():
+    """Every module that a page names is there, by its path or the end of it; the history names former ones."""
+    there = {f"/{path.relative_to(ROOT).as_posix()}" for path in ROOT.glob("[a-z]*/**/*.py")}
+    named = {(page, name) for page, text in PAGES.items() for name in re.findall(r"`([\w/]+\.py)`", text)}
+    assert len(named) > 50
+    gone = [(page, name) for page, name in named if not any(path.endswith(f"/{name}") for path in there)]
+    assert sorted(each for each in gone if each[0] != "CHANGELOG.md") == []
+
+
 def test_table_cells_are_short():
     """No table cell has more than 250 characters: longer explanations are text or a list."""
     cells = ((name, cell) for name, text in PAGES.items() if name != "ARCHITECTURE.md" for cell in _cells(text))

@@ -38,7 +38,7 @@ class Bodies(NamedTuple):
 
 @by_address
 class Surfaces(NamedTuple):
-    """Surfaces of bicubic patches: trees of their pieces, from the centre of mass; see patched_surfaces.py."""
+    """Surfaces of bicubic patches: trees of their pieces, from the centre of mass; see patches.py."""
 
     box: np.ndarray  # (nn, 6) middle and half sides of the axis-aligned bounding box of everything below each node
     size: np.ndarray  # (nn,) half the diagonal of that box
@@ -79,7 +79,7 @@ class Contacts(NamedTuple):
     reach: np.ndarray  # (nc,) distance of the farthest point of side a's primitive from its body's centre of mass
     pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
     profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
-    piece: np.ndarray  # (np, PIECE) see profiles.py
+    piece: np.ndarray  # (np, PIECE) see solids.py
     surface: np.ndarray  # (nc,) int64, first node of side b's surface; -1: it has none
     coupling: np.ndarray  # (nc,) int64, the coupling of which it is a flank; -1: none
     flank: np.ndarray  # (nc,) 1 or -1, the side of the coordinate that it limits

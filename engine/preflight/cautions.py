@@ -1,4 +1,7 @@
-"""All cautions about a mechanism, and one about a fixed step with which it does not come to rest."""
+"""All cautions about a mechanism, and one about a fixed step with which it does not come to rest.
+
+Gaps at the start are computed in two ways: by the functions that a run uses, and by OCCT between the faces as drawn.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

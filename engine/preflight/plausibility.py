@@ -118,10 +118,8 @@ def _out_of_range(
     least, most, (low, high) = custom
     factor, unit = _factor(mechanism, quantity), mechanism.unit(quantity)
     if not least <= value * factor <= most:
-        side, customary = (
-            "small" if value * factor < least else "large",
-            f"{low / factor:g} to {high / factor:g} {unit}",
-        )
+        side = "small" if value * factor < least else "large"
+        customary = f"{low / factor:g} to {high / factor:g} {unit}"
         remedy = f'check the unit: with units = "{mechanism.units}" it is in {unit}'
         yield Caution(key, value, unit, f"unusually {side}", customary, remedy)
 
@@ -182,10 +180,8 @@ def fast_spins(mechanism: Mechanism) -> Iterator[Caution]:
     spins = {name: math.hypot(*body.angular_velocity) for name, body in mechanism.bodies.items() if not body.fixed}
     name = max(spins, key=spins.__getitem__, default="")
     if name and spins[name] * step > LARGEST_TURN:
-        text = (
-            f"bodies.{name} turns by {spins[name] * step:.3g} rad in a step at its spin at the start: too far for the"
-        )
-        text += " gyroscopic moment of the middle of the step"
+        text = f"bodies.{name} turns by {spins[name] * step:.3g} rad in a step at its spin at the start: too far for "
+        text += "the gyroscopic moment of the middle of the step"
         customary = f"up to {LARGEST_TURN / spins[name]:.3g} {unit}"
         yield Caution("simulation.step", step, unit, text, customary, "shorten the step")
 

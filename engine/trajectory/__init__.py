@@ -1,6 +1,6 @@
 """The motion of one run as an HDF5 file for any HDF5 library, written during the run by `engine.trajectory.write`.
 
-Here are the settings of a recording, and such a file read into arrays; why one is not valid is said.
+Here are the settings of a recording, the reader of such a file, and the forces at its contacts in the world.
 """
 
 import json
