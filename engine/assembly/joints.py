@@ -17,7 +17,8 @@ from engine.assembly.frames import BodyFrame, tangent
 from engine.kernels.model import COUPLED, JOINT_FRICTION, ONE_WAY, POINT_PLANE, RING_BORE, SLIDE, TURN, State, Terms
 from engine.mechanism.base import TableModel
 from engine.mechanism.contacts import Side, Socket
-from engine.mechanism.joints import Coupling, Cylindrical, Joint, Prismatic, Revolute, Spherical, ring_of
+from engine.mechanism.joints import Coupling, Joint, Prismatic, Spherical
+from engine.mechanism.journals import Cylindrical, Revolute, ring_of
 from engine.mechanism.models import Mechanism
 
 # The directions along which the points are held, and those about which the bodies are held. n is the joint's axis or

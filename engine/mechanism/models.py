@@ -49,7 +49,8 @@ from engine.mechanism.contacts import Contact
 from engine.mechanism.expression import ExpressionFault, parse
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.geometry.cad_table import GeometryCertificate
-from engine.mechanism.joints import AnyJoint, Coupling, Joint
+from engine.mechanism.joints import Coupling, Fixed, Joint, Planar, Prismatic, Spherical
+from engine.mechanism.journals import Cylindrical, Revolute
 from engine.mechanism.keys.key_paths import (
     PREFIX,
     Place,
@@ -130,6 +131,9 @@ def _outline(value: Any) -> tuple[tuple[float, ...], ...]:
             "frame; write the corners in order, the first one once"
         )
     return tuple(tuple(float(x) for x in (*c, 0.0)[:3]) for c in corners)
+
+
+AnyJoint = Annotated[Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar, Field(discriminator="type")]
 
 
 class Body(TableModel):

@@ -23,7 +23,8 @@ from engine.mechanism.base import LARGEST_NUMBER, is_number, limits
 from engine.mechanism.closest import closest
 from engine.mechanism.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.faults import faults_of
-from engine.mechanism.joints import Joint, JournalJoint
+from engine.mechanism.joints import Joint
+from engine.mechanism.journals import JournalJoint
 from engine.mechanism.keys.key_paths import (
     PREFIX,
     SETTINGS,
