@@ -291,7 +291,10 @@ def _advice(
 def headline(
     spec: ReportSpec, counts: Mapping[str, int], responses: Sequence[ResponseAnalysis], fit: AssemblyShare | None = None
 ) -> str:
-    """Return the outcome in a sentence or two, from finished samples by status; failures come first."""
+    """Return the outcome in a sentence or two; `counts` are the finished samples by status that can be assembled.
+
+    If those that cannot, judged by a limit of their own (`fit`), are too many or may be, that comes first.
+    """
     lead = f"{fit.words}. " if fit is not None and fit.verdict in ("open", "exceeded") else ""
     return lead + _outcome(spec, counts, responses)
 

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import Interval, fisher_interval, share_interval, welch
-from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
 from reporting.samples import OK, Samples, counts_by_status, judged_counts, why_no_verdict
@@ -50,7 +49,8 @@ class ResponseComparison:
     std_ratio_interval: Interval | None = None  # holds for any distribution with a fourth moment
     f_p: float | None = None
     levene_p: float | None = None  # around the medians (Brown and Forsythe)
-    superiority: float | None = None  # probability that a value of this campaign exceeds one of the other; 0.5: alike
+    # probability that a value of this campaign exceeds one of the other, where equal ones count half; 0.5: alike
+    superiority: float | None = None
     mann_whitney_p: float | None = None
     cpk_difference: float | None = None  # this campaign minus the other
     cpk_interval: Interval | None = None
@@ -178,7 +178,7 @@ def _means(a: Array, b: Array, confidence: float) -> dict[str, object]:
 
 
 def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
-    """Return the ratio of the standard deviations with its interval and tests, and Mann and Whitney's; ties half."""
+    """Return the ratio of the standard deviations, its interval and tests; and the test of Mann and Whitney."""
     from scipy.stats import levene, mannwhitneyu  # here because they take 1 s and only a comparison needs them
 
     capabilities, order = (base.capability, base.capability_other), mannwhitneyu(a, b, method="asymptotic")

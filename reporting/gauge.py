@@ -302,8 +302,7 @@ def _judged(gauge: Component, ndc: int) -> str:
     word = "acceptable" if share < ACCEPTABLE else "not acceptable" if share > UNACCEPTABLE else "may be acceptable"
     ends = gauge.study_interval if gauge.tolerance_interval is None else gauge.tolerance_interval
     certain = all((end < ACCEPTABLE, end > UNACCEPTABLE) == (share < ACCEPTABLE, share > UNACCEPTABLE) for end in ends)
-    few = f"; it tells {ndc} categories of parts apart, {FEWEST_CATEGORIES} are needed"
-    few = "" if ndc >= FEWEST_CATEGORIES else few
+    few = f"; it tells {ndc} categories of parts apart, {FEWEST_CATEGORIES} are needed" * (ndc < FEWEST_CATEGORIES)
     return f"{word}{'' if certain else ', not certain'}: R&R is {100 * share:.1f} % of the {of}{few}"
 
 

@@ -81,7 +81,7 @@ class ProductYield:
 
 
 def product_yield(samples: Samples, spec: ReportSpec, confidence: float, unfit: int = 0) -> ProductYield | None:
-    """Return the yield of the whole product, with `unfit` rejects more; None without limits, samples or production."""
+    """Return the yield of the whole product, with `unfit` more rejects; None without limits, samples or production."""
     limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:

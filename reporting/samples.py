@@ -1,8 +1,7 @@
 """The rows of a campaign, and those of its repeats, as checked arrays; no other module knows their columns.
 
 Rows come as one table or as a stream of tables. Only the first messages of each status are stored, so that the texts of
-a million rows are never in memory together. Repeats are samples that were simulated a second time
-with half the step.
+a million rows are never in memory together. Repeats are samples that were simulated a second time with half the step.
 """
 
 import math
@@ -158,7 +157,7 @@ def _marked(lists: list[str]) -> dict[str, NDArray[np.bool_]]:
 def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
     """Return the lot of each sample number; samples of different lots share no shift. None without lots.
 
-    Where variables have lots of different sizes, one ends at the multiples of their least common multiple.
+    Where variables have lots of different sizes, a lot ends where one of each ends: at multiples of all sizes.
     """
     given = [size for size in sizes if size > 0]
     if not given:

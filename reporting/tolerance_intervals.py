@@ -65,8 +65,8 @@ class _Worth:
 
     mean: float
     std: float
-    n: float
-    nu: float
+    n: float  # independent values that determine the mean as well
+    nu: float  # degrees of freedom of std
     effect: Callable[[NDArray[np.bool_]], float]
 
 

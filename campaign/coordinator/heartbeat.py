@@ -202,8 +202,8 @@ def _cpk(m: Moments, lsl: float | None, usl: float | None, least: float) -> floa
     """Return Cpk of the values so far; None without limits, or if the spread does not exceed `least` and rounding."""
     if not m.std or m.std <= least or (lsl is None and usl is None):
         return None
+    from reporting.arrays import ROUNDING
     from reporting.capability.indices import cpk  # loads all of reporting, which `clearcap status` does not need
-    from reporting.capability.moments import ROUNDING
 
     return None if m.std <= ROUNDING * abs(m.mean) else cpk(m.mean, m.std, lsl, usl)
 

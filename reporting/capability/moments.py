@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from reporting.arrays import ROUNDING as ROUNDING
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 
 # With fewer values the test is not valid (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
@@ -18,7 +17,7 @@ LIKELY = 0.2
 
 
 def location_and_shape(x: Array) -> dict[str, float]:
-    """Return mean, std (0: only rounding), min, max, median, skewness G1, kurtosis G2, as far as n allows."""
+    """Return mean, std (0 if only rounding differs), min, max, median, and, of enough values, skewness and kurtosis."""
     if x.size == 0:
         return {}
     low, high = float(x.min()), float(x.max())
@@ -45,7 +44,10 @@ def _skewness_and_kurtosis(z: Array) -> dict[str, float]:
 
 
 def normal_moments_p(z: Array, worth: float) -> float:
-    """Return the p-value of skewness and kurtosis of normal values less their mean, worth so many (at least 8)."""
+    """Return the p-value of skewness and kurtosis if the values are normal; `z` are the values less their mean.
+
+    `worth` is their effective number of independent values, at least 8.
+    """
     squares = z * z  # products, because powers above 2 take ten times as long
     square = float(squares.mean())
     skewness, kurtosis = float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc, chdtrc, ndtr, ndtri, stdtr
 
-from reporting.arrays import Array, centred_ranks
+from reporting.arrays import ROUNDING, Array, centred_ranks
 from reporting.capability.indices import cpk, cpk_influence
 from reporting.capability.interval_choice import NORMAL, Fence, choose_method, precision_by, robust_intervals
 from reporting.capability.intervals import cpk_half_width, mean_interval
 from reporting.capability.lots import describe_lots, independent, lot_error
-from reporting.capability.moments import ROUNDING, location_and_shape
+from reporting.capability.moments import location_and_shape
 from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3, sigma_of_std
 from reporting.errors import ReportError
 from reporting.spec import ChartPlan
@@ -258,7 +258,10 @@ def control_chart(
     plan: ChartPlan | None = None,
     subgroups: NDArray[np.generic] | None = None,
 ) -> ControlChart | None:
-    """Return the control chart of finite values in their order; None below 5 points, or without spread."""
+    """Return the control chart of finite values in their order; None below 5 points, or without spread.
+
+    With a plan the chart has its spread, and is compared with random orders of its values.
+    """
     if x.size < _FEWEST_POINTS or float(np.ptp(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
     asked = plan or ChartPlan()

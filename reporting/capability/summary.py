@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, distance_to_limit, point_indices
 from reporting.capability.interval_choice import Fence, Method, choose_method, index_intervals
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, independent, lot_error
-from reporting.capability.moments import ROUNDING, location_and_shape
+from reporting.capability.moments import location_and_shape
 from reporting.capability.row_order import RowOrder, row_order
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within

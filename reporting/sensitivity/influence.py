@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from reporting.arrays import Array, random_rows
+from reporting.arrays import ROUNDING, Array, random_rows
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import LEAST_LOTS
-from reporting.capability.moments import ROUNDING
 from reporting.sensitivity.first_order import Effects, effects, jackknife_quantile, most_degree
 from reporting.sensitivity.polynomials import GROUPS, group_sums, groups_of
 from reporting.sensitivity.regression import Linear, Rank, linear, rank

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, stdtrit
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.interval_choice import precision_of_values
 from reporting.capability.intervals import Interval
-from reporting.capability.moments import ROUNDING, location_and_shape
+from reporting.capability.moments import location_and_shape
 from reporting.capability.summary import capability
 from reporting.samples import Repeats, Samples
 from reporting.spec import ReportSpec

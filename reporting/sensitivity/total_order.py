@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reporting import format_numbers
-from reporting.arrays import Array, random_rows
-from reporting.capability.moments import ROUNDING
+from reporting.arrays import ROUNDING, Array, random_rows
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.first_order import jackknife_error

@@ -17,9 +17,8 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import share_interval
-from reporting.capability.moments import ROUNDING
 from reporting.distributions.families import FAMILIES, Family, Scaled, Theta
 from reporting.distributions.forms import ClosedForm, Parameter
 from reporting.errors import finite_in_order
@@ -340,7 +339,7 @@ def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
 
 
 def handicap(fit: Fit, fits: Sequence[Fit]) -> float:
-    """Return the excess of AIC over the smallest one of those that pass (the first), scaled to `PRACTICAL` values."""
+    """Return how far AIC is above that of the best of `fits` that passes, their first; scaled to `PRACTICAL` values."""
     least = next(each.aic for each in fits if each.passes)
     return (fit.aic - least) * min(1.0, PRACTICAL / fit.n)
 

@@ -197,7 +197,7 @@ def empirical_percentiles(ordered: Array, shares: Sequence[float]) -> Array:
 
 
 def quantile_interval(ordered: Array, share: float, confidence: float) -> Interval | None:
-    """Return the two ascending values that enclose a quantile, each end missing it rarely enough; None with too few."""
+    """Return the two of ascending values that enclose a quantile; None if they are too few for the confidence."""
     n, miss = ordered.size, (1 - confidence) / 2
     # Ten standard deviations hold every rank that an end can have, and spare the binomial sums of all n.
     spread = 10 * np.sqrt(n * share * (1 - share)) + 10

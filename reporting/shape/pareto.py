@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, ndtri
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import Interval, share_interval
-from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM
 from reporting.errors import finite_in_order
 
@@ -195,7 +194,7 @@ class TailShare:
     excesses: int | None = None  # values beyond it
     shape: float | None = None  # of the Pareto tail; if negative it has an end
     scale: float | None = None
-    note: str = ""  # why the estimate is refused, or why there is only a bound; may be empty
+    note: str = ""  # why the estimate is refused, why there is only a bound, or none from below; may be empty
 
 
 def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> tuple[TailShare, ...]:

@@ -141,7 +141,10 @@ def supported_indices(
 
 
 def supported_quantiles(x: Array, fits: Fits, shares: Sequence[float], confidences: Sequence[float]) -> Array:
-    """Return the outermost ends of the intervals of quantiles over the other candidates, (confidences, shares, 2)."""
+    """Return the outermost ends of the intervals of quantiles over all candidates but the normal distribution.
+
+    Their shape is (confidences, shares, 2); infinity and minus infinity, inside out, where there is no other candidate.
+    """
     found = np.stack([np.full((len(confidences), len(shares)), end) for end in (math.inf, -math.inf)], axis=-1)
     sample = bin_sample(ties(np.sort(x)).spread(), BINNED)
     for fit in fits.fits:
@@ -228,6 +231,6 @@ def _interval(values: Array, weights: Array, confidence: float) -> Interval | No
 
 
 def _union(intervals: Iterable[Interval | None]) -> Interval | None:
-    """Return the smallest interval that contains all given ones but those of None; None without any."""
+    """Return the smallest interval that contains all given ones; a family without one (None) does not count."""
     known = [interval for interval in intervals if interval is not None]
     return (min(low for low, _ in known), max(high for _, high in known)) if known else None

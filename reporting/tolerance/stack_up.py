@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from reporting.arrays import Array, random_rows
-from reporting.capability.moments import ROUNDING
+from reporting.arrays import ROUNDING, Array, random_rows
 from reporting.errors import ReportError
 from reporting.samples import SMALLEST
 from reporting.spec import VariableSpec

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
-from reporting.arrays import Array
+from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import LEAST_LOTS, lots_worth
-from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import (

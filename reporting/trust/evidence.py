@@ -75,8 +75,9 @@ def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...
         return ()
     lots, name = min(described, key=lambda pair: pair[0].effective)
     if not lots.enough:
-        few = "All samples are of one production lot"
-        few = few if lots.count == 1 else f"The samples are of {lots.count} production lots"
+        few = f"The samples are of {lots.count} production lots"
+        if lots.count == 1:
+            few = "All samples are of one production lot"
         text = f"{few}, which share a shift: intervals need at least {lots.least} lots, so there are none."
         return (Check("Production lots", "attention", text, float(lots.count)),)
     text = (
