@@ -1,6 +1,6 @@
 """How often the test of the order of rows raises an alarm: on stable processes, and on those that drift.
 
-`python -m studies.row_order` prints the tables of docs/report.md on the order of rows.
+`python -m studies.row_order` prints the tables of studies/row_order.md.
 """
 
 import argparse

@@ -30,7 +30,7 @@ from reporting.capability.within import LARGEST_FOR_RANGES, c4, d2, d3, sigma_of
 from reporting.errors import ReportError
 from reporting.spec import ChartPlan
 
-# At most this share of stable processes raises an alarm. Measured: see docs/report.md, "Order of the rows".
+# At most this share of stable processes raises an alarm. Measured: see studies/row_order.md.
 FALSE_ALARMS = 0.01
 # Fewer values, or lots, show only what is plain to see; of fewer different ones the tests raise too many alarms.
 FEWEST, FEWEST_DIFFERENT = 20, 5

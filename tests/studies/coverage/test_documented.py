@@ -1,4 +1,4 @@
-"""The tables of docs/report.md, against a tenth of the study that made them."""
+"""The tables of studies/coverage.md, against a tenth of the study that made them."""
 
 import re
 from concurrent.futures import ProcessPoolExecutor
@@ -15,14 +15,14 @@ from tests.house import ROOT
 
 pytestmark = pytest.mark.slow
 
-HEADING = "## What the intervals are worth"
+HEADING = "## Every interval"
 # A tenth is so far from the whole by chance in one of 10,000 numbers.
 CHANCE = 1e-4
 
 
 def documented() -> dict[tuple[str, str], list[str]]:
     """Return the cells of the document by group and production, each size's part by itself."""
-    section = (ROOT / "docs" / "report.md").read_text("utf-8").split(HEADING)[1].split("\n## ")[0]
+    section = (ROOT / "studies" / "coverage.md").read_text("utf-8").split(HEADING)[1].split("\n## ")[0]
     cells, names = {}, []
     for line in section.splitlines():
         if line.startswith("| intervals of |"):

@@ -1,4 +1,4 @@
-"""The first table of docs/report.md on the order of rows, against a small part of the study that made it."""
+"""The first table of studies/row_order.md, against a small part of the study that made it."""
 
 import re
 
@@ -18,7 +18,7 @@ CHANCE, ROUNDED = 1e-4, 0.005
 
 def documented() -> dict[str, list[float]]:
     """Return the shares of the document by process."""
-    section = (ROOT / "docs" / "report.md").read_text("utf-8").split("### Order of the rows")[1].split("\n## ")[0]
+    section = (ROOT / "studies" / "row_order.md").read_text("utf-8")
     table = section.split("How often the 95 %")[0]
     rows = re.findall(r"^\| (?!process|---)(.+?) \| (.+) \|$", table, re.M)
     return {name: [float(cell.removesuffix(" %")) / 100 for cell in cells.split(" | ")] for name, cells in rows}
