@@ -6,9 +6,9 @@ mean difference is not scatter, but the effect of the step size on all runs.
 
 The interval of the scatter is that of a variance whose error is estimated from the fourth moment of the differences
 (`reporting.capability.interval_choice`); it is never narrower than for normal differences. The interval of its share
-of the response's variance adds the squared distances of both intervals on a logarithmic scale. Measured coverage of 95
-% intervals of the share is in ``studies/coverage.md``. With few pairs, scatter that only some samples show may be missed
-altogether: `unseen` is the largest share of such samples that may have no pair.
+of the response's variance adds the squared distances of both intervals on a logarithmic scale. Measured coverage of
+95 % intervals of the share is in ``studies/coverage.md``. With few pairs, scatter that only some samples show may be
+missed altogether: `unseen` is the largest share of such samples that may have no pair.
 
 The scatter of the rows is part of what their inputs leave unexplained, so it is capped by the variance that a
 cross-validated model of the rows leaves. If the pairs differ by more than that, it is the runs with half the step that
