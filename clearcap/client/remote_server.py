@@ -18,7 +18,6 @@ from clearcap.client.server_connection import ServerConnection
 if TYPE_CHECKING:
     import pyarrow as pa
 
-
 LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.named_files`
 
 
@@ -110,8 +109,6 @@ def _content(path: Path, at_most: int, what: str) -> bytes:
 
 READ_TIMEOUT = 60.0  # s without data after which the connection counts as lost; a server sends something every 15 s
 RECONNECT_FOR = 600.0  # s that a server may be unreachable
-
-
 PIECE = 1 << 20  # bytes
 ON_A_PAGE = 500  # campaigns
 ASK_AGAIN = 0.5  # s between requests while the server still reads its store for the first time
@@ -335,9 +332,9 @@ class RemoteServer:
         columns : iterable of str
             Names of the columns; by default all.
         """
-        params = {"format": "arrow", "columns": list(columns)}
         import pyarrow as pa
 
+        params = {"format": "arrow", "columns": list(columns)}
         with self.connection.stream(_path(campaign_id, "rows"), params=params) as response:
             content = pa.BufferOutputStream()
             for piece in response.iter_bytes(PIECE):

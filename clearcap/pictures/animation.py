@@ -98,10 +98,9 @@ class AnimationFigure:
         self._quiver = _quiver(axes, scene.points[0], self._arrows[0])
         if scene.common:  # the key
             _quiver(axes, scene.corners[:1], np.array([[scene.long, 0.0]]))
-            text = (
-                f" {scene.common:g} {scene.units['force']} (mean since the last frame); longer arrows than {CUT:g} of"
-            )
-            axes.text(left + scene.long, bottom, f"{text} these are clipped", va="center", fontsize=8)
+            force = f"{scene.common:g} {scene.units['force']} (mean since the last frame)"
+            text = f" {force}; longer arrows than {CUT:g} of these are clipped"
+            axes.text(left + scene.long, bottom, text, va="center", fontsize=8)
         insets = _grid(figure, len(scene.plays))
         self._insets = [_Inset(a, p, scene.units["length"]) for a, p in zip(insets, scene.plays, strict=True)]
         if scene.plays:
@@ -219,7 +218,7 @@ CLOSE = 8  # of 256 in each channel; closer colours count as one
 
 
 class GifWriter(AbstractMovieWriter):
-    """A writer of GIFs for matplotlib, like matplotlib's own but with one palette for all frames."""
+    """A writer of GIFs for matplotlib, with one palette for all frames, so that only what changes takes space."""
 
     @classmethod
     def isAvailable(cls) -> bool:  # matplotlib's name

@@ -229,7 +229,7 @@ def check_settings(settings: Settings) -> None:
 
 
 def first_login(service: Service, *, is_terminal: bool) -> tuple[str | None, Path | None]:
-    """Return, at a first start, the link of the first admin for a terminal, else its file: what is printed is kept."""
+    """Return, at a first start, the first admin's link for a terminal, else its file, because others may read logs."""
     file = service.settings.data / FIRST_LINK
     file.unlink(missing_ok=True)
     if service.users.all():

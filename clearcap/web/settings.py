@@ -25,7 +25,7 @@ class Limits:
     waiting: int = 32  # waiting jobs of a user
     job_seconds: float = 300.0
     job_memory: int = 4 * 1024**3  # of one job [bytes]
-    streams: int = 20  # event streams that a user may have open
+    streams: int = 20  # of events or rows, that a user may have open
     samples: int = 10_000_000  # largest number of samples of a campaign submitted to this server
     running: int = 20  # campaigns of a user, queued or running
     failures: int = 10  # failed logins from one address, or for one name, within `failures_within`

@@ -51,7 +51,7 @@ class Service:
         self.users, self.sessions, self.tokens = Users(database), Sessions(database), Tokens(database)
         self.audit, self.webhooks = AuditTrail(database), WebhookRepository(database)
         self.signing_service = SigningService(database, store)
-        self.streams: Counter[str] = Counter()  # open event streams by user
+        self.streams: Counter[str] = Counter()  # open streams by user
         self.submitting: Counter[str] = Counter()  # running submissions by user
         limits = settings.limits
         # a job may also wait for the store or for a busy machine, so its wall-clock time is three times its processor

@@ -238,6 +238,7 @@ class WebhookSender:
             }
             async with (
                 asyncio.timeout(ANSWER_WITHIN),
+                # neither a proxy nor a redirect leads to an address that was not checked
                 httpx.AsyncClient(trust_env=False, follow_redirects=False, timeout=ANSWER_WITHIN) as client,
                 client.stream(
                     "POST",

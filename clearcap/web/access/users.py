@@ -146,7 +146,7 @@ class Users:
         disabled: bool | None = None,
         is_own: bool = False,
     ) -> User:
-        """Change a user; disabling, and a password unless it `is_own`, ends all access, an own one the sessions."""
+        """Change a user; disabling ends all access, as does a password unless it `is_own`, which ends logins only."""
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: no user has this name")
         kept = None if password is None else hash_password(_checked(password))

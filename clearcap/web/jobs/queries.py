@@ -18,7 +18,6 @@ from typing import Any
 from campaign.errors import SpecError, StoreError
 from campaign.plan import Plan
 from campaign.plan_header import PARTS
-from campaign.row_build import clearcap_version
 from campaign.samples import SampleColumns
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
@@ -54,7 +53,7 @@ def _opened(rows: AskedRows) -> tuple[str, Plan, SampleColumns]:
 
 
 def _asked(rows: AskedRows, settings: Sequence[str], preview: bool) -> tuple[str, Plan, SampleColumns, dict[str, Any]]:
-    """Return what is `_opened`, without samples beyond a preview, and the ``preview`` of the document if there are."""
+    """Return what is `_opened`, and an entry ``preview`` of the document if that leaves samples out, else none."""
     if len(settings) > MOST_SETTINGS or any(len(setting) > LONGEST_SETTING for setting in settings):
         raise SpecError(
             f"--set: {len(settings)} settings, the longest of {max(map(len, settings))} characters; allowed: up to"
@@ -68,7 +67,7 @@ def _asked(rows: AskedRows, settings: Sequence[str], preview: bool) -> tuple[str
 
 
 def what_if_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -> dict[str, Any]:
-    """Return the document of ``clearcap whatif --json``; of a preview with ``preview``, see `_asked`."""
+    """Return the document of ``clearcap whatif --json``; without ``preview`` in it, it is of all samples."""
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
     url, plan, columns, mark = _asked(rows, settings, preview)
@@ -221,8 +220,7 @@ class QueryService:
     async def ask(self, user: str, question: Callable[..., Any], campaigns: Sequence[str], *rest: Any) -> bytes:
         """Return the answer to one of the questions above about some campaigns, from the cache or computed."""
         versions = [await self.version(campaign) for campaign in campaigns]
-        asked = [clearcap_version(), self._store.url, question.__name__, *campaigns, *versions, *rest]
-        key = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
+        key = hashlib.sha256(json.dumps([question.__name__, *campaigns, *versions, *rest]).encode()).hexdigest()
         address, folder = self._store.files.full_url, str(self._folder)
         rows = [AskedRows(address, *each, folder) for each in zip(campaigns, versions, strict=True)]
 

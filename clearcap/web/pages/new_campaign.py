@@ -163,8 +163,8 @@ def _table(old: Any, new: Tables, owned: Mapping[str, str] | None) -> Tables:
     """Return a table with the form's values and the old keys that the form does not own (None: of a distribution)."""
     before = old if isinstance(old, dict) else {}
     if owned is None:
-        has = before.get("distribution", "truncated_normal")
-        same = new.get("distribution", "truncated_normal") == has
+        has = before.get("distribution", DEFAULT)
+        same = new.get("distribution", DEFAULT) == has
         owned = {**PARAMETERS.get(str(has), {}), "distribution": "", "target": ""}
         before = before if same else {}
     result = {key: value for key, value in before.items() if key not in owned or key in new}
