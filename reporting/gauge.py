@@ -415,7 +415,8 @@ def _finite(values: ArrayLike) -> Array:
 
 def _codes(names: ArrayLike, n: int, what: str) -> tuple[NDArray[np.intp], NDArray[np.generic]]:
     given = production_batches(names, n)
-    assert given is not None, what
+    if given is None:
+        raise ReportError(f"the {what} of each measurement is not given; give one a row")
     unique, codes = np.unique(given, return_inverse=True)
     return codes, unique
 

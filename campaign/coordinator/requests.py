@@ -102,9 +102,11 @@ def is_protected(store: Store, campaign_id: str) -> bool:
 
 def refuse_signed(store: Store, campaign_id: str) -> None:
     """Raise SignedCampaign if a campaign is signed, or being signed."""
-    marker = store.read_json(campaign_id, SIGNED) or {}
-    if "document" not in marker:
-        if "token" in marker and marker["token"] == lease_holder(store, campaign_id):
+    marker = store.read_json(campaign_id, SIGNED)
+    if marker is None:
+        return
+    if "document" not in marker and "token" in marker:
+        if marker["token"] == lease_holder(store, campaign_id):
             raise SignedCampaign(f"{campaign_id} is being signed; try again in a minute")
         return
     raise SignedCampaign(

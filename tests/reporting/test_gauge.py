@@ -145,6 +145,7 @@ def test_bias_of_the_manual():
         (lambda x, p, o: (x[:10], p[:10], o[:10]), "twice"),
         (lambda x, p, o: (np.where(p == 3, np.nan, x), p, o), "measurement 4"),
         (lambda x, p, o: (p * 1.0, p, o), "resolution"),
+        (lambda x, p, o: (x, None, o), "part"),
     ],
 )
 def test_studies_that_say_nothing_are_refused(change, words):

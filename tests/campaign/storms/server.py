@@ -1,5 +1,7 @@
 """What a server in a storm finds when it starts: an admin who is logged in, and a campaign that can be signed."""
 
+import time
+
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from clearcap.questions.report import report
@@ -16,12 +18,14 @@ DATABASE = "service.sqlite"
 def new_session(data):
     """Add an admin to the accounts of a server that is still to start; return headers of a browser he is logged in by.
 
-    A token would not do: none makes users.
+    A token would not do: none makes users. The session lasts even if the server's clock jumps ahead by weeks, which
+    would log a user out.
     """
     database = Database(data / DATABASE)
     try:
         Users(database).add("admin", Role.ADMIN)
-        secret = Sessions(database).begin("admin")
+        secret, later = Sessions(database).begin("admin"), time.time() + 366 * 86400.0
+        database.change("UPDATE sessions SET seen = ?, created = ? WHERE user = ?", later, later, "admin")
         return {"Cookie": f"{COOKIE}={secret}", CSRF_HEADER: Sessions(database).principal(secret).csrf}
     finally:
         database.close()
