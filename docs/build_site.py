@@ -1,7 +1,8 @@
 """Build the documentation as a site: `python docs/build_site.py [FOLDER]`, or `make docs`.
 
 The pages are those of the repository, in the order of docs/README.md, whose sections become the navigation. Made here:
-the reference of Python from the docstrings, and the keys of both files from their JSON Schemas. A link without a target
+the reference of the command from its help, of Python from the docstrings, and the keys of both files from their JSON
+Schemas. A link without a target
 is an error, as is everything that Sphinx warns of. Where the server finds the site (`SITE`), it shows it under Help.
 """
 
@@ -14,8 +15,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from typer.main import get_command
+
 import clearcap
 from campaign.spec.campaign_file import campaign_schema
+from clearcap.cli import app
 from clearcap.web.pages.rendering import SITE
 from engine.mechanism import mechanism_schema
 
@@ -31,7 +35,9 @@ OTHERS = {
     "SECURITY.md": "security-reports.md",
     "deploy/README.md": "deploy.md",
 }
-GENERATED = {"Reference": ["reference/python", "reference/campaign-keys", "reference/mechanism-keys"]}
+GENERATED = {
+    "Reference": [f"reference/{name}" for name in ("command", "python", "campaign-keys", "mechanism-keys")],
+}
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 _INLINE = re.compile(r"<(script|style)>(.*?)</\1>", re.S)
 _FENCED = re.compile(r"(^```.*?^```)", re.M | re.S)
@@ -55,7 +61,7 @@ def on_site(page: Path, names: Mapping[Path, str]) -> str:
         target = (page.parent / path).resolve()
         if "://" in address or not path:
             return link[0]
-        if target.is_relative_to(DOCS / "images"):
+        if target.is_relative_to(DOCS / "images") or target.is_relative_to(DOCS / "examples"):
             name = target.relative_to(DOCS).as_posix()
         elif target in names:
             name = names[target]
@@ -106,6 +112,41 @@ def _is_documented(name: str, member: Any, owner: type) -> bool:
     return not is_field and bool(getattr(member, "__doc__", None)) and not isinstance(member, str | int | dict | tuple)
 
 
+def command_reference() -> str:
+    """Return the page of all verbs and options, from what ``--help`` prints."""
+    text = ["# The command, option by option", "", "What the verbs mean together: [the command](../command.md).", ""]
+    for words, verb in _verbs(get_command(app), "clearcap"):
+        text += [f"## {words}", "", _markdown(verb.help or ""), "", "| option | meaning |", "| --- | --- |"]
+        text += [f"| {_names(parameter)} | {_meaning(parameter)} |" for parameter in verb.params]
+        text.append("")
+    return "\n".join(text)
+
+
+def _verbs(command: Any, words: str) -> Iterator[tuple[str, Any]]:
+    """Yield each verb that takes options, with the words that call it."""
+    if not hasattr(command, "commands"):
+        yield words, command
+        return
+    for name, each in command.commands.items():
+        yield from _verbs(each, f"{words} {name}")
+
+
+def _names(parameter: Any) -> str:
+    names = [*parameter.opts, *parameter.secondary_opts]
+    return ", ".join(f"`{name if name.startswith('-') else name.upper()}`" for name in names)
+
+
+def _meaning(parameter: Any) -> str:
+    default, text = parameter.default, " ".join((getattr(parameter, "help", None) or "").split())
+    is_shown = isinstance(default, str | int | float) and not isinstance(default, bool)
+    return _markdown(text) + (f" Default: `{default}`." if is_shown else "")
+
+
+def _markdown(text: str) -> str:
+    """Return a help text with options as code, and nothing else taken for markup."""
+    return re.sub(r"(?<![\w-])--[\w-]+", r"`\g<0>`", re.sub(r"([|<*\[\]])", r"\\\1", text))
+
+
 def key_reference(title: str, page: str, schema: Mapping[str, Any]) -> str:
     """Return the page of all keys of a file, table by table, from its JSON Schema."""
     text = [f"# {title}", "", f"Made from the JSON Schema; what the keys mean together: [{page}](../{page}.md).", ""]
@@ -154,6 +195,7 @@ def write_sources(folder: Path) -> None:
     texts = {name: on_site(page, names) for page, name in names.items()}
     texts["index.md"] += "".join(contents(names))
     texts |= {
+        "reference/command.md": command_reference(),
         "reference/python.md": python_reference(),
         "reference/campaign-keys.md": key_reference("Keys of the campaign file", "campaign", campaign_schema()),
         "reference/mechanism-keys.md": key_reference("Keys of the mechanism file", "mechanism", mechanism_schema()),
@@ -161,7 +203,8 @@ def write_sources(folder: Path) -> None:
     for name, text in texts.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, "utf-8")
-    shutil.copytree(DOCS / "images", folder / "images")
+    for kept in ("images", "examples"):
+        shutil.copytree(DOCS / kept, folder / kept)
 
 
 def without_inline_code(built: Path) -> None:

@@ -6,7 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from typer.main import get_command
 
+from clearcap.cli import app
 from tests.each import each
 from tests.house import ROOT
 from tests.test_docs import COMMANDS, PAGES
@@ -65,6 +67,20 @@ def test_every_key_is_on_a_page():
             assert re.findall(r"^\| `(\w+)` \|", section, re.M) == list(table["properties"])
 
 
+def test_every_option_is_on_a_page():
+    """The reference of the command has each verb, and each of its options with a meaning."""
+    page = SITE["command_reference"]()
+    for words in ("run", "simulate", "mechanism import", "serve"):
+        section = page.split(f"\n## clearcap {words}\n")[1].split("\n## ")[0]
+        command = get_command(app)
+        for word in words.split():
+            command = command.commands[word]
+        options = {name for parameter in command.params for name in parameter.opts if name.startswith("--")}
+        assert options <= set(re.findall(r"`(--[\w-]+)`", section))
+    assert re.findall(r"^\| `--[^|]+ \|  \|$", page, re.M) == []
+    assert page.count("\n## ") == len(re.findall(r"^## clearcap ", page, re.M)) > 30
+
+
 @pytest.mark.slow
 @pytest.mark.processes
 def test_the_site_builds(tmp_path):
@@ -73,7 +89,10 @@ def test_the_site_builds(tmp_path):
     done = subprocess.run([sys.executable, ROOT / "docs" / "build_site.py", site], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     index = (site / "searchindex.js").read_text("utf-8")
-    assert all(f'"{page}"' in index for page in ("howto/step", "reference/python", "reference/mechanism-keys"))
+    assert all(
+        f'"{page}"' in index
+        for page in ("howto/step", "reference/command", "reference/python", "reference/mechanism-keys")
+    )
     assert "clearcap.Results.advise" in (site / "reference" / "python.html").read_text("utf-8")
     pages = list(site.rglob("*.html"))
     assert len(pages) > 40

@@ -1,7 +1,7 @@
 """The sessions of the docs, line by line: what a reader types gives what the page shows.
 
 A page's blocks belong together. ``toml file=NAME`` is appended to a file, ``diff file=NAME`` changes lines of it, piece
-by piece between empty lines; STEP files of the examples are there. ``console session`` holds commands, each followed
+by piece between empty lines; the files of docs/examples are there. ``console session`` holds commands, each followed
 by what it prints; ``python session`` continues the Python of the blocks before. In what a command prints,
 ``...`` stands for anything, and a number may differ by a hundredth; real times and ids of campaigns are not compared.
 """
@@ -36,7 +36,7 @@ PAGES = [
 def test_session(page, tmp_path, monkeypatch, capsys):
     """Every block of a page works in the order of the page."""
     monkeypatch.chdir(tmp_path)
-    for example in (ROOT / "docs" / "examples").glob("*.step"):
+    for example in (ROOT / "docs" / "examples").glob("*.*"):
         shutil.copy(example, tmp_path)
     names = {}
     for language, mark, text in BLOCK.findall(page.read_text("utf-8")):

@@ -30,7 +30,7 @@ LOOSE_HALF_WIDTH = 0.25
 LOOSE_ALLOWANCE = 0.2
 FEW = 3  # responses named in a line
 # Points of a control chart beyond its limits that chance does not explain: at most 2.1 % of charts of stable normal,
-# lognormal (0.3), gamma (16) and t (5) values have as many, from 20 to 1,000 values (table in docs/measured.md).
+# lognormal (0.3), gamma (16) and t (5) values have as many, from 20 to 1,000 values (docs/measured.md).
 BEYOND_BAR = 3
 BEYOND_SHARE = 0.05  # of the points, where there are more than 60
 
