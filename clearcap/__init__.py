@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
-    from clearcap.results import Results, open_campaign, report, run_campaign
+    from clearcap.results import PooledResults, Results, open_campaign, report, run_campaign
     from engine import (
         Certificate,
         EngineError,
@@ -47,11 +47,11 @@ if TYPE_CHECKING:
 # fmt: off
 __all__ = [
     "Campaign", "CampaignError", "Capability", "Certificate", "Cluster", "EngineError", "Fault", "Heartbeat",
-    "Mechanism", "MechanismError", "NotAssemblable", "Recording", "RemoteServer", "ReportError", "Results", "Run",
-    "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory", "UnreachableError", "campaign_text",
-    "capability", "capability_report", "check", "connect", "gauge_study", "library_names", "load_campaign",
-    "load_campaign_text", "load_mechanism", "load_mechanism_text", "open_campaign", "open_store", "position_of",
-    "read_trajectory", "report", "run_campaign", "set_values", "simulate", "validate_campaign",
+    "Mechanism", "MechanismError", "NotAssemblable", "PooledResults", "Recording", "RemoteServer", "ReportError",
+    "Results", "Run", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory", "UnreachableError",
+    "campaign_text", "capability", "capability_report", "check", "connect", "gauge_study", "library_names",
+    "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text", "open_campaign", "open_store",
+    "position_of", "read_trajectory", "report", "run_campaign", "set_values", "simulate", "validate_campaign",
 ]
 # fmt: on
 
@@ -65,7 +65,7 @@ _HOMES = {
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
     "clearcap.questions.measured": ("capability_report", "gauge_study", "validate_campaign"),
-    "clearcap.results": ("Results", "open_campaign", "report", "run_campaign"),
+    "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
     "reporting": ("Capability", "ReportError", "capability"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

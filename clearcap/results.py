@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 from campaign.errors import SpecError
 from campaign.plan import Plan
 from campaign.store import Store, open_store
+from clearcap.analysed import Analysed, flat, framed, numeric, units_of
 from engine.mechanism import library_names
 from reporting.write import USUAL
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pyarrow as pa
     from distributed import Client
 
     from campaign.cluster.cluster import Cluster
     from campaign.spec.load import Campaign, Source
+    from clearcap.questions.pooling import Member
     from clearcap.questions.samples import ReplayedSample
-    from clearcap.result_plots import Plots
     from clearcap.running import Progress
     from reporting.analysis import Analysis
     from reporting.tolerance.allocation import Allocation
@@ -30,7 +30,7 @@ _ESTIMATES = ("mean", "std", "cp", "cpk", "ppm")
 
 
 @dataclass(frozen=True)
-class Results:
+class Results(Analysed):
     """The results of a campaign in a store, read once.
 
     Each table is read when it is first used and then kept. Call `open_campaign` again to see new rows of a campaign
@@ -65,7 +65,7 @@ class Results:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each column of `rows` that has one."""
-        return _units(self.plan.schema)
+        return units_of(self.plan.schema)
 
     @cached_property
     def statuses(self) -> dict[str, int]:
@@ -78,52 +78,12 @@ class Results:
 
         The index is the sample number. A response is NaN unless the run is ok. Units are in ``rows.attrs["units"]``.
         """
-        return _frame(self.store.table(self.id), "sample")
+        return framed(self.store.table(self.id), "sample")
 
     @cached_property
     def ok(self) -> "pd.DataFrame":
         """The rows of the runs with status "ok", variables and responses only."""
         return self.rows.loc[self.rows["status"] == "ok", [*self.variables, *self.responses]]
-
-    @cached_property
-    def capability(self) -> "pd.DataFrame":
-        """One row per response: verdict, indices, intervals and shares, equal to those in the report.
-
-        Raises
-        ------
-        CampaignError
-            If the store holds no row of the campaign.
-        """
-        from reporting.render.data_files import capability_table
-
-        return _frame(capability_table(self._analysis), "response")
-
-    @cached_property
-    def sensitivity(self) -> "pd.DataFrame":
-        """One row per response and variable: share of the variance, Sobol' indices, regression, verdict.
-
-        Raises
-        ------
-        CampaignError
-            If the store holds no row of the campaign.
-        """
-        import pandas as pd
-
-        rows = [
-            {"response": response.spec.name, "share": each.share, **_flat(asdict(each), ("curve", "through"))}
-            for response in self._analysis.responses
-            if response.sensitivity
-            for each in response.sensitivity.influences
-        ]
-        columns = ["response", "variable", "share"]
-        return _numeric(pd.DataFrame(rows, columns=None if rows else columns).set_index(columns[:2]))
-
-    @property
-    def plot(self) -> "Plots":
-        """The report's figures on matplotlib axes: ``histogram``, ``probability``, ``causes`` and ``convergence``."""
-        from clearcap.result_plots import Plots
-
-        return Plots(lambda: self._analysis)
 
     @cached_property
     def _analysis(self) -> "Analysis":
@@ -195,7 +155,7 @@ class Results:
                 ends = (each.factor, *each.interval, each.binding, each.cpk, write, method)
                 rows.append((lifts, each.variable, *ends))
         columns = ["lifts", "variable", "factor", "factor_low", "factor_high", "limited_by", "cpk", "write", "method"]
-        frame = _numeric(pd.DataFrame(rows, columns=columns).set_index(columns[:2]))
+        frame = numeric(pd.DataFrame(rows, columns=columns).set_index(columns[:2]))
         frame.attrs |= {"remedies": {each.response: each.text for each in found.shortfalls}, "note": found.note}
         return frame
 
@@ -271,11 +231,22 @@ class Results:
         for each in found.responses:
             own = {"mean": each.capability.mean, "mean_other": each.capability_other.mean}
             own |= {"cpk": each.capability.cpk, "cpk_other": each.capability_other.cpk}
-            rows[each.response] = own | _flat(vars(each), left_out)
-        frame = _numeric(pd.DataFrame.from_dict(rows, orient="index").rename_axis("response"))
+            rows[each.response] = own | flat(vars(each), left_out)
+        frame = numeric(pd.DataFrame.from_dict(rows, orient="index").rename_axis("response"))
         differs = plan_differences(self.store, self.id, other.store, other.id)
         frame.attrs |= {"plans": pd.DataFrame(map(asdict, differs)), "no_verdict": found.no_verdict}
         return frame
+
+    def pool(self, *others: "Results") -> "PooledResults":
+        """Return these samples and those of other campaigns that differ only in seed and number of samples, as one.
+
+        Raises
+        ------
+        SpecError
+            If the plans differ in anything else, two have one seed, a sampler draws no independent samples, or
+            builds differ: the message names the first difference.
+        """
+        return PooledResults((self, *others))
 
     def design(self, samples: int = 20_000, responses: Collection[str] = ()) -> dict[str, Any]:
         """Return the tables of a campaign that aims where these rows expect rejects, for `run_campaign`.
@@ -343,6 +314,61 @@ class Results:
         counts = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         lines = (self.plan.title, f"campaign {self.id} in {self.store.url}", f"runs: {counts or 'none yet'}")
         return "<br>".join(map(escape, lines))
+
+
+@dataclass(frozen=True)
+class PooledResults(Analysed):
+    """The samples of several campaigns that differ only in seed and number of samples; see `Results.pool`.
+
+    ``capability``, ``sensitivity`` and ``plot`` are those of one campaign that had drawn all the samples.
+
+    Attributes
+    ----------
+    members : tuple of Results
+        The campaigns.
+    """
+
+    members: tuple[Results, ...]
+
+    def __post_init__(self) -> None:
+        """Raise SpecError unless the campaigns can be pooled."""
+        from clearcap.questions.pooling import pooled
+
+        pooled(self._plans)
+
+    @property
+    def _plans(self) -> "list[Member]":
+        return [(each.store, each.plan) for each in self.members]
+
+    @cached_property
+    def rows(self) -> "pd.DataFrame":
+        """The rows of all, with the campaign's id and the number of the sample in it as index."""
+        import pandas as pd
+
+        rows = pd.concat({each.id: each.rows for each in self.members}, names=["campaign"])
+        rows.attrs["units"] = self.members[0].units
+        return rows
+
+    @cached_property
+    def _analysis(self) -> "Analysis":
+        from clearcap.questions.pooling import pooled_analysis
+
+        return pooled_analysis(self._plans)
+
+    def report(self, *kinds: str) -> dict[str, str]:
+        """Write the report into ``pooled/`` of the first campaign, as `clearcap.report`; return each file by kind."""
+        from clearcap.questions.pooling import pooled_report
+
+        return pooled_report(self._plans, kinds or USUAL)
+
+    def __repr__(self) -> str:
+        """Return the campaigns in a line; nothing is read for it."""
+        said = ", ".join(f"{each.id} ({each.plan.spec.samples} samples)" for each in self.members)
+        return f"<PooledResults {said}>"
+
+    def _repr_html_(self) -> str:
+        title = f"{self.members[0].plan.title}, pooled"
+        return "<br>".join((escape(title), *(each._repr_html_() for each in self.members)))
 
 
 def run_campaign(
@@ -459,35 +485,3 @@ def report(results: Results, kinds: Collection[str] = USUAL) -> dict[str, str]:
     from clearcap.questions.report import report as write
 
     return write(results.store, results.plan, kinds=kinds)
-
-
-def _frame(table: "pa.Table", index: str) -> "pd.DataFrame":
-    """Return an Arrow table as a pandas table, with the units that pandas would lose."""
-    frame: pd.DataFrame = table.to_pandas().set_index(index)
-    frame.attrs["units"] = _units(table.schema)
-    return frame
-
-
-def _units(schema: "pa.Schema") -> dict[str, str]:
-    return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
-
-
-def _numeric(frame: "pd.DataFrame") -> "pd.DataFrame":
-    """Return a table with NaN in the place of None, in columns that hold nothing but numbers."""
-    for name in frame.columns:
-        if all(value is None or type(value) in (int, float) for value in frame[name]):
-            frame[name] = frame[name].astype(float)
-    return frame
-
-
-def _flat(fields: Mapping[str, Any], left_out: Collection[str]) -> dict[str, Any]:
-    """Return fields with two columns for each interval."""
-    row: dict[str, Any] = {}
-    for name, value in fields.items():
-        if name in left_out:
-            continue
-        if name.endswith("_interval"):
-            row[f"{name}_low"], row[f"{name}_high"] = value or (None, None)
-        else:
-            row[name] = value
-    return row

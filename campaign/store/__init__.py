@@ -11,6 +11,7 @@ STORE/CAMPAIGN_ID/campaign.toml   the spec
                   repeats.json    shares of further repeats, which are in repeats-2/ and so on
                   report/         the report
                   comparisons/    one report per campaign that it was compared with
+                  pooled/         one report per set of campaigns that were pooled with this one
 """
 
 from campaign.store.parts import BadPart, Part, Survey, part_name

@@ -22,6 +22,7 @@ SIGNED = "signed.json"  # exists while a sign-off holds: plan, rows and report s
 CANCEL = "cancel"  # a marker: coordinator and workers that find it stop computing the campaign
 REPORT = "report"
 COMPARISONS = "comparisons"  # holds a folder for each campaign that this one was compared with
+POOLED = "pooled"  # holds a folder for each set of campaigns that are one report with this one
 LOG = "coordinator.log"
 
 SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a coordinator that serves the store

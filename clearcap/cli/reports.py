@@ -36,6 +36,12 @@ def report(
     against: Annotated[
         str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a separate document.")
     ] = None,
+    pool: Annotated[
+        list[str],
+        typer.Option(
+            metavar="ID", help="Add the samples of a campaign that differs only in its seed; may be repeated."
+        ),
+    ] = [],  # noqa: B006
     pdf: Annotated[
         bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
     ] = False,
@@ -49,8 +55,10 @@ def report(
     server has are fetched.
     """
     if remote := asked_server(context, server):
-        if against is not None or pdf or summary:
-            raise SpecError("--server: fetches the report that there is; leave out --against, --pdf and --summary")
+        if against is not None or pool or pdf or summary:
+            raise SpecError(
+                "--server: fetches the report that there is; leave out --against, --pool, --pdf and --summary"
+            )
         with remote:
             campaign_id = remote.find(campaign)
             fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
@@ -58,22 +66,31 @@ def report(
 
         kinds = {name: kind for kind, name in NAMES.items()}
         files = {kinds.get(name, name): str(path) for name, path in fetched.items()}
-        document = {"campaign": campaign_id, "store": remote.address, "against": None}
+        document: dict[str, Any] = {"campaign": campaign_id, "store": remote.address, "against": None, "pool": []}
     else:
         if folder is not None:
             raise SpecError("--folder: is for --server; a store has a folder for each report")
+        if against is not None and pool:
+            raise SpecError("--against, --pool: both are given; pool campaigns of one plan, or compare two plans")
+        from clearcap.questions.pooling import pooled_report
         from clearcap.questions.report import report as write_report
 
         asked = _kinds(pdf=pdf, excel=excel, summary=summary)
         opened, plan = opened_campaign(store, campaign)
-        files = write_report(opened, plan, kinds=asked, against=against)
+        others = [opened.plan(opened.find(each)) for each in pool]
+        if others:
+            files = pooled_report([(opened, each) for each in (plan, *others)], asked)
+        else:
+            files = write_report(opened, plan, kinds=asked, against=against)
         other = None if against is None else opened.find(against)
         document = {"campaign": plan.campaign_id, "store": opened.url, "against": other}
+        document["pool"] = [each.campaign_id for each in others]
     if json:
         print_json({**document, "report": files})
     else:
         for path in files.values():
-            print_text(f"{'report' if against is None else 'comparison'}: {path}")
+            kind = "comparison" if against is not None else "pooled report" if pool else "report"
+            print_text(f"{kind}: {path}")
     if remote is None:
         fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
 

@@ -6,8 +6,8 @@ import platform
 import shlex
 import tempfile
 import time
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import nullcontext
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -39,7 +39,7 @@ from clearcap.questions.report_source import decided_by, report_source, sha256, 
 from clearcap.questions.tolerances import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
-from reporting.analysis import Analysis, Decision, analyse, compare_rows
+from reporting.analysis import Analysis, Decision, Rescale, analyse, compare_rows
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, leveled, read_samples
@@ -53,7 +53,7 @@ BUILD_DATE = "SOURCE_DATE_EPOCH"  # reproducible-builds.org/docs/source-date-epo
 _LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 BATCH = "production batch"
 _CDF_POINTS = 401
-_COMMAND = "command of this report"
+COMMAND = "command of this report"
 _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_penetration", "settled")
 
 
@@ -69,12 +69,27 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     folder = report_folder(plan.campaign_id, other)
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
         written = write_into(Path(temporary), store, plan, kinds, against)
-        names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
         # not while it is being signed: what was looked at is what is signed
         with nullcontext() if other is not None else unsigned(store, plan.campaign_id):
-            for kind, path in written.items():
-                store.files.write(names[kind], Path(path).read_bytes())
+            return put_report(store, folder, written)
+
+
+def put_report(store: Store, folder: str, written: Mapping[str, str]) -> dict[str, str]:
+    """Copy the files of a report into a folder of the store; return the path or URL of each by kind."""
+    names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
+    for kind, path in written.items():
+        store.files.write(names[kind], Path(path).read_bytes())
     return {kind: store.files.address(name) for kind, name in names.items()}
+
+
+@contextmanager
+def refusals_of(campaign: str, what: str = "report") -> Iterator[None]:
+    """Turn a ReportError into the CampaignError of a campaign, or the error of a place that cannot be written."""
+    try:
+        yield
+    except ReportError as error:
+        message = f"{what} of {campaign}: {error}"
+        raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
 
 
 def write_into(
@@ -93,14 +108,11 @@ def write_into(
     spec = report_spec(plan, store)
     spec = replace(spec, written=written or spec.written)
     if other is not None:
-        command = f"{spec.provenance[_COMMAND]} --against {other.campaign_id}"
-        spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
-    try:
+        command = f"{spec.provenance[COMMAND]} --against {other.campaign_id}"
+        spec = replace(spec, provenance={**spec.provenance, COMMAND: command})
+    with refusals_of(plan.campaign_id):
         more = _beside_rows(store, plan)
         return write_report(report_rows(store, plan), spec, folder, kinds=kinds, against=comparison, **more)
-    except ReportError as error:
-        message = f"report of {plan.campaign_id}: {error}"
-        raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
 
 
 def written_report(
@@ -144,21 +156,27 @@ def report_again(store: Store, plan: Plan) -> dict[str, bytes]:
 def analysis(store: Store, plan: Plan) -> Analysis:
     """Return the content of a campaign's report as data; raise CampaignError if there is nothing to report on."""
     spec = report_spec(plan, store)
-    try:
+    with refusals_of(plan.campaign_id, "analysis"):
         return analyse(read_samples(report_rows(store, plan), spec), spec, **_beside_rows(store, plan))
-    except ReportError as error:
-        raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 
 
 def _beside_rows(store: Store, plan: Plan) -> dict[str, Any]:
     """Return how spreads change rows, the repeats, and the complete campaigns that decide what samples leave open."""
-    decided = tuple(
+    return {"rescale": rescaled(plan), "repeats": repeats_of(store, plan), "decided": decisions(store, plan)}
+
+
+def rescaled(plan: Plan) -> Rescale:
+    """Return how other spreads of the variables change the weights of samples."""
+    return Spreads(plan.spec, plan.mechanism).change
+
+
+def decisions(store: Store, plan: Plan) -> tuple[Decision, ...]:
+    """Return the complete campaigns that decide what the samples of one leave open."""
+    return tuple(
         Decision(report_rows(store, decides), report_spec(decides, store), names)
         for decides, names in decided_by(store, plan)
         if not store.survey(decides).missing
     )
-    rescale = Spreads(plan.spec, plan.mechanism).change
-    return {"rescale": rescale, "repeats": repeats_of(store, plan), "decided": decided}
 
 
 class BriefIndices(BaseModel):
@@ -198,11 +216,8 @@ def brief_indices(store: Store, plan: Plan) -> list[BriefIndices]:
 def comparison(mine: tuple[Store, Plan], other: tuple[Store, Plan]) -> Comparison:
     """Return the comparison of a campaign with another one, which may be in another store."""
     here, there = ((report_rows(store, plan), report_spec(plan, store)) for store, plan in (mine, other))
-    try:
+    with refusals_of(f"{mine[1].campaign_id} with {other[1].campaign_id}", "comparison"):
         return compare_rows(*here, *there)
-    except ReportError as error:
-        names = f"{mine[1].campaign_id} with {other[1].campaign_id}"
-        raise CampaignError(f"comparison of {names}: {error}") from error
 
 
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
@@ -243,7 +258,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
         correlations=spec.correlations or (),
         production_batch_column="" if production_batch(spec, np.zeros(1, np.int64)) is None else BATCH,
-        stop=_stopping_rule(plan, store),
+        stop=stopping_rule(plan, store),
         design=Design(sampler.production, sampler.report),
         ordered=False,
         corners=sampler.corners,
@@ -281,11 +296,12 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
         "clearcap": clearcap_version(),
         "python": platform.python_version(),
         "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",
-        _COMMAND: shlex.join(["clearcap", "report", plan.campaign_id, *place]),
+        COMMAND: shlex.join(["clearcap", "report", plan.campaign_id, *place]),
     }
 
 
-def _stopping_rule(plan: Plan, store: Store | None) -> str:
+def stopping_rule(plan: Plan, store: Store | None) -> str:
+    """Return what a stopping rule asked for, and whether it was reached; empty without one."""
     rule = plan.spec.stop
     if rule is None:
         return ""

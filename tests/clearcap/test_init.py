@@ -52,6 +52,9 @@ results: clearcap.Results = clearcap.run_campaign(campaign, progress=told, clust
 other = clearcap.open_campaign("slope-0123456789").repeat(0.5, workers=2, progress=False)
 print(results.rows.index, results.capability, results.sensitivity.loc["slide"], results.what_if("friction.std=0.1"))
 print(results.advise()["factor"], results.allocate({"variables": {}}).tolerances, results.replay(3).same)
+pooled: clearcap.PooledResults = results.pool(other, other)
+print(pooled.rows.index, pooled.capability["cpk"], pooled.sensitivity, pooled.report("html")["html"])
+pooled.plot.causes("slide").set_title("both")
 print(results.compare(other)["mean_difference"], results.design(2000, ["slide"])["samples"])
 axes = results.plot.histogram("slide", Figure().subplots())
 for draw in (results.plot.probability, results.plot.causes, results.plot.convergence):

@@ -94,6 +94,21 @@ def test_compared_with_another_campaign(results, tmp_path):
     assert table.attrs["plans"].values.tolist() == [["seed", 7, 8, True]]
 
 
+def test_pooled_with_another_seed(results, tmp_path):
+    """Rows of both under their ids, numbers of all, a report; not with itself."""
+    other = load_campaign(tomllib.loads(SPEC), seed=8)
+    there = Results(*computed(tmp_path / "there", other, 10, fake_engine.simulate))
+    both = results.pool(there)
+    assert both.rows.loc[there.id].equals(there.rows)
+    assert both.rows.attrs["units"] == results.units
+    assert both.capability.loc["FC-1", "n"] == len(results.ok) + len(there.ok)
+    assert Path(both.report("json")["json"]).parent == tmp_path / "runs" / results.id / "pooled" / there.id
+    assert repr(both) == f"<PooledResults {results.id} (25 samples), {there.id} (25 samples)>"
+    assert there.id in both._repr_html_()
+    with pytest.raises(SpecError, match="seed = 7"):
+        results.pool(results)
+
+
 def test_an_aimed_campaign_loads(results):
     """It is of the same mechanism, also where no file has it."""
     aimed = load_campaign(results.design(500, ["FC-1"]))

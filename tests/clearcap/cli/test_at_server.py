@@ -63,6 +63,7 @@ def test_submit_cancel_resume_report(ask, finished, tmp_path):
         (("submit", "c60", "--workers", "2"), "decides where and in which batches"),
         (("submit", "c60", "--batch-size", "2"), "decides where and in which batches"),
         (("report", "--pdf"), "leave out --against"),
+        (("report", "--pool", "c60"), "leave out --against"),
     ],
 )
 def test_what_a_server_is_not_asked(ask, words, fault):

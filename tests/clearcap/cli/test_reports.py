@@ -44,6 +44,18 @@ def others(either_store, plan, campaign_file):
     return plans
 
 
+def test_a_pooled_report(either_store, plan, others, capsys, monkeypatch):
+    """One of three campaigns, in a folder of its own; pooled or compared, not both."""
+    name, ids = plan.campaign_id, [other.campaign_id for other in others]
+    words = ("report", name, "--no-excel", "--json", "--store", either_store.url, "--pool", ids[0], "--pool", ids[1])
+    status, printed, _ = clearcap_here(capsys, monkeypatch, *words)
+    written = json.loads(printed)
+    assert (status, written["pool"]) == (0, ids)
+    assert written["report"]["json"] == either_store.files.address(f"{name}/pooled/{'+'.join(ids)}/capability.json")
+    status, _, said = clearcap_here(capsys, monkeypatch, *words, "--against", ids[0])
+    assert (status, "--against, --pool" in said) == (2, True)
+
+
 @pytest.mark.slow
 def test_comparisons_are_documents_of_their_own(either_store, plan, others, capsys, monkeypatch):
     """Neither the campaign's own report nor another comparison is replaced; status says which there are."""
