@@ -10,8 +10,8 @@ from campaign.store.store import Store
 
 FOLDER = "mechanisms"
 LARGEST_TEXT = 2**20  # bytes of a mechanism's file
-_LARGEST_DOCUMENT = 8 * LARGEST_TEXT  # as JSON, with all characters escaped
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+LARGEST_DOCUMENT = 8 * LARGEST_TEXT  # as JSON, with all characters escaped
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _FILE = re.compile(r"([A-Za-z0-9][A-Za-z0-9_-]{0,63})\.(\d{6})\.json")
 
 
@@ -41,19 +41,19 @@ def saved_mechanisms(store: Store) -> dict[str, int]:
 
 def read_mechanism(store: Store, name: str, version: int | None = None) -> SavedMechanism | None:
     """Return a version of a mechanism, by default the newest; None if it does not exist."""
-    if not _NAME.fullmatch(name):
+    if not NAME.fullmatch(name):
         return None
     wanted = saved_mechanisms(store).get(name) if version is None else version
     if wanted is None or not 0 < wanted < 10**6:
         return None
-    document = store.read_json(FOLDER, _file(name, wanted), _LARGEST_DOCUMENT)
+    document = store.read_json(FOLDER, _file(name, wanted), LARGEST_DOCUMENT)
     return None if document is None else _parsed(store, name, wanted, document)
 
 
 def save_mechanism(store: Store, name: str, text: str, by: str, version: int | None = None) -> SavedMechanism:
     """Save a mechanism's file, which is not checked here, as a new version; earlier ones stay."""
     # `version` is the newest one that its author has seen, 0 for none; StaleMechanism if there is a later one by now.
-    if not _NAME.fullmatch(name):
+    if not NAME.fullmatch(name):
         raise SpecError(f"name {name!r:.100}: not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first")
     if len(text.encode(errors="replace")) > LARGEST_TEXT:
         raise SpecError(f"mechanism {name}: has more than {LARGEST_TEXT} bytes")

@@ -1,8 +1,6 @@
 """``clearcap mechanism``: import from STEP files, list, show, check, write plain numbers; ``clearcap schema``."""
 
-import os
 from dataclasses import asdict
-from difflib import unified_diff
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,9 +12,7 @@ from clearcap.cli.options import named_mechanism
 from clearcap.cli.output import PLOTS, Json, check_output, labelled, print_json, print_text, replacing, say
 
 if TYPE_CHECKING:
-    from engine.cad import CadAssembly
     from engine.cad_import.found_geometry import FoundGeometry
-    from engine.cad_import.updated_proposal import UpdatedProposal
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
 MechanismName = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
@@ -51,12 +47,7 @@ def import_step(
     json: Json = False,
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
-    from campaign.spec.campaign_file import proposed_campaign
-    from engine.cad import RECOGNITION
-    from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.proposed_joints import all_diameters
-    from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
-    from engine.cad_import.proposed_text import open_questions
+    from clearcap.questions.step_import import campaign_file, picture_files, propose
 
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
@@ -68,37 +59,53 @@ def import_step(
     campaign = campaign_file(output)
     check_output("--output", output, (".toml",))
     _refuse_existing(output, "may hold answers")
-    drawn = [] if pictures is False else picture_files(output)
-    for each in drawn:
+    for each in [] if pictures is False else picture_files(output):
         _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
-    asked = RECOGNITION if recognition is None else recognition
-    found = find_geometry(assembly_in_step(step_file, asked, accept_damage=accept_damage))
-    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "-" for c in output.stem).strip("-_")
-    name = name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
-    file = os.path.relpath(step_file, output.parent)
-    text = proposed_mechanism(found, file, name)
-    diameters = all_diameters(found)
-    if diameters:
-        _refuse_existing(campaign, "may hold answers")
-        _write(campaign, proposed_campaign(diameters, output.name, f"{name}-limits"))
-    _write(output, text)
-    if drawn:
-        draw_found(found, text, step_file, output)
-    # only now, because it may take long: the text above is the mechanism in which motions are sought that no load acts
-    # on, and the second one asks about them
-    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
-    _write(output, text)
-    if drawn:
-        draw_page(found, text, step_file, output)
-    written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
-    questions = open_questions(text)
+
+    def write(path: Path, content: str | bytes) -> None:
+        if path == campaign:  # the first file, if there is one
+            _refuse_existing(path, "may hold answers")
+        _write(path, content)
+
+    with_pictures = pictures is not False
+    proposal = propose(step_file, output, write, recognition, pictures=with_pictures, accept_damage=accept_damage)
+    written = [str(each) for each in proposal.written]
     if json:
-        print_json({**_document(found), "questions": [each.text for each in questions], "written": written})
+        asked = [each.text for each in proposal.questions]
+        print_json({**_document(proposal.found), "questions": asked, "written": written})
         return
-    _print_found(found)
-    for question in questions:
+    _print_found(proposal.found)
+    for question in proposal.questions:
         print_text(f"question, line {question.line}: {question.text}")
-    print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
+    print_text(f"written: {', '.join(written)}; {len(proposal.questions)} questions are open")
+
+
+def _update(
+    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
+) -> None:
+    """Update a mechanism file to a new STEP file, see `clearcap.questions.step_import.revise`; print the changes."""
+    from clearcap.questions.step_import import revise
+
+    check_output("--update", path, (".toml",))
+    found = revise(path, step_file, _write, recognition, accept_damage=accept_damage, pictures=pictures)
+    written = [str(each) for each in found.written]
+    if json:
+        said = {"kept": found.kept, "gone": found.gone, "added": found.added}
+        print_json({"changes": found.diff, "renamed": found.renamed, **said, "written": written})
+        return
+    for line in found.diff:
+        print_text(line)
+    for text in found.renamed:
+        print_text(f"renamed in the STEP file: {text}")
+    for text in found.kept:
+        print_text(f"kept as you wrote it: {text}")
+    for table in found.gone:
+        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
+    if not found.diff:
+        print_text(f"{path}: nothing has changed")
+    open_now = f"{found.questions} {'question is' if found.questions == 1 else 'questions are'} open"
+    if written:
+        print_text(f"written: {', '.join(written)}{f'; {open_now}' if found.questions and found.diff else ''}")
 
 
 @mechanism_app.command("list")
@@ -254,9 +261,9 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
         print_text(f"{entry.key:{width}}  {entry.value:.10g}{unit}  {'; '.join(filter(None, notes))}")
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: str | bytes) -> None:
     with replacing(path) as temporary:
-        temporary.write_text(text, "utf-8")
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 schema_app = typer.Typer(help="Print the JSON Schema of a file format.", no_args_is_help=True)
@@ -379,139 +386,3 @@ def _print_found(found: "FoundGeometry") -> None:
         *(f"left out: {text}" for text in found.assembly.cautions),
     ):
         print_text(text)
-
-
-def assembly_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "CadAssembly":
-    """Read a STEP file; SpecError if it yields no mechanism, or if it is damaged."""
-    from engine.cad import read_step
-
-    assembly = read_step(step_file, recognition)
-    if assembly.damage and not accept_damage:
-        raise SpecError(f"{step_file}: {assembly.damage}, or take what is left with --accept-damage")
-    if (parts := len(assembly.parts)) < 2:
-        raise SpecError(
-            f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
-            " the assembly, not a single part"
-        )
-    return assembly
-
-
-def picture_files(mechanism: Path) -> list[Path]:
-    """Return the files of the drawing and of the page beside a mechanism file."""
-    return [mechanism.with_suffix(".svg"), mechanism.with_suffix(".html")]
-
-
-def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
-    """Write the pictures of the found geometry, with the questions of a mechanism file."""
-    from clearcap.import_page import sketch_found
-    from clearcap.pictures.sketch import plot_sketch
-    from engine.cad_import.found_features import found_features
-
-    drawing, _ = picture_files(mechanism)
-    places = found_features(found)
-    said = "; ".join(place.text for place in places)
-    with replacing(drawing) as temporary:
-        plot_sketch(sketch_found(found, places), f"{Path(step_file).name}: what was found", said, temporary)
-    draw_page(found, text, step_file, mechanism)
-
-
-def draw_page(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
-    """Write the page of the found geometry, with its drawing and the questions of a mechanism file."""
-    from clearcap.import_page import ImportFiles, import_page
-    from engine.cad_import.found_features import found_features
-    from engine.cad_import.proposed_text import open_questions
-
-    drawing, page = picture_files(mechanism)
-    files = ImportFiles(Path(step_file).name, mechanism.name, drawing.read_bytes())
-    _write(page, import_page(found, found_features(found), open_questions(text), files))
-
-
-def _update(
-    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
-) -> None:
-    """Update a mechanism file, and the campaign file of its limits, to a new STEP file, and print the changes.
-
-    `recognition` is the largest distance of a spline from the plane or cylinder it is recognized as [mm]; None keeps
-    that of the mechanism file. `accept_damage` uses the readable part of a damaged file, `pictures` draws both pictures
-    anew.
-    """
-    from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.proposed_groups import groups_of_bodies, listed_groups
-    from engine.cad_import.proposed_mechanism import proposed_mechanism
-    from engine.cad_import.proposed_text import open_questions
-    from engine.cad_import.updated_proposal import (
-        earlier_revision,
-        named_as_before,
-        named_as_written,
-        renamed_parts,
-        revised_groups,
-        updated_proposal,
-    )
-
-    check_output("--update", path, (".toml",))
-    earlier = earlier_revision(path)
-    written_for, listed = groups_of_bodies(earlier.text), listed_groups(earlier.text)
-    before = named_as_written(find_geometry(earlier.assembly, written_for), earlier.text)
-    asked = earlier.assembly.recognition if recognition is None else recognition
-    assembly = assembly_in_step(step_file, asked, accept_damage=accept_damage)
-    groups = revised_groups(listed or [], earlier.assembly, assembly)
-    found = named_as_before(find_geometry(assembly, groups), before)
-    proposed = (
-        proposed_mechanism(before, earlier.file, earlier.name, listed=listed or []),
-        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name, listed=groups),
-    )
-    files = {path: (earlier.text, updated_proposal(earlier.text, *proposed))} | _campaign_texts(path, before, found)
-    changes = {}
-    for file, (text, updated) in files.items():
-        lines = text.splitlines(), updated.text.splitlines()
-        changes[file] = list(unified_diff(*lines, str(file), str(file), lineterm="", n=1))
-        if changes[file]:
-            _write(file, updated.text)
-    diff = [line for lines in changes.values() for line in lines]
-    drawn = picture_files(path) if pictures else []
-    if drawn:
-        draw_found(found, files[path][1].text, step_file, path)
-    written = [str(each) for each in (*(file for file in files if changes[file]), *drawn)]
-    renamed = [f"{old} is now {new}; body {body} stays" for body, old, new in renamed_parts(found, before)]
-    said = {key: [x for _, u in files.values() for x in getattr(u, key)] for key in ("kept", "gone", "added")}
-    if json:
-        print_json({"changes": diff, "renamed": renamed, **said, "written": written})
-        return
-    for line in diff:
-        print_text(line)
-    for text in renamed:
-        print_text(f"renamed in the STEP file: {text}")
-    for text in said["kept"]:
-        print_text(f"kept as you wrote it: {text}")
-    for table in said["gone"]:
-        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
-    if not diff:
-        print_text(f"{path}: nothing has changed")
-    count = sum(len(open_questions(updated.text)) for _, updated in files.values())
-    open_now = f"{count} {'question is' if count == 1 else 'questions are'} open"
-    if written:
-        print_text(f"written: {', '.join(written)}{f'; {open_now}' if count and diff else ''}")
-
-
-def _campaign_texts(
-    mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
-) -> dict[Path, tuple[str, "UpdatedProposal"]]:
-    """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
-    from campaign.spec.campaign_file import proposed_campaign
-    from engine.cad_import.proposed_joints import all_diameters
-    from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
-    from engine.platform.regular_file import read_regular_file
-    from engine.platform.toml_file import LARGEST
-
-    path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
-    diameters = all_diameters(before), all_diameters(found)
-    old, new = (proposed_campaign(each, mechanism.name, name) for each in diameters)
-    if path.exists() and diameters[0]:
-        text = read_regular_file(path, LARGEST).decode("utf-8-sig")
-        return {path: (text, updated_proposal(text, old, new))}
-    return {path: ("", UpdatedProposal(new))} if diameters[1] and not path.exists() and not diameters[0] else {}
-
-
-def campaign_file(mechanism: Path) -> Path:
-    """Return the campaign file of the limits of size beside a mechanism file."""
-    return mechanism.with_name(f"{mechanism.stem}-campaign.toml")

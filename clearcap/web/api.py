@@ -15,7 +15,7 @@ from clearcap.web.http import monitoring
 from clearcap.web.http.authentication import FORMS, SAFE_METHODS, WHO_MAY, principal_of, who_may
 from clearcap.web.http.request_limits import check_values
 from clearcap.web.http.responses import ETAG_STATUSES, described
-from clearcap.web.operations import campaigns, mechanisms, people, samples, signoffs, submissions
+from clearcap.web.operations import campaigns, drawings, mechanisms, people, samples, signoffs, submissions
 from clearcap.web.settings import PREFIX
 
 
@@ -112,6 +112,7 @@ _COMPARISON = {
 }
 _FILE = _document(*campaigns.TYPES.values(), "application/octet-stream", schema={}, statuses=(*ETAG_STATUSES, 404))
 _TOML = _document("application/toml", statuses=(*ETAG_STATUSES, 404))
+_PAGE = _document("text/html", statuses=(*ETAG_STATUSES, 404))
 _SVG, _GIF = _document("image/svg+xml"), _document("image/gif")
 _MADE: dict[int | str, dict[str, Any]] = {
     200: {"model": SubmittedCampaign, "description": "The store already had it"},
@@ -132,6 +133,12 @@ each.get("/mechanisms")(mechanisms.list_mechanisms)
 each.get("/mechanisms/{name}", responses=_404_409)(mechanisms.show_mechanism)
 each.put("/mechanisms/{name}", responses=_409)(mechanisms.save)
 each.post("/checks/mechanism", responses=_409)(mechanisms.check_mechanism)
+each.post("/drawings", status_code=201, responses=_409)(drawings.upload_step)
+each.get("/drawings/{name}", responses=_404)(drawings.show_draft)
+each.get("/drawings/{name}/found.html", **_PAGE)(drawings.found_page)
+each.put("/drawings/{name}", responses=_404_409)(drawings.keep_draft)
+each.post("/drawings/{name}/check", responses=_404_409)(drawings.check_draft)
+each.post("/drawings/{name}/mechanism", responses=_404_409)(drawings.save_drawn)
 
 each = _ROUTERS["simulations"]
 each.get("/simulations/{name}/motion.gif", **_GIF)(mechanisms.motion)

@@ -12,19 +12,21 @@ from starlette.responses import RedirectResponse, Response
 
 from campaign.errors import CampaignError
 from campaign.spec.result_columns import certificate_units
+from campaign.store.drawing_library import drafts, read_draft
 from campaign.store.mechanism_library import SavedMechanism, read_mechanism, saved_mechanisms
 from clearcap.questions.mechanisms import MechanismSource, describe, titles, try_once, values_of
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response, refusal_of
-from clearcap.web.operations import mechanisms
+from clearcap.web.operations import drawings, mechanisms
+from clearcap.web.operations.drawings import DraftName, DraftText, NameField
 from clearcap.web.pages.rendering import QueryText, is_number, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
 from engine import EngineError
+from engine.cad_import.proposed_text import open_questions
 from engine.mechanism import library_names, mechanism_schema
 
 MOST_KEYS = 300  # keys that a page lists
-NameField = Annotated[str, Form(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 router = APIRouter(include_in_schema=False)
 FIELD = "value:"  # prefix of the names of the form's number fields
 FREE_KEYS = 3  # rows of the form for any key
@@ -38,7 +40,8 @@ async def mechanisms_page(request: Request, service: TheService, who: Viewer) ->
     shipped = [MechanismSource(name, mechanisms.shipped_text(name).decode()) for name in library_names()]
     own = [MechanismSource(each.name, each.text) for each in saved]
     found = json.loads(await service.answers.made(who.name, titles, shipped + own))
-    return page(request, "mechanisms", shipped=library_names(), saved=saved, titles=found)
+    drawn = await run_in_threadpool(drafts, service.store)
+    return page(request, "mechanisms", shipped=library_names(), saved=saved, titles=found, drawn=drawn)
 
 
 @router.post("/mechanisms")
@@ -48,6 +51,71 @@ async def upload_form(
     """Save an uploaded file as a mechanism; a file with faults is shown in the editor."""
     text = await uploaded_text(file, "file", "a mechanism is a TOML file")
     return await _edited(request, service, who, MechanismEdit(name, text, None, is_saved=True))
+
+
+@router.post("/mechanisms/drawings")
+async def upload_drawing(
+    request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
+) -> Response:
+    """Propose a mechanism from an uploaded STEP file, and show the draft and what the file changed in it."""
+    found = await drawings.upload_step(service, who, name, file)
+    if not found["changes"]:
+        return RedirectResponse(f"/mechanisms/{quote(name)}/drawing", 303)
+    return await _drawn(request, service, name, changes=found["changes"])
+
+
+@router.get("/mechanisms/{name}/drawing")
+async def drawing_page(request: Request, service: TheService, _: Engineer, name: DraftName) -> Response:
+    """Show what was found in a STEP file, and the draft of its mechanism with its open questions."""
+    return await _drawn(request, service, name)
+
+
+@router.post("/mechanisms/{name}/drawing")
+async def drawing_form(
+    request: Request,
+    service: TheService,
+    who: Engineer,
+    name: DraftName,
+    text: Annotated[str, Form(max_length=2 * mechanisms.LONGEST_TEXT)],
+    version: Annotated[int, Form(ge=1, lt=10**6)],
+    action: Annotated[str, Form(pattern="^(check|keep|save)$")] = "check",
+) -> Response:
+    """Check the text of a draft, keep it, or save its mechanism."""
+    wanted = DraftText(text=unix_lines(text)[: mechanisms.LONGEST_TEXT], version=version)
+    try:
+        if action == "save":
+            await drawings.save_drawn(service, who, name, wanted)
+            return RedirectResponse(f"/mechanisms/{quote(name)}", 303)
+        if action == "keep":
+            await drawings.keep_draft(service, who, name, wanted)
+            return RedirectResponse(f"/mechanisms/{quote(name)}/drawing", 303)
+        return await _drawn(
+            request, service, name, wanted, checked=await drawings.check_draft(service, who, name, wanted)
+        )
+    except (CampaignError, EngineError, Refusal) as error:
+        refusal = refusal_of(error)
+        assert refusal is not None
+        return await _drawn(request, service, name, wanted, refusal=refusal)
+
+
+async def _drawn(
+    request: Request,
+    service: Service,
+    name: str,
+    sent: DraftText | None = None,
+    *,
+    checked: dict[str, Any] | None = None,
+    changes: dict[str, Any] | None = None,
+    refusal: Refusal | None = None,
+) -> Response:
+    """Return the page of a draft, with the text that was sent in place of the saved one."""
+    draft = await drawings.the_draft(service, name)
+    text, version = (sent.text, sent.version) if sent else (draft.text, draft.version)
+    lines = marked_lines(text, refusal.faults if refusal else [])
+    values: dict[str, Any] = {"draft": draft, "text": text, "version": version, "checked": checked, "lines": lines}
+    values |= {"questions": open_questions(text), "changes": changes, "campaign": drawings.campaign_of(draft)}
+    numbers = " ".join(str(line.number) for line in lines if line.faults)
+    return page(request, "drawing", refusal=refusal, fault_lines=numbers, name=name, **values)
 
 
 @router.get("/mechanisms/{name}")
@@ -61,6 +129,7 @@ async def mechanism_page(
         listed = [each for each in listed if each["short"] or each["key"].startswith("parameters.")]
     found = await run_in_threadpool(read_mechanism, service.store, name)
     values: dict[str, Any] = {"found": described, "listed": listed[:MOST_KEYS], "more": len(listed) - MOST_KEYS}
+    values["draft"] = await run_in_threadpool(read_draft, service.store, name)
     return page(request, "mechanism", name=name, keys=keys, saved=found, **values)
 
 

@@ -34,6 +34,7 @@ from clearcap.web.access import Principal
 from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
 from clearcap.web.http.responses import Refusal, faults_of, refusal_of
 from clearcap.web.operations import submissions
+from clearcap.web.operations.drawings import campaign_of, the_draft
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from clearcap.web.operations.samples import WhatIfSettings
 from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines, uploaded_text
@@ -373,11 +374,13 @@ async def new_campaign_page(
     who: Engineer,
     start: Annotated[str, Query(alias="from", pattern=CAMPAIGN_ID + "|^$")] = "",
     mechanism: Annotated[str, Query(max_length=64)] = FIRST_MECHANISM,
+    drawing: Annotated[str, Query(max_length=64)] = "",
     set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
     samples: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
 ) -> Response:
     """Show the form of a new campaign, which may begin as a copy of another one with some distributions changed."""
-    draft = Draft(first_text(mechanism), owner=who.name)
+    text = campaign_of(await the_draft(service, drawing)) if drawing else ""
+    draft = Draft(text or first_text(drawing or mechanism), owner=who.name)
     if start:
         if not await run_in_threadpool(service.store.files.exists, f"{start}/{PLAN}"):
             raise Refusal(404, f"no campaign {start} in the store")

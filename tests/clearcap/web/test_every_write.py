@@ -10,7 +10,9 @@ import pytest
 from campaign.coordinator.state import write_state
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
+from campaign.store.drawing_library import read_draft
 from campaign.store.labels import read_labels
+from clearcap.questions.step_import import import_into_store
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD, CSRF_HEADER
 from clearcap.web.operations.mechanisms import shipped_text
@@ -22,6 +24,7 @@ from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 from tests.clearcap.web.conftest import PASSWORD, URL, serving, write_real_report
 from tests.clearcap.web.routes import all_ways
+from tests.engine.mechanism.geometry.latch_file import LATCH
 
 WRITES = {str(way): way for way in all_ways() if way.is_write}
 TEXT = shipped_text("clearance_pendulum").decode()
@@ -219,11 +222,27 @@ def with_password(w, sent):
     return Call({}, sent, name)
 
 
+def drafted(w, how):
+    """Return a call that sends the text of a draft that is there."""
+    store = w.service.store
+    if read_draft(store, "latch") is None:
+        import_into_store(store.files.full_url, "latch", LATCH, "latch.step", "engineer")
+    draft = read_draft(store, "latch")
+    return Call({"name": "latch"}, {how: {"text": draft.text, "version": draft.version}}, "engineer")
+
+
 CHANGED = {"password": OTHER, "present": PASSWORD}
-COMPUTING = re.compile("campaign|mechanism|simulation")
+COMPUTING = re.compile("campaign|drawing|mechanism|simulation")
+STEP = {"file": ("latch.step", LATCH.read_bytes())}
 KEPT = {"text": TEXT, "action": "save", "save_as": "kept"}
 HOW = {
     "PUT /api/v1/mechanisms/{name}": lambda w: Call({"name": "mine"}, {"json": {"text": TEXT}}, "engineer"),
+    "POST /api/v1/drawings": lambda w: Call({}, {"data": {"name": "drawn"}, "files": STEP}, "engineer"),
+    "PUT /api/v1/drawings/{name}": lambda w: drafted(w, "json"),
+    "POST /api/v1/drawings/{name}/check": lambda w: drafted(w, "json"),
+    "POST /api/v1/drawings/{name}/mechanism": lambda w: drafted(w, "json"),
+    "POST /mechanisms/drawings": lambda w: Call({}, {"data": {"name": "formed"}, "files": STEP}, "engineer"),
+    "POST /mechanisms/{name}/drawing": lambda w: drafted(w, "data"),
     "POST /api/v1/checks/mechanism": lambda w: Call({}, {"json": {"text": TEXT}}, "engineer"),
     "POST /api/v1/simulations": lambda w: Call({}, {"json": {"mechanism": "incline"}}, "engineer"),
     "POST /api/v1/checks/campaign": lambda w: Call({}, {"json": {"text": SPEC}}, "engineer"),

@@ -19,6 +19,7 @@ from tests.campaign.driving import computed
 from tests.clearcap.web.journeys.live_server import live_server
 from tests.clearcap.web.routes import all_ways
 from tests.clearcap.web.running import PATIENCE
+from tests.engine.mechanism.geometry.latch_file import LATCH
 
 pytestmark = [
     pytest.mark.slow,
@@ -62,6 +63,7 @@ def words(tmp_path_factory):
     secrets = [service.tokens.add("admin", name, Role.ADMIN, 3600.0)[1] for name in ("to be revoked", "examples")]
     service.webhooks.add("admin", None, "https://quality.example/clearcap", service.events())
     service.close()
+    shutil.copy(LATCH, folder / "latch.step")
     with live_server(folder, "--no-drive") as server:
         yield {**known, "AUTH": f"Authorization: Bearer {secrets[1]}", "URL": server.url}, folder
 
