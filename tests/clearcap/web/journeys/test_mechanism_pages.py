@@ -4,6 +4,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import needs_axe, needs_chromium
+from tests.engine.mechanism.geometry.latch_file import LATCH
 
 pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 TEXT = "Text of the file, TOML"
@@ -39,6 +40,31 @@ def test_a_mechanism_is_edited(user, finished):
     assert user.path == f"/mechanisms/{own}"
     user.look()
     _try(user, own)
+
+
+def test_a_step_file_becomes_a_mechanism(user, finished):
+    """Its joints are shown in 3D, what it does not say is answered in the text, and the mechanism is saved and tried."""
+    own = f"drawn-{user.width}"
+    user.go("Mechanisms", "a")
+    form = user.browser.find_element("css selector", "section[aria-labelledby=drawing]")
+    form.find_element("name", "name").send_keys(own)
+    form.find_element("name", "file").send_keys(str(LATCH))
+    user.go("Find joints", "button")
+    assert user.path == f"/mechanisms/{own}/drawing"
+    user.look()
+    assert "6 open questions" in user.text
+    user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe"))
+    assert "crank-coupler" in user.browser.find_element("tag name", "body").text
+    user.browser.switch_to.default_content()
+    text = user.tab_to(TEXT, "textarea")
+    answer = "arguments[0].value = arguments[0].value.replace('# fixed = true', 'fixed = true')"
+    user.browser.execute_script(answer, text)
+    user.go("Check", "button")
+    user.look(is_answer=True)
+    assert "No faults" in user.text
+    user.go("Save the mechanism", "button")
+    assert user.path == f"/mechanisms/{own}"
+    user.look()
 
 
 def _try(user, own):
