@@ -43,7 +43,7 @@ def test_a_mechanism_is_edited(user, finished):
 
 
 def test_a_step_file_becomes_a_mechanism(user, finished):
-    """Its joints are shown in 3D, what it does not say is answered in the text, and the mechanism is saved and tried."""
+    """Its joints are shown in 3D, what it does not say is answered in the text, and the mechanism is saved."""
     own = f"drawn-{user.width}"
     user.go("Mechanisms", "a")
     form = user.browser.find_element("css selector", "section[aria-labelledby=drawing]")
