@@ -100,8 +100,8 @@ class PoseAtRest:
         """Return contact -> smallest and largest normal force that friction allows; empty if no forces were found."""
         if self.forces is None or not contacts:
             return {}
-        numbers = [self.assembly.contact_names.index(contact) for contact in contacts]
-        return dict(zip(contacts, normal_force_ranges(self.assembly, self.forces, numbers), strict=True))
+        groups = [self.assembly.numbers(contact) for contact in contacts]
+        return dict(zip(contacts, normal_force_ranges(self.assembly, self.forces, groups), strict=True))
 
 
 def touching_gap(mechanism: Mechanism) -> float:
@@ -202,19 +202,20 @@ def _weights(pose: Assembly) -> Array:
     return load
 
 
-def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
-    """Return the smallest and largest normal force of some contacts among all forces with the balance of ``forces``.
+def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[list[int]]) -> list[tuple[float, float]]:
+    """Return the smallest and largest normal force of groups of contacts among all with the balance of ``forces``.
 
     The problem is as `forces_at_rest` left it. The largest is inf where friction wedges, see `friction.indeterminacy`.
     """
     touching = _touching(assembly)
     place = {int(contact): j for j, contact in enumerate(touching)}
-    asked = [place[contact] for contact in wanted if contact in place]
+    groups = [[place[contact] for contact in group if contact in place] for group in wanted]
+    asked = [group for group in groups if group]
     if not asked or not forces.any():
         return [(0.0, 0.0) for _ in wanted]
     H = _balance(assembly, touching.size)
     ranges = iter(force_ranges(H, assembly.model.laws.mu[touching], forces[touching].ravel(), asked))
-    return [next(ranges) if contact in place else (0.0, 0.0) for contact in wanted]
+    return [next(ranges) if group else (0.0, 0.0) for group in groups]
 
 
 def _balance(assembly: Assembly, count: int) -> Array:

@@ -175,6 +175,9 @@ def contacts_at_start(mechanism: Mechanism) -> dict[str, StartContact]:
         first = contacts.a[i] < len(order)
         pushed, normal = (contacts.a[i], work.sites.frame[i, 0]) if first else (contacts.b[i], -work.sites.frame[i, 0])
         at_start[name] = StartContact(float(state.gap[i]), work.sites.point[i].copy(), normal, order[pushed])
+    for name in [each for each in mechanism.contacts if each not in at_start]:  # the nearest point of two profiles
+        own = [at_start[assembly.contact_names[i]] for i in assembly.numbers(name)]
+        at_start[name] = min(own, key=lambda at: (not at.normal.any(), at.gap))
     return at_start
 
 

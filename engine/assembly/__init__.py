@@ -21,7 +21,8 @@ from engine.assembly.joints import (
     without_play,
 )
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
-from engine.assembly.responses import coordinate_arrays, reads_motions, response_arrays
+from engine.assembly.outlines import outline_pairs
+from engine.assembly.responses import coordinate_arrays, numbers_of, reads_motions, response_arrays
 from engine.assembly.start import free_start, refuse_long_step
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
@@ -60,6 +61,10 @@ class Assembly:
     def arrays(self) -> RunArrays:
         """The arrays, as passed to the time loop."""
         return RunArrays(self.model, self.state, self.work, self.problem)
+
+    def numbers(self, contact: str) -> list[int]:
+        """Return the numbers of a contact by its name: one, or if it is one of two profiles, those of its points."""
+        return numbers_of(self.contact_names, contact)
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     mass = np.array([b.mass for b in moving], float)
     couplings = joint_couplings(mechanism, frames, state)
     of_joints = [*joint_pairs(mechanism, frames, state.R), *coupling_pairs(couplings)]
-    pairs = [*of_joints, *contact_pairs(mechanism, frames)]
+    pairs = [*of_joints, *contact_pairs(mechanism, frames), *outline_pairs(mechanism, frames, state)]
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]

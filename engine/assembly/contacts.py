@@ -35,7 +35,7 @@ from engine.kernels.model import (
     Terms,
 )
 from engine.mechanism.closed_profiles import Piece
-from engine.mechanism.contacts import PAIRS, Contact, Side
+from engine.mechanism.contacts import OUTLINES, PAIRS, Contact, Side
 from engine.mechanism.models import Mechanism
 from engine.mechanism.surfaces.patches import mean_direction
 
@@ -139,14 +139,14 @@ class Pair:
 @cached
 def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[tuple[Array, Array, float]]:
     """Return the rows of the two sides of each contact in [contacts], and the length added to their distance."""
-    sides = [(contact, *contact.sides) for contact in mechanism.contacts.values()]
+    sides = [(contact, *contact.sides) for _, contact in single_contacts(mechanism)]
     return [rows(contact, frames[a.body], frames[b.body]) for contact, a, b in sides]
 
 
 @cached
 def contact_profiles(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[Array]:
     """Return the pieces of side b's profile for each contact in [contacts], shapes (np, PIECE)."""
-    sides = [contact.sides[1] for contact in mechanism.contacts.values()]
+    sides = [contact.sides[1] for _, contact in single_contacts(mechanism)]
     return [profile_pieces(side, frames[side.body].scale) for side in sides]
 
 
@@ -159,12 +159,17 @@ def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[st
     return {name: trees[key] for name, key in found.items()}
 
 
+def single_contacts(mechanism: Mechanism) -> list[tuple[str, Contact]]:
+    """Return the contacts in [contacts] that touch at one point, with their names; not those of `outlines`."""
+    return [(name, contact) for name, contact in mechanism.contacts.items() if contact.kind != OUTLINES]
+
+
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
-    """Yield the contacts in [contacts]."""
+    """Yield the contacts in [contacts] that touch at one point."""
     geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism, frames)
     trees = surface_trees(mechanism, frames)
     for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
-        mechanism.contacts.items(), geometry, profiles, strict=True
+        single_contacts(mechanism), geometry, profiles, strict=True
     ):
         a, b = contact.sides
         yield Pair(
@@ -191,7 +196,9 @@ def contact_arrays(
     ``terms`` are those of all couplings.
     """
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
-    counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
+    blocks = {id(pair.pieces): pair.pieces for pair in pairs if len(pair.pieces)}  # some share one profile
+    ends = dict(zip(blocks, np.cumsum([len(each) for each in blocks.values()]).tolist(), strict=True))
+    profile = [(ends[id(p)] - len(p), ends[id(p)]) if len(p) else (0, 0) for p in (pair.pieces for pair in pairs)]
     root, surfaces = joined_surfaces([pair.surface for pair in pairs])
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
@@ -202,8 +209,8 @@ def contact_arrays(
         clearance=np.array([pair.clearance for pair in pairs], float),
         reach=np.array([reach(pair.geometry_a) for pair in pairs], float),
         pair=block,
-        profile=np.stack([np.cumsum(counts) - counts, np.cumsum(counts)], axis=1),
-        piece=np.concatenate([NO_PIECES, *(pair.pieces for pair in pairs)]),
+        profile=np.array(profile, np.int64).reshape(-1, 2),
+        piece=np.concatenate([NO_PIECES, *blocks.values()]),
         surface=root,
         surfaces=surfaces,
         coupling=np.array([pair.coupling for pair in pairs], np.int64),

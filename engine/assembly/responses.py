@@ -1,5 +1,6 @@
 """Responses as arrays; their geometry rows are described in `kernels.responses`."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ def response_arrays(
     contacts.
     """
     items = mechanism.responses.items()
-    _refuse_missing_contacts(mechanism, [pair.name for pair in pairs])
+    _refuse_missing_contacts(mechanism, [*(pair.name for pair in pairs), *mechanism.contacts])
     what = [_measured(mechanism, response, frames, state, pairs, rows) for _, response in items]
     when = [_reported(mechanism, response) for _, response in items]
     return Responses(
@@ -98,7 +99,8 @@ def _measured(
     elif response.type == "joint_force":
         body = _joint(mechanism, response, frames, pairs, point)
     elif kind not in (model.TIME, model.DERIVED):
-        body = ([pair.name for pair in pairs].index(response.contact), 0, 0)
+        own = numbers_of([pair.name for pair in pairs], response.contact)
+        body = (own[0], len(own), 0)
         rubs = pairs[body[0]].kind == model.JOINT_FRICTION  # what it has of a normal force is no force of the joint
         if response.type == "bounces":
             point[0] = mechanism.simulation.penetration if response.opening is None else response.opening
@@ -107,6 +109,11 @@ def _measured(
         elif response.type == "contact_force" and (response.component == "friction" or rubs):
             kind = model.FRICTION_FORCE
     return kind, body, point
+
+
+def numbers_of(names: Sequence[str], contact: str) -> list[int]:
+    """Return the numbers of a contact in a run, consecutive: one, or if it is one of two profiles, several."""
+    return [i for i, name in enumerate(names) if name == contact or name.startswith(f"{contact}.")]
 
 
 def coordinate_arrays(

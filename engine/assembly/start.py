@@ -112,9 +112,10 @@ def _first(names: list[str]) -> str:
 
 def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str]]:
     """Return the key of the contact, or of the joint or coupling that it belongs to, and its bodies."""
-    if contact in mechanism.contacts:
-        return f"contacts.{contact}", [side.body for side in mechanism.contacts[contact].sides]
     joint = contact.rpartition(".")[0]
+    own = joint if joint in mechanism.contacts else contact  # of two profiles it has several points
+    if own in mechanism.contacts:
+        return f"contacts.{own}", [side.body for side in mechanism.contacts[own].sides]
     if joint in mechanism.couplings:
         moved = [mechanism.joints[term.joint].sides[1].body for term in mechanism.couplings[joint].terms]
         return f"couplings.{joint}", list(dict.fromkeys(moved))
@@ -141,15 +142,17 @@ def _overlaps(mechanism: Mechanism, names: Sequence[str], arrays: RunArrays) -> 
 def _clearance_key(mechanism: Mechanism, name: str) -> str:
     """Return the key of the clearance at a contact of a joint, or the key of another contact."""
     joint, _, face = name.partition(".")
+    if joint in mechanism.contacts:
+        return f"contacts.{joint}"
     if face and mechanism.joints[joint].ideal:
         return f"joints.{joint}.limits.{face}"
-    return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
+    return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
 
 
 def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     """Return the line of a message that names the overlapping pair and the allowed values."""
     unit = mechanism.unit("length")
-    if key == f"contacts.{name}":
+    if key.startswith("contacts."):
         return (
             f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`; "
             "parts that press each other need a `stiffness`"

@@ -7,6 +7,7 @@ self-equilibrated forces. The ends are found with Newton's method on the barrier
 s = (mu r_N, r_T), approaching their boundary (the path-following method of Nesterov and Nemirovskii).
 """
 
+import math
 from collections.abc import Sequence
 from numbers import Integral
 
@@ -50,11 +51,11 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
     if outside.max() > SLACK**0.5:
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
     with np.errstate(all="ignore"):  # numbers may come close to the largest double
-        return force_ranges(H, mu, r, [contact])[0]
+        return force_ranges(H, mu, r, [[contact]])[0]
 
 
-def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list[tuple[float, float]]:
-    """Return the smallest and largest normal force of each of ``contacts``; see `normal_force_range`.
+def force_ranges(H: Array, mu: Array, r: Array, groups: Sequence[Sequence[int]]) -> list[tuple[float, float]]:
+    """Return the smallest and largest normal force of each of ``groups`` of contacts; see `normal_force_range`.
 
     At least one force in r must not be 0. Raise FrictionError if the squares of numbers in H overflow.
     """
@@ -63,8 +64,9 @@ def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list
     (d, m), e = cones.across.shape, cones.basis.shape[2]
     s, ds = np.zeros((2, m))
     middle, ranges, work = None, [], CentreWork(s, ds, np.zeros((d, e)), *np.zeros((5, e)))
-    for contact in contacts:
-        force, way = float(r[3 * contact]), cones.basis[contact, 0, :d] * scale[contact]
+    for group in groups:
+        force = math.fsum(float(r[3 * contact]) for contact in group)
+        way = np.sum([cones.basis[contact, 0, :d] * scale[contact] for contact in group], axis=0)
         if not np.abs(way).max(initial=0) > SLACK:
             ranges.append((force, force))
             continue

@@ -8,7 +8,7 @@ While the budget is positive, the contact is open. The bound is safe, so no resu
 import numpy as np
 
 from engine.jit import inner
-from engine.kernels.contact_geometry.gaps import find_contact
+from engine.kernels.contact_geometry.gaps import find_contact, passes_by
 from engine.kernels.model import COUPLED
 
 
@@ -44,6 +44,9 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
     broad_phase.near[i], broad_phase.budget[i] = True, gap[i]
     if contacts.kind[i] == COUPLED:  # whose coordinates are not bounded by distances
         broad_phase.budget[i] = 0.0
+    if passes_by(contacts, sites.frame, i):
+        broad_phase.near[i] = False
+        broad_phase.budget[i] = gap[i] - contacts.geometry_a[i, 11]
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
     lever = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i]

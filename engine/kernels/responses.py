@@ -7,28 +7,28 @@ POSITION          from, to, direction                 from (0:3), its axis or 0 
 VELOCITY          as above; rate of the position
 ANGLE             relative to, body                   axis (3:6); inverse of the initial rotation (6:10)
 ANGULAR_VELOCITY  as above                            axis (3:6)
-GAP               contact
+GAP               contacts: first, number             their smallest gap
 SPRING_FORCE      linear spring
 SPRING_TORQUE     torsion spring
 TIME
 DERIVED           NaN here
-CONTACT_IMPULSE   contact; normal impulse so far
-CONTACT_FORCE     contact
-FRICTION_FORCE    contact
+CONTACT_IMPULSE   contacts; normal impulse so far     their sum, as in the next two
+CONTACT_FORCE     contacts
+FRICTION_FORCE    contacts
 MOTION_TRAVEL     bilateral row
 MOTION_WORK       bilateral row; work so far
 MOTION_FORCE      bilateral row; the torque of a rotation
 IMPULSE           response, a force; its integral so far
 MEAN              response; its mean so far
-FRICTION_WORK     contact; energy that friction has taken so far
-BOUNCES           contact; how often it opened so far          gap from which it is open (0)
+FRICTION_WORK     contacts; what friction took so far their sum
+BOUNCES           contacts; how often they opened     gap from which they are open (0)
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
 """
 
 import numpy as np
 
-from engine.jit import inner, kernel
+from engine.jit import inner, kernel, not_inlined
 from engine.kernels.contact_geometry.gaps import find_contact
 from engine.kernels.coordinates import position, rotation
 from engine.kernels.loads import spring_force, spring_torque
@@ -76,7 +76,7 @@ def measure(model, state, sites, rows, values, vectors, instant):
     for i in range(values.shape[0]):
         kind, body, row = responses.kind[i], responses.body[i], responses.point[i]
         if kind == GAP:
-            value = find_contact(contacts, state.x, state.R, body[0], sites.point, frame)
+            value = _smallest_gap(contacts, state, body, sites)
         elif kind == SPRING_FORCE:
             value = spring_force(loads, model.time_laws, state, body[0], p, q)[0]
         elif kind == SPRING_TORQUE:
@@ -86,11 +86,11 @@ def measure(model, state, sites, rows, values, vectors, instant):
         elif kind == DERIVED:
             value = np.nan
         elif kind == CONTACT_IMPULSE:
-            value = values[i] + state.r[body[0], 0]
+            value = values[i] + _sum(state.r, body, False)
         elif kind == CONTACT_FORCE:
-            value = state.r[body[0], 0] / h
+            value = _sum(state.r, body, False) / h
         elif kind == FRICTION_FORCE:
-            value = np.hypot(state.r[body[0], 1], state.r[body[0], 2]) / h
+            value = _sum(state.r, body, True) / h
         elif kind == MOTION_FORCE:
             value = rows.force[body[0]]
         elif kind == MOTION_WORK:
@@ -121,13 +121,14 @@ def accumulate(model, state, work, t, h):
     for i in range(values.shape[0]):
         kind, j = responses.kind[i], responses.body[i, 0]
         if kind == BOUNCES:
-            gap = find_contact(model.contacts, state.x, state.R, j, work.sites.point, work.sites.frame)
-            work.touched[i] = work.touched[i] or state.r[j, 0] > 0.0
+            gap = _smallest_gap(model.contacts, state, responses.body[i], work.sites)
+            work.touched[i] = work.touched[i] or _sum(state.r, responses.body[i], False) > 0.0
             if work.touched[i] and gap > responses.point[i, 0]:
                 work.touched[i] = False
                 values[i] += 1.0
         elif kind == FRICTION_WORK:
-            values[i] += work.rubbed[j]
+            for k in range(j, j + responses.body[i, 1]):
+                values[i] += work.rubbed[k]
         elif kind in (IMPULSE, MEAN):
             first = begun[responses.from_phase[i]] + responses.window[i, 0]
             last = begun[responses.from_phase[i]] + responses.window[i, 1]
@@ -146,6 +147,26 @@ def accumulate(model, state, work, t, h):
                 values[i] = (
                     value if not before > ROUNDING * h else values[i] + (value - values[i]) * (b - a) / (b - first)
                 )
+
+
+@not_inlined
+def _smallest_gap(contacts, state, body, sites):
+    """Return the smallest gap of the contacts of a response; their sites are written."""
+    value = np.inf
+    for j in range(body[0], body[0] + body[1]):
+        gap = find_contact(contacts, state.x, state.R, j, sites.point, sites.frame)
+        value = value if gap > value else gap  # NaN is smaller than all before it
+    return value
+
+
+@inner
+def _sum(r, body, friction):
+    """Return the sum of the normal impulses of the contacts of a response, or of the sizes of those of friction."""
+    total = 0.0
+    for j in range(body[0], body[0] + body[1]):
+        size = np.hypot(r[j, 1], r[j, 2]) if friction else r[j, 0]
+        total = size if j == body[0] else total + size
+    return total
 
 
 @inner

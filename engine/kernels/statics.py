@@ -14,7 +14,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import find_redundant_rows, hold_joints, row_targets
 from engine.kernels.compliance import hold_compression
-from engine.kernels.contact_geometry.gaps import find_contacts
+from engine.kernels.contact_geometry.gaps import find_contacts, passes_by
 from engine.kernels.contacts import add_whitened, contact_velocity, press, whitened_rows
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.loads import apply_loads
@@ -183,7 +183,8 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
         if contacts.bound[i] == 0.0:
             load = max(load, state.r[i, 0])
     for i in range(work.gap.shape[0]):
-        if state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap or contacts.bound[i] > 0.0:
+        touches = state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap or contacts.bound[i] > 0.0
+        if touches and not passes_by(contacts, sites.frame, i):
             whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, nc)
             contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
             work.chosen[nc], problem.mu[nc] = i, model.laws.mu[i]

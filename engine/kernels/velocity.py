@@ -62,6 +62,9 @@ def look_at_active_contacts(contacts, state, work):
         if work.active[i]:
             sites = work.sites
             update_contact(contacts, state, work.broad_phase, sites, i, work.gap)
+            if not work.broad_phase.near[i]:  # it passes by, see `gaps.passes_by`
+                work.active[i] = False
+                state.r[i, 0], state.r[i, 1], state.r[i, 2] = 0.0, 0.0, 0.0
             contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
             contact_velocity(contacts, state.x, state.R, sites, work.start.v, i, work.u)
             work.broad_phase.budget[i] = 0.0

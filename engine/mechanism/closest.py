@@ -68,6 +68,7 @@ RECIPES = {
     "A brake, or the friction of a guide or hinge": "brake bearing_friction seal stiction",
     "A rope, and a spring that lifts off": "rope cable wire tension_only",
     "An end stop that bounces": "limit stop range",
+    "A hook on a hook, a tooth on a tooth": "hook claw pawl latch",
     "A press fit": "press_fit interference",
     "The effort, stroke and energy of a push-button": "effort stroke actuation operating_force",
     "What there is none of yet, and what to do instead": "mesh stl universal cardan hooke snap beam leaf flex"

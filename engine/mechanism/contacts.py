@@ -161,6 +161,8 @@ _PARTNERS = {
 }
 PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for second in seconds)
 """The pairs with a gap function: side a of the kernels, then side b."""
+OUTLINES = "extruded-extruded"
+"""The pair that touches at several points at once; in a run each is a contact of a point or an arc of one of them."""
 
 
 class Side(TableModel):
@@ -227,14 +229,14 @@ class Contact(PairLaw):
     @cached_property
     def sides(self) -> tuple[Side, Side]:
         """The two sides in the order of a supported pair, such as (arc, plane)."""
-        return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in PAIRS else (self.b, self.a)
+        return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in (*PAIRS, OUTLINES) else (self.b, self.a)
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
         check_spring(self)
-        if self.kind not in PAIRS:
-            what = f"{self.a.kind} against {self.b.kind} has no gap function"
-            raise refuse(f"{what}; allowed pairs: {', '.join(PAIRS)}; {_remedy({self.a.kind, self.b.kind})}")
+        if self.kind not in (*PAIRS, OUTLINES):
+            what, allowed = f"{self.a.kind} against {self.b.kind} has no gap function", ", ".join((*PAIRS, OUTLINES))
+            raise refuse(f"{what}; allowed pairs: {allowed}; {_remedy({self.a.kind, self.b.kind})}")
         first, second = self.sides
         key = f"{'a' if first is self.a else 'b'}.{first.kind}"
         one, other = first.primitive, second.primitive
@@ -245,6 +247,11 @@ class Contact(PairLaw):
         if self.kind == "ring-cylinder" and one.radius <= other.radius:
             text = f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
             raise refuse(f"{text}make it larger, or the cylinder smaller", key=f"{key}.radius", value=one.radius)
+        if self.kind == OUTLINES and self.stiffness is not None:
+            text = (
+                "two profiles are rigid against each other; allowed: none; remove it, or hold one of them by a spring"
+            )
+            raise refuse(text, key="stiffness", value=self.stiffness)
         for side, partner in ((first, second), (second, first)):
             if side.kind == "cylinder" and partner.kind in ("ring", *FLATS) and side.primitive.half_length is not None:
                 end = "its two end circles, an arc each" if partner.kind in FLATS else "arcs in place of the ring"

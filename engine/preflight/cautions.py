@@ -55,7 +55,8 @@ def _compared(
     for key, gap in gaps.items():
         name = key.rpartition(".")[2]
         if key.endswith(f"contacts.{name}"):
-            start, added = at_start[name], -mechanism.contacts[name].offset
+            start = min(float(assembly.state.gap[i]) for i in assembly.numbers(name))
+            added = -mechanism.contacts[name].offset
         else:
             start, added = _of_joint(mechanism.joints[name], certificate.joints[name], name, at_start)
         numbers = {"gap": length(start, millimetre), "added": length(added, millimetre)}

@@ -177,7 +177,8 @@ def early_rest(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     for i, name in enumerate(assembly.contact_names):
         play, towards = float(assembly.state.gap[i]), _approach(small, i, moves)
         takes = float(np.sqrt(2.0 * play / towards)) if towards > 0.0 and play > 0.0 else 0.0
-        long = SHORT * rest.window if seen and "." in name else SLOW * rest.window if seen else rest.window
+        of_joint = name.partition(".")[0] not in mechanism.contacts
+        long = SHORT * rest.window if seen and of_joint else SLOW * rest.window if seen else rest.window
         if max(long, slowest) < takes < SLOW * rest.window:
             slowest, which = takes, name
     if which:
@@ -201,8 +202,10 @@ def _approach(small: SmallMotions, contact: int, moves: Array) -> float:
 def _play(mechanism: Mechanism, contact: str) -> str:
     """Return the name of the play at a contact, with its value if it is a number in the file."""
     joint, _, face = contact.partition(".")
-    if not face or joint not in mechanism.joints or mechanism.joints[joint].ideal:
-        return f"the gap of {contact if face else f'contacts.{contact}'}"
+    if joint in mechanism.contacts:
+        return f"the gap of contacts.{joint}"
+    if joint not in mechanism.joints or mechanism.joints[joint].ideal:
+        return f"the gap of {contact}"
     key = f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
     return f"the play {key} = {get_value(mechanism, key):g} {unit_of(mechanism, key)}"
 

@@ -53,6 +53,12 @@ def on_profile(contacts, x, R, i, kind, point, frame):
     gap, _, n = distance_along(solid, curve, angle)
     n = normal_at(solid, ga[10], curve, angle) if r > 0.0 else n
     c, s = np.cos(angle), np.sin(angle)
+    if ga[11] > 0.0 and gap > -ga[11]:
+        opposite = -dot(n, seen(world_direction(R, a, ga, 3), t, y, z, 1.0))
+        if r > 0.0:
+            opposite = -(c * dot(n, curve[1]) + s * dot(n, curve[2])) / r
+        if opposite < ga[12]:
+            return pass_by(centre, point, frame, abs(gap) + ga[11] + contacts.clearance[i])
     tangent = (0.0, 0.0, 0.0)
     if kind == ON_TURNED:  # N and T1 lie in the plane through the axis
         u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
@@ -71,6 +77,15 @@ def on_profile(contacts, x, R, i, kind, point, frame):
         transport(z, t, N, T1)
     cross(N, T1, frame[2])
     return gap + contacts.clearance[i]
+
+
+@not_inlined
+def pass_by(centre, point, frame, gap):
+    """Write a contact that cannot press in this pose: a corner that passes beside a face, see `gaps.passes_by`."""
+    for k in range(3):
+        point[k] = centre[k]
+        frame[0, k], frame[1, k], frame[2, k] = 0.0, 0.0, 0.0
+    return gap
 
 
 @inner

@@ -22,7 +22,10 @@ ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10). For the solids (seven kinds) a point is an arc of radius 0.
+(6:9), radius (9), half angle (10). For the solids (seven kinds) a point is an arc of radius 0. One of the outline of a
+profile has the direction out of its material (3:6), a depth (11), > 0, and the cosine of an angle (12): on the other
+profile, or no deeper in it, it presses only against a face that is opposite to such a direction to within this angle.
+Otherwise it would catch where a corner slides past another. Then the frame is zero, and the gap larger by this depth.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins and are subtracted there). It changes by no more than the features move
@@ -93,6 +96,15 @@ def find_contact(contacts, x, R, i, point, frame):
     if kind >= COUPLED:
         return of_joints(contacts, x, R, i, kind, point[i], frame[i])
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
+
+
+@inner
+def passes_by(contacts, frame, i):
+    """Return whether contact i is one of an outline that cannot press in this pose, see the table above."""
+    if not contacts.geometry_a[i, 11] > 0.0:
+        return False
+    N = frame[i, 0]
+    return N[0] == 0.0 and N[1] == 0.0 and N[2] == 0.0
 
 
 @inner
