@@ -49,6 +49,7 @@ def test_the_shipped_ones_load():
         "c60_public",
         "chain",
         "clearance_pendulum",
+        "door_latch",
         "double_pendulum",
         "four_bar",
         "incline",
