@@ -1,9 +1,9 @@
 """Build the documentation as a site: `python docs/build_site.py [FOLDER]`, or `make docs`.
 
 The pages are those of the repository, in the order of docs/README.md, whose sections become the navigation. Made here:
-the reference of the command from its help, of Python from the docstrings, and the keys of both files from their JSON
-Schemas. A link without a target
-is an error, as is everything that Sphinx warns of. Where the server finds the site (`SITE`), it shows it under Help.
+the reference of the command from its help, of the service from its routes, of Python from the docstrings, and the keys
+of both files from their JSON Schemas. A link without a target is an error, as is everything that Sphinx
+warns of. Where the server finds the site (`SITE`), it shows it under Help.
 """
 
 import hashlib
@@ -20,6 +20,8 @@ from typer.main import get_command
 import clearcap
 from campaign.spec.campaign_file import campaign_schema
 from clearcap.cli import app
+from clearcap.web.api import routers
+from clearcap.web.http.authentication import WHO_MAY
 from clearcap.web.pages.rendering import SITE
 from engine.mechanism import mechanism_schema
 
@@ -36,7 +38,7 @@ OTHERS = {
     "deploy/README.md": "deploy.md",
 }
 GENERATED = {
-    "Reference": [f"reference/{name}" for name in ("command", "python", "campaign-keys", "mechanism-keys")],
+    "Reference": [f"reference/{name}" for name in ("command", "http-api", "python", "campaign-keys", "mechanism-keys")],
 }
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 _INLINE = re.compile(r"<(script|style)>(.*?)</\1>", re.S)
@@ -147,6 +149,25 @@ def _markdown(text: str) -> str:
     return re.sub(r"(?<![\w-])--[\w-]+", r"`\g<0>`", re.sub(r"([|<*\[\]])", r"\\\1", text))
 
 
+def http_reference() -> str:
+    """Return the page of all calls of the service, and each of them with curl."""
+    text = ["# The HTTP API, call by call", "", "What the calls mean together: [the service](../service.md).", ""]
+    for router in routers():
+        text += [
+            f"## {str(router.tags[0]).capitalize()}",
+            "",
+            "| call | what it does | who may |",
+            "| --- | --- | --- |",
+        ]
+        for route in router.routes:
+            call = f"`{' '.join([*sorted(route.methods), route.path])}`"
+            text.append(f"| {call} | {_markdown(route.summary)} | {route.openapi_extra[WHO_MAY]} |")
+        text.append("")
+    return "\n".join(
+        [*text, "## With curl", "", "```sh", (DOCS / "examples" / "api.sh").read_text("utf-8").rstrip(), "```", ""]
+    )
+
+
 def key_reference(title: str, page: str, schema: Mapping[str, Any]) -> str:
     """Return the page of all keys of a file, table by table, from its JSON Schema."""
     text = [f"# {title}", "", f"Made from the JSON Schema; what the keys mean together: [{page}](../{page}.md).", ""]
@@ -196,6 +217,7 @@ def write_sources(folder: Path) -> None:
     texts["index.md"] += "".join(contents(names))
     texts |= {
         "reference/command.md": command_reference(),
+        "reference/http-api.md": http_reference(),
         "reference/python.md": python_reference(),
         "reference/campaign-keys.md": key_reference("Keys of the campaign file", "campaign", campaign_schema()),
         "reference/mechanism-keys.md": key_reference("Keys of the mechanism file", "mechanism", mechanism_schema()),

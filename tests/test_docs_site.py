@@ -91,7 +91,13 @@ def test_the_site_builds(tmp_path):
     index = (site / "searchindex.js").read_text("utf-8")
     assert all(
         f'"{page}"' in index
-        for page in ("howto/step", "reference/command", "reference/python", "reference/mechanism-keys")
+        for page in (
+            "howto/step",
+            "reference/command",
+            "reference/http-api",
+            "reference/python",
+            "reference/mechanism-keys",
+        )
     )
     assert "clearcap.Results.advise" in (site / "reference" / "python.html").read_text("utf-8")
     pages = list(site.rglob("*.html"))

@@ -1,4 +1,4 @@
-"""Every `curl` of the page about the service is answered, one after the other, by a server in a process of its own."""
+"""Every `curl` of docs/examples/api.sh is answered, one after the other, by a server in a process of its own."""
 
 import json
 import os
@@ -26,11 +26,8 @@ pytestmark = [
     pytest.mark.processes,
     pytest.mark.skipif(shutil.which("curl") is None, reason="no curl on this machine"),
 ]
-PAGE = (Path(__file__).parents[4] / "docs/service.md").read_text("utf-8")
-BLOCKS = re.findall(r"^```sh\n(.*?)^```", PAGE, re.M | re.S)
-LINES = [
-    line for block in BLOCKS for line in block.replace("\\\n", " ").splitlines() if re.match("curl |python3 ", line)
-]
+TEXT = (Path(__file__).parents[4] / "docs/examples/api.sh").read_text("utf-8")
+LINES = [line for line in TEXT.splitlines() if re.match("curl |python3 ", line)]
 WITHOUT_LINE = {  # only a browser may give access, and the last needs a host that answers
     *(
         "PUT /api/v1/account/password",
@@ -69,7 +66,7 @@ def words(tmp_path_factory):
 
 
 def _ask(line, known, folder):
-    """Run a line in a shell, as a reader of the page does; return the status and what it printed."""
+    """Run a line in a shell, as its reader does; return the status and what it printed."""
     done = subprocess.run(
         ["bash", "-c", line.replace("curl ", CURL, 1)],
         cwd=folder,
@@ -103,7 +100,7 @@ def test_every_example_is_answered(words):
 
 
 def test_every_call_has_an_example():
-    """A new call without a line on the page fails here."""
+    """A new call without a line fails here."""
     asked = [_method_and_path(line) for line in LINES if line.startswith("curl ")]
     missing = []
     for way in all_ways():
