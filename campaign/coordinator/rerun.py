@@ -92,7 +92,7 @@ def rerun(
 def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simulate = simulate) -> RerunResult | None:
     """Compute failed rows again if the store holds a request for this; return None if it does not."""
     # The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
-    # ok by then stay. It stays too if another attempt may succeed; otherwise the state says why not.
+    # ok by then stay. After an error the request stays if another attempt may succeed; if not, the state says why.
     asked = rerun_request(store, plan.campaign_id)
     if asked is None:
         return None

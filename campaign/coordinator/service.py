@@ -5,7 +5,8 @@ import time
 from collections.abc import Callable
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinate import coordinate, lack_of_ok
+from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, beating, hold_lease
 from campaign.coordinator.rerun import rerun_requested
 from campaign.coordinator.state import close_campaign, state_of

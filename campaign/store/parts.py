@@ -118,7 +118,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
 
 
 def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
-    """Return the parts of batches ``first`` to ``last`` in the content of their file; BadPart if it is another's."""
+    """Return the parts of batches ``first`` to ``last`` in the content of their file; BadPart if it is damaged."""
     digest, seal = read_seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
     if seal["campaign"] != plan.sealed_as:

@@ -322,7 +322,7 @@ def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
 
 def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
     """Return the verdicts known without a report: no verdict on any response if too few runs are ok."""
-    from campaign.coordinator.coordinate import lack_of_ok
+    from campaign.coordinator.failed_runs import lack_of_ok
 
     lack = lack_of_ok(plan, statuses)
     if not lack:
@@ -349,7 +349,8 @@ def drive(
     fewer than the campaign requires; with 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from campaign.cluster.workers import PrestartedWorkers
-    from campaign.coordinator.coordinate import TooManyFailed, coordinate
+    from campaign.coordinator.coordinate import coordinate
+    from campaign.coordinator.failed_runs import TooManyFailed
 
     def computed(plan: "Plan") -> "Outcome":
         with display(console(stderr=True)) as show:
@@ -400,7 +401,7 @@ def _report(store: "Store", plan: "Plan") -> dict[str, str]:
 
 def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
     """If too few runs of a campaign are ok, print the reason and the remedy, and end with exit status 1."""
-    from campaign.coordinator.coordinate import lack_of_ok, what_to_do
+    from campaign.coordinator.failed_runs import lack_of_ok, what_to_do
 
     if lack := lack_of_ok(plan, statuses):
         say(f"error: {lack}\n{what_to_do(store, plan)}")

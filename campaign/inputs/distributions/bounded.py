@@ -1,4 +1,4 @@
-"""Distributions whose definition includes two ends: uniform, triangular, beta."""
+"""Distributions between two ends: uniform, triangular, beta, and those of a position zone and of sorted pairs."""
 
 from functools import cached_property
 from math import sqrt

@@ -103,7 +103,7 @@ class CircuitBreaker:
 
     @contextmanager
     def asking(self) -> Iterator[None]:
-        """Guard a block that asks the store; StoreError at once if it does not answer and another thread asks it."""
+        """Guard a block that asks the store; StoreError at once if it is known not to answer and was just asked."""
         begin = time.monotonic()
         with self._lock:
             if self._fault:

@@ -10,7 +10,8 @@ import pytest
 from campaign.cluster import workers as of_dask
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import coordinate as coordinating
-from campaign.coordinator.coordinate import TooManyFailed, coordinate
+from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.failed_runs import TooManyFailed
 from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from campaign.coordinator.coordinate import TooManyFailed, check_failures, lack_of_ok, what_to_do
+from campaign.coordinator.failed_runs import TooManyFailed, check_failures, lack_of_ok, what_to_do
 from campaign.coordinator.heartbeat import Progress
 from campaign.coordinator.rerun import failed_samples
 from campaign.coordinator.state import state_of

@@ -1,6 +1,8 @@
 """``clearcap report``: what cannot be written ends in an exit status that a script sees."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -31,6 +33,16 @@ def test_a_summary_is_written_beside_the_report(store, plan, capsys, monkeypatch
         kinds[options] = json.loads(printed)["report"]
     assert set(kinds["--summary",]) - set(kinds[()]) == {"summary"}
     assert kinds["--summary",]["summary"].endswith("summary.html")
+
+
+@pytest.mark.processes
+def test_a_report_loads_no_dask(store, plan):
+    """Not even to say whether enough runs are ok: dask takes longer to load than the rows."""
+    words = ["clearcap", "report", plan.campaign_id, "--store", store.url, "--no-excel"]
+    code = f"import sys; sys.argv = {words}\nfrom clearcap.cli import main\ntry:\n    main()\nfinally:\n    "
+    code += "print('loaded', 'dask' in sys.modules or 'distributed' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded False"
 
 
 @pytest.fixture
