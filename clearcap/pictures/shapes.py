@@ -12,6 +12,7 @@ from clearcap.pictures.view import View, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
 from engine.mechanism.base import BodyPoint
+from engine.mechanism.couplings import GearPair
 from engine.mechanism.surfaces.patches import basis
 
 DRAWN_WITH_OUTLINE = ("arc", "rectangle")  # of a body with an outline: a whole cylinder would hide the body
@@ -42,7 +43,7 @@ def body_shape(mechanism: Mechanism, body: str, view: View, touched: dict[str, A
             lines += primitive_polylines(side.kind, primitive, facing)
         if side.kind == "plane" and abs(np.dot(primitive.normal, facing)) < FACE_ON:
             planes[primitive.point, primitive.normal].append(touched[name])  # contacts on one plane share a patch
-    lines += _pins(mechanism, body, facing)
+    lines += _pins(mechanism, body, facing) + _gears(mechanism, body)
     joints = [side.point for joint in mechanism.joints.values() for side in joint.sides if side.body == body]
     return BodyShape(
         lines=tuple(lines),
@@ -92,6 +93,13 @@ def _pins(mechanism: Mechanism, body: str, facing: Array) -> list[Array]:
         for i, side in enumerate(joint.sides)
         if side.body == body and _radius(joint) > 0
     ]
+
+
+def _gears(mechanism: Mechanism, body: str) -> list[Array]:
+    """Return the pitch circle of each gear on a body."""
+    pairs = [pair for pair in mechanism.couplings.values() if isinstance(pair, GearPair)]
+    found = {(g.place, g.direction, 0.5 * p.module * g.teeth): None for p in pairs for g in p.gears if g.body == body}
+    return [circle(*key) for key in found]
 
 
 def _radius(joint: Any) -> float:

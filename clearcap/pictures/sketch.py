@@ -13,6 +13,7 @@ from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, file_metadata, h
 from clearcap.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
+from engine.mechanism.couplings import GearPair
 from reporting.spec import LegendEntry, MechanismDrawing
 
 if TYPE_CHECKING:
@@ -227,8 +228,12 @@ def _bodies(
             drawing.body_name(drawing.area(outline, colour), name, colour)
         for line in lines:
             drawing.stroke(drawing.on_canvas(line), MUTED)
-    for coupling in mechanism.couplings.values():  # from joint to joint
-        sides = [mechanism.joints[term.joint].sides[1] for term in coupling.terms]
+    for coupling in mechanism.couplings.values():  # from joint to joint, from gear to gear
+        sides: Any = []
+        if isinstance(coupling, GearPair):
+            sides = coupling.gears
+        else:
+            sides = [mechanism.joints[term.joint].sides[1] for term in coupling.terms]
         places = [
             mechanism.bodies[side.body].origin + start_rotation(mechanism, side.body) @ side.point for side in sides
         ]

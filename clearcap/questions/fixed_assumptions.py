@@ -147,7 +147,8 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
     limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
     ideal = {f"joints.{n}": j for n, j in mechanism.joints.items() if j.ideal}
-    for owners, fields in ((contacts | limits, ("stiffness", "damping")), (ideal, _RUBBING)):
+    gears = {f"couplings.{n}": pair for n, pair in mechanism.couplings.items()}
+    for owners, fields in ((contacts | limits | gears, ("stiffness", "damping")), (ideal, _RUBBING)):
         for key, owner in owners.items():
             for field in fields:
                 if (number := getattr(owner, field, None)) is not None:

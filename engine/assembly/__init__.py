@@ -9,17 +9,9 @@ import numpy as np
 from engine.arrays import Array, Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
+from engine.assembly.couplings import coupling_pairs, gear_pairs, joint_couplings, term_arrays
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
-from engine.assembly.joints import (
-    add_play,
-    coupling_pairs,
-    faces_with_play,
-    joint_couplings,
-    joint_pairs,
-    joint_rows,
-    term_arrays,
-    without_play,
-)
+from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.outlines import outline_pairs
 from engine.assembly.responses import coordinate_arrays, numbers_of, reads_motions, response_arrays
@@ -126,7 +118,8 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     mass = np.array([b.mass for b in moving], float)
     couplings = joint_couplings(mechanism, frames, state)
     of_joints = [*joint_pairs(mechanism, frames, state.R), *coupling_pairs(couplings)]
-    pairs = [*of_joints, *contact_pairs(mechanism, frames), *outline_pairs(mechanism, frames, state)]
+    found = [*contact_pairs(mechanism, frames), *outline_pairs(mechanism, frames, state)]
+    pairs = [*of_joints, *gear_pairs(mechanism, frames, state), *found]
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]

@@ -9,6 +9,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.kernels.model import State
 from engine.kernels.vectors import rotation_matrix
+from engine.mechanism.couplings import GearPair
 from engine.mechanism.models import Mechanism
 
 
@@ -62,6 +63,7 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
     number = {name: i for i, name in enumerate(moving)}
     pairs = [(j.sides[0].body, j.sides[1].body) for j in mechanism.joints.values()]
     pairs += [(c.a.body, c.b.body) for c in mechanism.contacts.values()]
+    pairs += [(c.gears[0].body, c.gears[1].body) for c in mechanism.couplings.values() if isinstance(c, GearPair)]
     pairs += [(m.body, m.relative_to) for m in mechanism.motions.values() if m.relative_to]
     near: list[set[int]] = [set() for _ in moving]
     for a, b in pairs:

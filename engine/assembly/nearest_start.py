@@ -20,7 +20,7 @@ from engine.friction.blocks import ROW
 from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import whitened_rows
-from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, JOINT_FRICTION, POINT_PLANE, RunArrays
+from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, GEARS, JOINT_FRICTION, POINT_PLANE, RunArrays
 from engine.kernels.vectors import rotation_matrix
 from engine.platform.linear_algebra import nonnegative_least_squares, one_thread
 
@@ -37,7 +37,7 @@ STEP = 1e-5  # of the longest displacement, for differences of gaps
 NOTHING = 1e-12  # share of the longest row: a shorter one is a rounding error of 0
 STRONG = 0.1  # share of the largest multiplier: a contact with more is in the way
 
-FLAT = (POINT_PLANE, ARC_PLANE, CYLINDER_PLANE)
+FLAT = (POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, GEARS)
 
 
 @dataclass(frozen=True)

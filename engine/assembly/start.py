@@ -16,6 +16,7 @@ from engine.errors import MechanismError, NotAssemblable
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Model, RunArrays, State
+from engine.mechanism.couplings import GearPair
 from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
 
@@ -117,7 +118,11 @@ def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str
     if own in mechanism.contacts:
         return f"contacts.{own}", [side.body for side in mechanism.contacts[own].sides]
     if joint in mechanism.couplings:
-        moved = [mechanism.joints[term.joint].sides[1].body for term in mechanism.couplings[joint].terms]
+        coupling = mechanism.couplings[joint]
+        if isinstance(coupling, GearPair):
+            moved = [gear.body for gear in coupling.gears]
+        else:
+            moved = [mechanism.joints[term.joint].sides[1].body for term in coupling.terms]
         return f"couplings.{joint}", list(dict.fromkeys(moved))
     return f"joints.{joint}", [side.body for side in mechanism.joints[joint].sides]
 
@@ -144,6 +149,8 @@ def _clearance_key(mechanism: Mechanism, name: str) -> str:
     joint, _, face = name.partition(".")
     if joint in mechanism.contacts:
         return f"contacts.{joint}"
+    if joint in mechanism.couplings:
+        return f"couplings.{joint}.backlash"
     if face and mechanism.joints[joint].ideal:
         return f"joints.{joint}.limits.{face}"
     return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}"
@@ -159,6 +166,11 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
         )
     owner, bodies = bodies_of_contact(mechanism, name)
     joint, _, face = name.partition(".")
+    if joint in mechanism.couplings:
+        return (
+            f"{key} = {get_value(mechanism, key):.6g} {unit}: the teeth of {' and '.join(bodies)} overlap by "
+            f"{-gap:.6g} {unit} at the start; allowed: >= 0; move their axes apart, or give more backlash"
+        )
     clearance = get_value(mechanism, key) if mechanism.joints[joint].ideal else mechanism.joints[joint].play(face)
     if any(mechanism.stretch(body) != 1.0 for body in bodies):
         at = "" if mechanism.temperature is None else f" at {mechanism.temperature:g} degC"

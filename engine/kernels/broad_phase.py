@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.jit import inner
 from engine.kernels.contact_geometry.gaps import find_contact, passes_by
-from engine.kernels.model import COUPLED
+from engine.kernels.model import COUPLED, GEARS
 
 
 @inner
@@ -42,7 +42,7 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
     x = state.x
     gap[i] = find_contact(contacts, x, state.R, i, sites.point, sites.frame)
     broad_phase.near[i], broad_phase.budget[i] = True, gap[i]
-    if contacts.kind[i] == COUPLED:  # whose coordinates are not bounded by distances
+    if contacts.kind[i] in (GEARS, COUPLED):  # whose coordinates are not bounded by distances
         broad_phase.budget[i] = 0.0
     if passes_by(contacts, sites.frame, i):
         broad_phase.near[i] = False

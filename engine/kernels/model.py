@@ -13,7 +13,7 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
-COUPLED, JOINT_FRICTION, ONE_WAY = range(11, 14)  # of ideal joints; the last two are always closed
+GEARS, COUPLED, JOINT_FRICTION, ONE_WAY = range(11, 15)  # the last three of ideal joints, the last two always closed
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
 MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK = range(9, 15)
 # impulses of a whole step, divided by its length
@@ -82,7 +82,7 @@ class Contacts(NamedTuple):
     piece: np.ndarray  # (np, PIECE) see solids.py
     surface: np.ndarray  # (nc,) int64, first node of side b's surface; -1: it has none
     coupling: np.ndarray  # (nc,) int64, the coupling of which it is a flank; -1: none
-    flank: np.ndarray  # (nc,) 1 or -1, the side of the coordinate that it limits
+    flank: np.ndarray  # (nc,) 1 or -1, the side of the coordinate that it limits, or of the teeth of gears
     terms: Terms
     bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
     breakaway: np.ndarray  # (nc,) the same of one that sticks, at least as large

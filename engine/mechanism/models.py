@@ -46,10 +46,11 @@ from engine.mechanism.base import (
     with_numbers,
 )
 from engine.mechanism.contacts import Contact
+from engine.mechanism.couplings import Coupling
 from engine.mechanism.expression import ExpressionFault, parse
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.geometry.cad_table import GeometryCertificate
-from engine.mechanism.joints import Coupling, Fixed, Joint, Planar, Prismatic, Spherical
+from engine.mechanism.joints import Fixed, Joint, Planar, Prismatic, Spherical
 from engine.mechanism.journals import Cylindrical, Revolute
 from engine.mechanism.keys.key_paths import (
     PREFIX,
@@ -370,7 +371,7 @@ class Mechanism(TableModel):
     couplings: dict[Name, Coupling] = Field(
         default={},
         exclude_if=lambda value: not value,  # so that the digests of earlier mechanisms stay
-        description="couplings of joint coordinates",
+        description="couplings of joint coordinates, and pairs of gears",
     )
     contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
     springs: dict[Name, Spring] = Field(default={}, description="the springs")

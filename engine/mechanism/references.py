@@ -52,7 +52,8 @@ def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
         return
     contacts = [("contacts", name, entry) for name, entry in named_tables(data, "contacts").items()]
     stops = [("joints", name, sub_table(entry, "limits")) for name, entry in named_tables(data, "joints").items()]
-    for table, name, entry in (*contacts, *stops):
+    gears = [("couplings", name, entry) for name, entry in named_tables(data, "couplings").items()]
+    for table, name, entry in (*contacts, *stops, *gears):
         if entry.get("stiffness") is not None:
             key = (table, name, *(("limits",) if table == "joints" else ()), "stiffness")
             text = "the scheme moreau_jean has rigid contacts only; allowed: none; remove it, or the scheme"
@@ -82,6 +83,8 @@ def _references(data: Mapping[str, Any]) -> Iterator[Reference]:
         for i, term in enumerate(list_under(entry, "terms")):
             key = ("couplings", name, "terms", str(i), "joint")
             yield "ideal joint with one or two coordinates", key, as_table(term).get("joint")
+        for i, gear in enumerate(list_under(entry, "gears")):
+            yield "body", ("couplings", name, "gears", str(i), "body"), as_table(gear).get("body")
     for i, phase in enumerate(list_under(data, "phases")):
         yield "response", ("phases", str(i), "until", "response"), sub_table(phase, "until").get("response")
     for axis in ("x", "y"):
@@ -172,9 +175,12 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
     fixed = [name for name, body in bodies.items() if body.get("fixed") is True]
     if len(fixed) == len(bodies):
         yield Fault(("bodies",), "no body moves; allowed: at least one without fixed = true; add a moving body")
-    for table in _PAIRED:
+    for table in (*_PAIRED, "couplings"):
         for name, entry in named_tables(data, table).items():
-            ends = [entry.get(side) for side in _sides(table, entry)]
+            gears = list_under(entry, "gears") if table == "couplings" else None
+            if gears is not None and len(gears) != 2:
+                continue
+            ends = [entry.get(side) for side in _sides(table, entry)] if gears is None else gears
             a, b = (end.get("body") if isinstance(end, Mapping) else end for end in ends)
             if isinstance(a, str) and a == b:
                 text = f"both sides are on {a}; allowed: two different bodies; correct one side"

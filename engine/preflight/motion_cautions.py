@@ -19,6 +19,7 @@ from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilater
 from engine.kernels.model import State
 from engine.kernels.responses import measure
 from engine.mechanism import Mechanism, get_value, unit_of
+from engine.mechanism.couplings import GearPair
 from engine.not_at_rest.diagnosis import motion_words
 from engine.platform.linear_algebra import one_thread
 from engine.preflight.plausibility import Caution
@@ -241,7 +242,10 @@ def _linked(mechanism: Mechanism) -> list[set[str]]:
     for link in (*mechanism.springs.values(), *mechanism.dampers.values()):
         pairs.append({end if isinstance(end, str) else end.body for end in (link.a, link.b)})
     for coupling in mechanism.couplings.values():
-        pairs.append({side.body for term in coupling.terms for side in mechanism.joints[term.joint].sides})
+        if isinstance(coupling, GearPair):
+            pairs.append({gear.body for gear in coupling.gears})
+        else:
+            pairs.append({side.body for term in coupling.terms for side in mechanism.joints[term.joint].sides})
     for pair in pairs:
         met = [group for group in groups if group & pair]
         groups = [group for group in groups if not group & pair] + ([set().union(*met)] if met else [])

@@ -17,7 +17,7 @@ from engine.assembly import Assembly
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
-from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, SLIDE, State
+from engine.kernels.model import GEARS, ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, SLIDE, State
 from engine.platform.linear_algebra import nonnegative_least_squares
 
 ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
@@ -126,7 +126,7 @@ def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Arr
 
 
 def _joint_rows(assembly: Assembly) -> Array:
-    """Return the rows of ideal joints, motions that act at the start, and couplings, shape (nj, 6 nb)."""
+    """Return the rows of ideal joints, motions that act at the start, couplings and gears, shape (nj, 6 nb)."""
     rows, state, at_pose = assembly.model.bilateral, assembly.state, assembly.work.bilateral
     # restored below: these rows are the assembly's own, and the next call must find them as they were
     acts = rows.acts.copy()
@@ -134,7 +134,7 @@ def _joint_rows(assembly: Assembly) -> Array:
     row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
     found = _rows(state, (rows.a, rows.b), -at_pose.direction, at_pose.point, rows.kind != 0)
     rows.acts[:] = acts
-    return np.vstack([found, _coupling_rows(assembly)])
+    return np.vstack([found, _coupling_rows(assembly), _gear_rows(assembly)])
 
 
 def _coupling_rows(assembly: Assembly) -> Array:
@@ -145,6 +145,13 @@ def _coupling_rows(assembly: Assembly) -> Array:
     point = state.x[b] + np.einsum("kij,kj->ki", state.R[b], row[:, 6:9])
     rows = terms.factor[:, None] * _rows(state, (b, a), along, point, terms.kind != SLIDE)
     return np.add.reduceat(rows, terms.first[:-1]) if rows.size else rows
+
+
+def _gear_rows(assembly: Assembly) -> Array:
+    """Return the rows of one flank of each pair of gears, as if they had no backlash, shape (pairs, 6 nb)."""
+    contacts = assembly.model.contacts
+    rows = _contact_rows(assembly, assembly.state)
+    return np.asarray(rows[(contacts.kind == GEARS) & (contacts.flank > 0.0)])
 
 
 def _contact_rows(assembly: Assembly, state: State) -> Array:

@@ -54,6 +54,7 @@ def test_the_shipped_ones_load():
         "four_bar",
         "incline",
         "lever",
+        "planetary_gear",
         "push_button",
         "slider_crank",
         "sphere_roll",
