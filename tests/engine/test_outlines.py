@@ -202,6 +202,43 @@ def test_a_collision_keeps_the_momentum_and_creates_no_energy(restitution):
     assert energy(assembly) < 0.95 * had
 
 
+@pytest.mark.parametrize("start", [0.0, 1e-3])
+def test_a_corner_that_slides_past_a_corner_is_not_caught(start):
+    """A tall block slides down a short wall that it is pressed on: both its corners pass both of the wall's."""
+    tall = [{"to": [0.1, -0.5]}, {"to": [0.1, 0.5]}, {"to": [0.0, 0.5]}]
+    wall = [{"to": [0.0, -0.2]}, {"to": [0.0, 0.2]}, {"to": [-1.0, 0.2]}]
+    body = {"mass": 0.1, "inertia": [1e-3, 1e-3, 1e-3], "origin": [start, 0.4, 0]}
+    x, y = {"point": [0, 0, 0], "axis": [1, 0, 0]}, {"point": [0, 0, 0], "axis": [0, 1, 0]}
+    data = small(
+        bodies={"ground": {"fixed": True}, "carriage": body, "block": {**body, "velocity": [0, -1, 0]}},
+        joints={
+            "across": {
+                "type": "prismatic",
+                "guide": {"body": "ground", **x, "point": [0, 0.4, 0]},
+                "slider": {"body": "carriage", **x},
+            },
+            "along": {
+                "type": "prismatic",
+                "guide": {"body": "carriage", **y},
+                "slider": {"body": "block", **y},
+            },
+        },
+        contacts={
+            "face": {
+                "a": {"body": "block", "extruded": {**UPRIGHT, "start": [0, -0.5], "profile": tall}},
+                "b": {"body": "ground", "extruded": {**UPRIGHT, "start": [-1, -0.2], "profile": wall}},
+                "friction": 0.0,
+            }
+        },
+        forces={"press": {"body": "carriage", "force": [-1.0, 0, 0]}},
+        responses=coordinates("block"),
+    )
+    run = simulate(made(data), full_horizon=True)
+    assert run.status == "ok", run.message
+    assert run.responses["y"] == pytest.approx(0.4 - 1.0, abs=1e-9)
+    assert run.responses["x"] == pytest.approx(0.0, abs=1e-7)
+
+
 def test_it_is_the_same_elsewhere_and_in_any_order():
     """Moved, turned, with the sides swapped and the bodies the other way round."""
     data = wedge(friction=0.1)
