@@ -154,8 +154,7 @@ def security(tls: Tls | None) -> Security | None:
         _check_file(option, Path(name))
     _check_private(Path(tls.key))
     try:
-        # without a word OpenSSL would ask for the key's password at the terminal
-        ssl.create_default_context(cafile=tls.ca).load_cert_chain(tls.cert, tls.key, password="")
+        ssl.create_default_context(cafile=tls.ca).load_cert_chain(tls.cert, tls.key, password=_no_password)
     except (ssl.SSLError, ValueError) as error:
         raise SpecError(
             f"--tls-ca {tls.ca}, --tls-cert {tls.cert}, --tls-key {tls.key}: not a PEM certificate of an authority, a"
@@ -164,6 +163,11 @@ def security(tls: Tls | None) -> Security | None:
         ) from error
     roles = {f"tls_{role}_{part}": getattr(tls, part) for role in _ROLES for part in ("cert", "key")}
     return Security(tls_ca_file=tls.ca, require_encryption=True, **roles)  # type: ignore[no-untyped-call]
+
+
+def _no_password() -> str:
+    """Raise ValueError; otherwise OpenSSL would ask for the key's password at the terminal."""
+    raise ValueError("the key has a password")
 
 
 def configured() -> Tls | None:

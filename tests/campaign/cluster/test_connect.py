@@ -11,6 +11,7 @@ import dask
 import psutil
 import pytest
 from cryptography import x509
+from cryptography.hazmat.primitives import serialization
 
 import campaign.cluster.connect
 from campaign.cluster.cluster import Cluster, Tls, security
@@ -247,6 +248,18 @@ def test_files_are_checked(folder, tmp_path):
     os.chmod(theirs.key, 0o640)
     with pytest.raises(SpecError, match=r"mode 0640.*chmod 600"):
         security(theirs)
+
+
+def test_a_key_with_a_password_is_refused(folder, tmp_path):
+    """The message says so, and nobody is asked for the password."""
+    ours = client_tls(folder)
+    key = serialization.load_pem_private_key((folder / "client.key").read_bytes(), None)
+    kind = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+    locked = tmp_path / "locked.key"
+    locked.write_bytes(key.private_bytes(*kind, serialization.BestAvailableEncryption(b"secret")))
+    locked.chmod(0o600)
+    with pytest.raises(SpecError, match="the key has a password"):
+        security(Tls(ours.ca, ours.cert, str(locked)))
 
 
 def test_certificates(tmp_path):
