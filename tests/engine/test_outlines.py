@@ -210,7 +210,7 @@ def test_a_corner_that_slides_past_a_corner_is_not_caught(start):
     body = {"mass": 0.1, "inertia": [1e-3, 1e-3, 1e-3], "origin": [start, 0.4, 0]}
     x, y = {"point": [0, 0, 0], "axis": [1, 0, 0]}, {"point": [0, 0, 0], "axis": [0, 1, 0]}
     data = small(
-        bodies={"ground": {"fixed": True}, "carriage": body, "block": {**body, "velocity": [0, -1, 0]}},
+        bodies={"ground": {"fixed": True}, "carriage": body, "block": {**body, "velocity": [0, -0.97, 0]}},
         joints={
             "across": {
                 "type": "prismatic",
@@ -235,7 +235,7 @@ def test_a_corner_that_slides_past_a_corner_is_not_caught(start):
     )
     run = simulate(made(data), full_horizon=True)
     assert run.status == "ok", run.message
-    assert run.responses["y"] == pytest.approx(0.4 - 1.0, abs=1e-9)
+    assert run.responses["y"] == pytest.approx(0.4 - 0.97, abs=1e-9)
     assert run.responses["x"] == pytest.approx(0.0, abs=1e-7)
 
 
