@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
     from clearcap.results import PooledResults, Results, open_campaign, report, run_campaign
+    from clearcap.submitted import RunningCampaign, submit_campaign
     from engine import (
         Certificate,
         EngineError,
@@ -48,10 +49,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Campaign", "CampaignError", "Capability", "Certificate", "Cluster", "EngineError", "Fault", "Heartbeat",
     "Mechanism", "MechanismError", "NotAssemblable", "PooledResults", "Recording", "RemoteServer", "ReportError",
-    "Results", "Run", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory", "UnreachableError",
-    "campaign_text", "capability", "capability_report", "check", "connect", "gauge_study", "library_names",
-    "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text", "open_campaign", "open_store",
-    "position_of", "read_trajectory", "report", "run_campaign", "set_values", "simulate", "validate_campaign",
+    "Results", "Run", "RunningCampaign", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory",
+    "UnreachableError", "campaign_text", "capability", "capability_report", "check", "connect", "gauge_study",
+    "library_names", "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text",
+    "open_campaign", "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
+    "simulate", "submit_campaign", "validate_campaign",
 ]
 # fmt: on
 
@@ -66,6 +68,7 @@ _HOMES = {
     "campaign.store": ("Store", "open_store"),
     "clearcap.questions.measured": ("capability_report", "gauge_study", "validate_campaign"),
     "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
+    "clearcap.submitted": ("RunningCampaign", "submit_campaign"),
     "reporting": ("Capability", "ReportError", "capability"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

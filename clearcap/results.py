@@ -390,10 +390,10 @@ def run_campaign(
     Parameters
     ----------
     campaign : str, Path, mapping or Campaign
-        Name of a shipped campaign, path of a campaign file, its tables as a dict, whose ``mechanism`` may be a
-        `Mechanism`, or the return value of `load_campaign`.
+        Name of a shipped campaign, path of a file, its tables as a dict, whose ``mechanism`` may be a `Mechanism`, or
+        what `load_campaign` returned.
     samples, seed : int, optional
-        Number of samples and seed, instead of the campaign's own.
+        Instead of the campaign's own.
     store : str or Path
         Folder or URL of the store.
     workers : int, optional
@@ -422,21 +422,34 @@ def run_campaign(
     KeyboardInterrupt
         On Ctrl-C. The same call continues the campaign.
     """
+    from campaign.store.layout import CANCEL
+    from clearcap.running import compute
+
+    opened, plan, options = planned(campaign, samples, seed, store, workers, cluster)
+    opened.remove(plan.campaign_id, CANCEL)
+    compute(opened, plan, "resume", [*options, "--decide" if decide else "--no-decide"], progress)
+    return Results(opened, plan)
+
+
+def planned(
+    campaign: "Source | Campaign",
+    samples: int | None,
+    seed: int | None,
+    store: str | Path,
+    workers: int | None,
+    cluster: "Cluster | Client | None",
+) -> tuple[Store, Plan, list[str]]:
+    """Return the store with the plan of a campaign, and the options that say where it is computed; SpecError."""
     from campaign.cluster.cluster import Cluster
     from campaign.coordinator.submit import plan_campaign
     from campaign.spec.load import Campaign
-    from campaign.store.layout import CANCEL
-    from clearcap.running import compute
 
     if cluster is not None and workers is not None:
         raise SpecError(f"workers = {workers} and a cluster are given; name the workers in the cluster")
     if isinstance(campaign, Campaign) and (samples is not None or seed is not None):
         raise SpecError("samples and seed belong to load_campaign where the campaign is loaded already")
     where = Cluster.of(cluster, workers)
-    opened, plan = plan_campaign(campaign, str(store), samples, seed)
-    opened.remove(plan.campaign_id, CANCEL)
-    compute(opened, plan, "resume", [*where.options(), "--decide" if decide else "--no-decide"], progress)
-    return Results(opened, plan)
+    return *plan_campaign(campaign, str(store), samples, seed), where.options()
 
 
 def open_campaign(campaign_id: str | None = None, store: str | Path = "runs") -> Results:

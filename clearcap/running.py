@@ -1,4 +1,7 @@
-"""Have a verb of the command compute a campaign, in a process of its own, and follow it from Python to its end."""
+"""Have a verb of the command compute a campaign, in a process of its own, and follow it from Python to its end.
+
+Functions of the caller are told how far it is, and its rows as they are finished.
+"""
 
 import signal
 import subprocess
@@ -6,15 +9,21 @@ import sys
 import warnings
 from collections.abc import Callable
 from threading import Thread
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-from campaign.coordinator.heartbeat import Heartbeat, observe
+from campaign.coordinator.heartbeat import Heartbeat, Observation, observe
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL
 from campaign.errors import CampaignError, SpecError, UnreachableError
-from campaign.plan_header import PlanHeader
+from campaign.plan import Plan
 from campaign.processes import STORE
 from campaign.store import Store
+from campaign.store.parts import batches_of, folder
+from clearcap.analysed import framed
 from engine.platform.child import python_environment
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
 
 INTERRUPTED = 130  # exit status of the command after Ctrl-C
 ENDS_WITHIN = 60.0  # s, time for an interrupted coordinator to release its lease and its workers
@@ -22,9 +31,47 @@ _ERRORS: dict[int, type[CampaignError]] = {2: SpecError, 4: UnreachableError}
 _PREFIX = "clearcap: "
 
 Progress = bool | Callable[[Heartbeat], None]
+Rows = Callable[["pd.DataFrame"], None]
 
 
-def compute(store: Store, plan: PlanHeader, verb: str, options: list[str], progress: Progress) -> None:
+class Follower:
+    """Tells functions how far a campaign is, at each new heartbeat, and its finished rows, each once."""
+
+    def __init__(self, store: Store, plan: Plan, progress: Progress = False, rows: Rows | None = None) -> None:
+        self._store, self._plan, self._rows = store, plan, rows
+        self._show = progress if callable(progress) else None
+        self._beat: Heartbeat | None = None
+        self._read: set[int] = set()  # batches
+        self._tables: list[pa.Table] = []
+        self._last: Observation | None = None
+
+    def look(self) -> Observation:
+        """Read what is new in the store; another thread than that of `tell` may do so."""
+        # first the state: when it says that all is computed, all rows are there
+        self._last = observe(self._store, self._plan.campaign_id, self._last)
+        if self._rows is not None:
+            spans = (batches_of(name, self._plan) for name in self._store.files.names(folder(self._plan)))
+            found = {batch for span in spans if span for batch in range(span[0], span[1] + 1)} - self._read
+            starts = {self._plan.batches[batch][0]: batch for batch in found}
+            # files that are bad are left out, and read once they are computed again
+            for table in self._store.stream(self._plan, None, found) if found else ():
+                self._tables.append(table)
+                self._read.update(starts[n] for n in table["sample"].to_pylist() if n in starts)
+        return self._last
+
+    def tell(self) -> None:
+        """Call the functions with what is new."""
+        tables, self._tables = self._tables, []
+        for table in tables:
+            if self._rows is not None and table.num_rows:
+                self._rows(framed(table, "sample"))
+        beat = None if self._last is None else self._last.heartbeat
+        if self._show is not None and beat is not None and beat != self._beat:
+            self._show(beat)
+        self._beat = beat
+
+
+def compute(store: Store, plan: Plan, verb: str, options: list[str], progress: Progress) -> None:
     """Compute a planned campaign with a verb of the command; raises the errors of `clearcap.run_campaign`."""
     command = [sys.executable, "-P", "-m", "clearcap", verb, plan.campaign_id, "--no-report", "--json"]
     environment = {**python_environment(), STORE: store.files.full_url}  # unlike arguments, hidden from other users
@@ -35,10 +82,10 @@ def compute(store: Store, plan: PlanHeader, verb: str, options: list[str], progr
     with process:
         try:
             if callable(progress):
-                message = _observed(process, store, plan.campaign_id, progress)
+                message = _observed(process, Follower(store, plan, progress))
             else:
                 message = _follow(process, sys.stderr if progress else None)
-        except BaseException:  # of a progress function, too
+        except BaseException:  # of a function that is told, too
             # end cleanly: a Ctrl-C in a terminal reached the process too, a notebook's interrupt did not
             process.send_signal(signal.SIGINT)
             try:
@@ -54,20 +101,17 @@ def compute(store: Store, plan: PlanHeader, verb: str, options: list[str], progr
         raise _ERRORS.get(process.returncode, CampaignError)(message)
 
 
-def _observed(process: "subprocess.Popen[str]", store: Store, campaign: str, show: Callable[[Heartbeat], None]) -> str:
-    """Call a function with each heartbeat, in this thread, until the process ends; return its last message."""
+def _observed(process: "subprocess.Popen[str]", follower: Follower) -> str:
+    """Tell functions, in this thread, what is new until the process ends; return its last message."""
     said: list[str] = []
     reader = Thread(target=lambda: said.append(_follow(process, None)), daemon=True)
     reader.start()
-    before: Heartbeat | None = None
     has_ended = False
     while not has_ended:
         reader.join(HEARTBEAT_INTERVAL / 2)
         has_ended = not reader.is_alive()
-        beat = observe(store, campaign).heartbeat
-        if beat is not None and beat != before:
-            show(beat)
-        before = beat
+        follower.look()
+        follower.tell()
     return said[0]
 
 

@@ -198,6 +198,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
             env={**python_environment(), STORE: store.files.full_url},  # other users cannot read it there
             start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
         )
+    process.returncode = 0  # nobody waits for it, and the interpreter shall not warn of that
     return process.pid, str(log)
 
 

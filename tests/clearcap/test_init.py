@@ -11,6 +11,7 @@ import pytest
 
 import clearcap
 
+CLASSES = (clearcap.Results, clearcap.PooledResults, clearcap.RunningCampaign, clearcap.RemoteServer)
 SOURCE = ast.parse(Path(clearcap.__file__).read_text("utf-8"))
 
 
@@ -24,7 +25,7 @@ def test_every_name_is_there():
 def test_help_fits_a_screen():
     """What `help` shows of a function, and says of a class, is at most 60 lines, without a type spelled out."""
     members = [getattr(clearcap, name) for name in clearcap.__all__]
-    members += [m for c in (clearcap.Results, clearcap.RemoteServer) for m in vars(c).values() if callable(m)]
+    members += [m for c in CLASSES for m in vars(c).values() if callable(m)]
     for member in members:
         text = (inspect.getdoc(member) or "") if isinstance(member, type) else pydoc.plaintext.document(member)
         lines = text.splitlines()
@@ -33,6 +34,9 @@ def test_help_fits_a_screen():
 
 
 SCRIPT = """
+import asyncio
+
+import pandas as pd
 from distributed import Client
 from matplotlib.figure import Figure
 
@@ -43,12 +47,24 @@ def told(beat: clearcap.Heartbeat) -> None:
     print(beat.done, beat.left)
 
 
+def read(rows: pd.DataFrame) -> None:
+    print(rows["slide"].max())
+
+
+async def awaited() -> clearcap.Results:
+    running: clearcap.RunningCampaign = clearcap.submit_campaign("c60", seed=3, progress=told, rows=read, workers=2)
+    print(running.id, running.heartbeat, running.results.statuses)
+    return await running
+
+
 mechanism: clearcap.Mechanism = clearcap.load_mechanism("incline").extended(simulation={"horizon": 0.4})
 text: str = clearcap.load_mechanism(mechanism.to_dict()).to_toml()
 run: clearcap.Run = clearcap.simulate(clearcap.load_mechanism_text(text), {"materials.block_slope.friction": 0.6})
 print(run.responses["slide"], repr(run))
 campaign = {"format": 1, "name": "slope", "mechanism": mechanism, "samples": 4, "variables": {}}
 results: clearcap.Results = clearcap.run_campaign(campaign, progress=told, cluster=Client("tls://head:8786"))
+later = [asyncio.run(awaited()), clearcap.RunningCampaign(results, progress=told, rows=read).wait()]
+clearcap.submit_campaign(campaign).cancel()
 other = clearcap.open_campaign("slope-0123456789").repeat(0.5, workers=2, progress=False)
 print(results.rows.index, results.capability, results.sensitivity.loc["slide"], results.what_if("friction.std=0.1"))
 print(results.advise()["factor"], results.allocate({"variables": {}}).tolerances, results.replay(3).same)

@@ -1,0 +1,178 @@
+"""A campaign that goes on in the background: submit it, await it without blocking the loop, or wait for it."""
+
+import asyncio
+import os
+import time
+import warnings
+from collections.abc import Generator
+from contextlib import suppress
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from campaign.coordinator.failed_runs import lack_of_ok
+from campaign.coordinator.heartbeat import Observation, observe
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL
+from campaign.coordinator.requests import cancel_campaign
+from campaign.coordinator.submit import Assignment, assign_coordinator
+from campaign.errors import CampaignError
+from clearcap.results import Results, planned
+from clearcap.running import Follower, Progress, Rows
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from campaign.cluster.cluster import Cluster
+    from campaign.coordinator.heartbeat import Heartbeat
+    from campaign.spec.load import Campaign, Source
+
+_PAUSE = HEARTBEAT_INTERVAL / 2  # s
+
+
+class RunningCampaign:
+    """A campaign that another process computes: ``await`` it, or `wait` for it; both return its `Results`.
+
+    Awaiting does not block the loop. Whoever waits may be interrupted: the campaign goes on.
+
+    Parameters
+    ----------
+    results : Results
+        What `open_campaign` returned.
+    progress : callable, optional
+        Called with each new `Heartbeat`, where the campaign is awaited. What it raises ends the waiting.
+    rows : callable, optional
+        Called there with tables of finished rows, as in `Results.rows`, each row once.
+
+    Raises
+    ------
+    CampaignError
+        From ``await`` and `wait`: if the campaign is cancelled or interrupted, or fails.
+    """
+
+    def __init__(self, results: Results, progress: Progress = False, rows: Rows | None = None) -> None:
+        self._of = results
+        self._told = progress, rows
+        self._assignment = Assignment("none")
+
+    @property
+    def id(self) -> str:
+        """The campaign's id."""
+        return self._of.id
+
+    @property
+    def heartbeat(self) -> "Heartbeat | None":
+        """How far the campaign is now; None before its coordinator has begun."""
+        return observe(self._of.store, self.id).heartbeat
+
+    @property
+    def results(self) -> Results:
+        """The results so far."""
+        return Results(self._of.store, self._of.plan)
+
+    def cancel(self) -> None:
+        """Stop the campaign; its finished rows stay, and submitting it again continues it."""
+        cancel_campaign(self._of.store, self.id)
+
+    def wait(self) -> Results:
+        """Wait until all rows are computed, and return them."""
+        follower = self._follower()
+        while not self._look(follower).is_over:
+            follower.tell()
+            time.sleep(_PAUSE)
+        follower.tell()
+        return self._end()
+
+    def __await__(self) -> Generator[Any, None, Results]:
+        return self._awaited().__await__()
+
+    async def _awaited(self) -> Results:
+        follower = self._follower()
+        while not (await asyncio.to_thread(self._look, follower)).is_over:
+            follower.tell()
+            await asyncio.sleep(_PAUSE)
+        follower.tell()
+        return await asyncio.to_thread(self._end)
+
+    def _follower(self) -> Follower:
+        return Follower(self._of.store, self._of.plan, *self._told)
+
+    def _look(self, follower: Follower) -> Observation:
+        """Observe the campaign; CampaignError if the coordinator started for it ended before it began."""
+        pid = self._assignment.pid
+        has_ended = pid is not None and _has_ended(pid)  # asked first: it may write its last state meanwhile
+        seen = follower.look()
+        if has_ended and seen.state == "queued":
+            raise CampaignError(f"{self.id}: its coordinator ended before it began; why: {self._assignment.log}")
+        return seen
+
+    def _end(self) -> Results:
+        """Return the results of a campaign that is over; CampaignError unless it is completed."""
+        seen, results = observe(self._of.store, self.id), self.results
+        if seen.state != "completed":
+            why = f": {seen.message}" if seen.message else ""
+            raise CampaignError(f"{self.id} is {seen.state}{why}; submit it again to continue it")
+        if lack := lack_of_ok(results.plan, results.statuses):
+            warnings.warn(lack, stacklevel=3)
+        return results
+
+    def __repr__(self) -> str:
+        """Return id, state and progress in a line."""
+        return f"<RunningCampaign {self.id}: {self._words()}>"
+
+    def _repr_html_(self) -> str:
+        return "<br>".join(map(escape, (self._of.plan.title, f"campaign {self.id}", self._words())))
+
+    def _words(self) -> str:
+        seen = observe(self._of.store, self.id)
+        done = 0 if seen.heartbeat is None else seen.heartbeat.done
+        return f"{seen.state}, {done} of {self._of.plan.spec.samples} runs"
+
+
+def submit_campaign(
+    campaign: "Source | Campaign",
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+    store: str | Path = "runs",
+    workers: int | None = None,
+    cluster: "Cluster | Client | None" = None,
+    progress: Progress = False,
+    rows: Rows | None = None,
+) -> RunningCampaign:
+    """Hand a campaign to a coordinator in the background and return; it goes on when this program ends.
+
+    The coordinator that serves the store computes it, or one that is started for it, as with ``clearcap submit``. When
+    all rows are computed, it decides verdicts that are open and writes the report.
+
+    Parameters
+    ----------
+    campaign, samples, seed, store, workers, cluster
+        As in `run_campaign`.
+    progress, rows : callable, optional
+        As in `RunningCampaign`, called where the campaign is awaited.
+
+    Returns
+    -------
+    RunningCampaign
+        ``await`` it, or call its ``wait``.
+
+    Raises
+    ------
+    SpecError, StoreError
+        If the campaign, the address of the store or the cluster is wrong, or the store cannot be written.
+    """
+    opened, plan, options = planned(campaign, samples, seed, store, workers, cluster)
+    running = RunningCampaign(Results(opened, plan), progress, rows)
+    running._assignment = assign_coordinator(opened, plan, options)
+    return running
+
+
+def _has_ended(pid: int) -> bool:
+    """Return whether a process that this one started has ended."""
+    with suppress(ChildProcessError):  # its end was noticed before
+        return os.waitpid(pid, os.WNOHANG)[0] == pid
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False

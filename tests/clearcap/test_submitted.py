@@ -1,0 +1,121 @@
+"""Campaigns in the background: awaited without blocking the loop, waited for, and their rows told as they come."""
+
+import asyncio
+import tomllib
+from functools import partial
+
+import pandas as pd
+import pytest
+
+import clearcap
+from campaign.coordinator.state import write_state
+from campaign.coordinator.submit import Assignment, submit
+from campaign.spec.load import load_campaign
+from campaign.store import open_store
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
+from clearcap.running import Follower
+from clearcap.submitted import RunningCampaign, _has_ended
+from tests.campaign import fake_engine
+from tests.campaign.conftest import SPEC
+from tests.until import until
+
+
+@pytest.fixture
+def queued(tmp_path):
+    """Return a store, the plan of a campaign in it that waits for a coordinator, and what computes a batch of it."""
+    store = open_store(str(tmp_path / "runs"))
+    plan = submit(store, load_campaign(tomllib.loads(SPEC)), 10)
+    address = CampaignAddress.of(store, plan, partial(fake_engine.raises_above, 0.07))
+    return store, plan, lambda batch: run_batch(address, BatchRequest(batch))
+
+
+@pytest.fixture(autouse=True)
+def short_pause(monkeypatch):
+    """Look again at once."""
+    monkeypatch.setattr("clearcap.submitted._PAUSE", 0.001)
+
+
+def test_awaited_by_the_loop_that_computes(queued):
+    """If awaiting blocked the loop, the rows would never come; functions are told all rows, each once, in the loop."""
+    store, plan, run = queued
+    told, beats = [], []
+    running = RunningCampaign(clearcap.Results(store, plan), beats.append, told.append)
+    assert repr(running) == f"<RunningCampaign {plan.campaign_id}: queued, 0 of 25 runs>"
+    assert plan.campaign_id in running._repr_html_()
+
+    async def compute():
+        for batch in range(len(plan.batches)):
+            run(batch)
+            while len(told) <= batch:
+                await asyncio.sleep(0.001)
+        write_state(store, plan.campaign_id, "completed")
+
+    async def both():
+        return (await asyncio.gather(running, compute()))[0]
+
+    with pytest.warns(UserWarning, match=r"failures\.min_ok"):  # the stand-in lets some fail
+        results = asyncio.run(both())
+    assert [len(table) for table in told] == [10, 10, 5]
+    assert told[0].attrs["units"] == results.units
+    pd.testing.assert_frame_equal(pd.concat(told), results.rows)
+    assert results.rows.index.tolist() == [*range(25)]
+    assert beats == []  # nobody has written one
+
+
+def test_bad_rows_are_told_once_they_are_computed_again(queued):
+    """A damaged file is no table, and does not hide what comes later."""
+    store, plan, run = queued
+    told = []
+    follower = Follower(store, plan, rows=told.append)
+    run(0), run(2)
+    part = f"{plan.campaign_id}/parts/part-000000.parquet"
+    store.files.write(part, b"damaged")
+    for _ in range(2):
+        follower.look()
+        follower.tell()
+    assert [table.index.tolist() for table in told] == [[*range(20, 25)]]
+    run(0), run(1)
+    store.compact(plan)
+    follower.look()
+    follower.tell()
+    assert sorted(pd.concat(told).index) == [*range(25)]
+
+
+@pytest.mark.parametrize("state", ["cancelled", "failed"])
+def test_a_campaign_that_ends_otherwise(queued, state):
+    """The error says how, and why."""
+    store, plan, _ = queued
+    write_state(store, plan.campaign_id, state, "a reason")
+    with pytest.raises(clearcap.CampaignError, match=f"{state}: a reason"):
+        RunningCampaign(clearcap.Results(store, plan)).wait()
+
+
+def test_a_coordinator_that_ends_at_once(queued):
+    """Nobody waits for it for ever."""
+    store, plan, _ = queued
+    running = RunningCampaign(clearcap.Results(store, plan))
+    running._assignment = Assignment("coordinator", 2**22 + 1, "its.log")  # no process has this number
+    with pytest.raises(clearcap.CampaignError, match=r"its\.log"):
+        running.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+def test_submitted_and_awaited(tmp_path):
+    """A coordinator in the background computes it, and then writes the report."""
+    sticks = {"target": "materials.block_slope.friction", "distribution": "uniform", "lower": 0.65, "upper": 0.8}
+    tables = {"format": 1, "name": "slope", "mechanism": "incline", "samples": 4, "simulation": {"horizon": 0.2}}
+    tables |= {"variables": {"friction": sticks}}
+    store, told = str(tmp_path / "runs"), []
+
+    running = clearcap.submit_campaign(tables, store=store, workers=1, rows=told.append)
+
+    async def awaited():
+        return await running
+
+    results = asyncio.run(awaited())
+    assert results.statuses == {"ok": 4}
+    until(lambda: _has_ended(running._assignment.pid), "the coordinator goes on")
+    assert (tmp_path / "runs" / results.id / "report" / "report.html").exists()
+    assert pd.concat(told).sort_index().equals(results.rows)
