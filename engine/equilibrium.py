@@ -16,6 +16,7 @@ from engine.friction.arrays import dense_rows
 from engine.friction.balanced_forces import nearest_balanced
 from engine.friction.blocks import ROW
 from engine.friction.indeterminacy import force_ranges
+from engine.kernels.compliance import elastic_force
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import CONTACT_FORCE, DERIVED, END
 from engine.kernels.motion import move
@@ -197,7 +198,7 @@ def _weights(pose: Assembly) -> Array:
     load, contacts, rows = np.zeros(pose.problem.w.size), pose.model.contacts, pose.problem.rows
     for j, i in enumerate(_touching(pose)):
         if contacts.weight[i, 0] >= 0:
-            press = contacts.breakaway[i] + contacts.stiffness[i] * max(-pose.work.gap[i], 0.0)
+            press = contacts.breakaway[i] + elastic_force(contacts, i, -pose.work.gap[i])
             load[ROW * contacts.weight[i, 0]] = press * rows.G[j, 0, 2 * ROW]
     return load
 

@@ -148,7 +148,7 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
     limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
     ideal = {f"joints.{n}": j for n, j in mechanism.joints.items() if j.ideal}
     gears = {f"couplings.{n}": pair for n, pair in mechanism.couplings.items()}
-    for owners, fields in ((contacts | limits | gears, ("stiffness", "damping")), (ideal, _RUBBING)):
+    for owners, fields in ((contacts | limits | gears, ("stiffness", "hertz_stiffness", "damping")), (ideal, _RUBBING)):
         for key, owner in owners.items():
             for field in fields:
                 if (number := getattr(owner, field, None)) is not None:

@@ -194,6 +194,7 @@ def _scratch(nb: int, nt: int, responses: Responses, stiffness: Array) -> Scratc
         q=contacts[1],
         shift=np.zeros(nc),
         begun=np.zeros(nc),
+        guess=np.full(nc, -1.0),
         depth=np.where(stiffness > 0.0, np.inf, 0.0),
         u=contacts[2],
         active=np.zeros(nc, bool),

@@ -134,6 +134,7 @@ class Pair:
     coupling: int = -1  # the number of the coupling of which it is a flank; -1: none
     flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
     spring: tuple[float, float] = (0.0, 0.0)  # stiffness and damping; 0: rigid
+    hertz: bool = False  # whether the stiffness is that of Hertz
 
 
 @cached
@@ -184,6 +185,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             pieces=pieces,
             surface=trees.get(name),
             spring=contact.spring,
+            hertz=contact.hertz_stiffness is not None,
         )
 
 
@@ -220,6 +222,7 @@ def contact_arrays(
         breakaway=np.array([pair.breakaway for pair in pairs], float),
         stiffness=np.array([pair.spring[0] for pair in pairs], float),
         damping=np.array([pair.spring[1] for pair in pairs], float),
+        hertz=np.array([pair.hertz for pair in pairs], bool),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))

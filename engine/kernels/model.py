@@ -89,6 +89,7 @@ class Contacts(NamedTuple):
     weight: np.ndarray  # (nc, 3) int64, node of a JOINT_FRICTION's weight or a spring (-1: none); pieces with a, b
     stiffness: np.ndarray  # (nc,) force per penetration; 0: rigid, see compliance.py
     damping: np.ndarray  # (nc,) force per closing speed, of contacts with a stiffness
+    hertz: np.ndarray  # (nc,) bool, whether the stiffness is the force per penetration to the power 3/2
     surfaces: Surfaces
 
 
@@ -275,6 +276,7 @@ class Scratch(NamedTuple):
     q: np.ndarray  # (nc, 3) relative velocities without impulses
     shift: np.ndarray  # (nc,) the impact law's addition to the normal component of q
     begun: np.ndarray  # (nc,) gap at the start of the step, of contacts with a stiffness
+    guess: np.ndarray  # (nc,) overlap at which the law of Hertz is a straight line in the step; -1: none yet
     depth: np.ndarray  # (nc,) how far contacts may penetrate without being projected; 0: rigid ones
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool

@@ -11,7 +11,7 @@ from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.kernels.bilateral import add_contact_part, find_redundant_rows, hold_joints, row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
-from engine.kernels.compliance import compress, soften
+from engine.kernels.compliance import bend, compress, soften
 from engine.kernels.energy import work_of_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
@@ -69,7 +69,7 @@ def step(context):
     time = impulse_time(model.phases.damping[phase], h)
     for growth in range(GROWTH_ROUNDS + 1):
         nc = gather_problem(bodies, contacts, laws, state, work, problem, time)
-        soften(bodies, contacts, state, work, problem, nc, (before, after, time))
+        soften(bodies, contacts, state, work, problem, nc, (before, after, time), growth == 0)
         if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
         if nc > 0:
@@ -78,7 +78,8 @@ def step(context):
             residual = max(residual, left)
         apply_impulses(bodies, state, work, problem, nc)
         if status == CONVERGED:
-            if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce) == 0:
+            grown = 0 if plain else grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce)
+            if grown + bend(contacts, work, problem, nc, after) == 0:
                 break
             if growth == GROWTH_ROUNDS:
                 status = NOT_CONVERGED  # contacts still close, which the last problem does not contain

@@ -354,10 +354,14 @@ class PairLaw(TableModel):
 
 def check_spring(table: Any) -> None:
     """Refuse the table of a contact or stop with a damping and no stiffness, or a stiffness and a restitution."""
-    if table.damping is not None and table.stiffness is None:
+    hertz = getattr(table, "hertz_stiffness", None)
+    if hertz is not None and table.stiffness is not None:
+        text = "the force follows the overlap in one way; allowed: one of stiffness, hertz_stiffness; remove one"
+        raise refuse(text, key="hertz_stiffness", value=hertz)
+    if table.damping is not None and table.stiffness is None and hertz is None:
         text = "a rigid contact has no damping of its own; allowed: with a stiffness; give one, or write a restitution"
         raise refuse(text, key="damping", value=table.damping)
-    if table.stiffness is not None and table.restitution:
+    if (table.stiffness is not None or hertz is not None) and table.restitution:
         text = "a contact with a stiffness bounces by itself; allowed: one of the two; remove it, and let damping take "
         raise refuse(f"{text}the energy, or remove the stiffness", key="restitution", value=table.restitution)
 

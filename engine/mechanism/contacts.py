@@ -212,6 +212,9 @@ class Contact(PairLaw):
     stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = added(
         "the normal force per overlap, a number > 0; default: rigid, no overlap"
     )
+    hertz_stiffness: Annotated[PositiveNumber | None, Quantity("Hertz stiffness")] = added(
+        "in place of stiffness: the normal force per overlap to the power 3/2, a number > 0"
+    )
     damping: Annotated[NonNegative | None, Quantity("damping")] = added(
         "what the normal force of a contact with a stiffness has more per closing speed, a number >= 0"
     )
@@ -219,7 +222,7 @@ class Contact(PairLaw):
     @property
     def spring(self) -> tuple[float, float]:
         """Stiffness and damping where it overlaps; 0: rigid."""
-        return self.stiffness or 0.0, self.damping or 0.0
+        return self.stiffness or self.hertz_stiffness or 0.0, self.damping or 0.0
 
     @cached_property
     def kind(self) -> str:

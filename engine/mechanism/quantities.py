@@ -35,6 +35,7 @@ _QUANTITIES: dict[str, tuple[str, str, Powers | None]] = {
     "energy": ("mJ", "J", (1, 2, -2)),
     "torque": ("N mm", "N m", (1, 2, -2)),
     "stiffness": ("N/mm", "N/m", (1, 0, -2)),
+    "Hertz stiffness": ("N/mm^1.5", "N/m^1.5", (1, Fraction(-1, 2), -2)),
     "torsional stiffness": ("N mm/rad", "N m/rad", (1, 2, -2)),
     "damping": ("N ms/mm", "N s/m", (1, 0, -1)),
     "torsional damping": ("N mm ms/rad", "N m s/rad", (1, 2, -1)),

@@ -54,10 +54,11 @@ def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
     stops = [("joints", name, sub_table(entry, "limits")) for name, entry in named_tables(data, "joints").items()]
     gears = [("couplings", name, entry) for name, entry in named_tables(data, "couplings").items()]
     for table, name, entry in (*contacts, *stops, *gears):
-        if entry.get("stiffness") is not None:
-            key = (table, name, *(("limits",) if table == "joints" else ()), "stiffness")
-            text = "the scheme moreau_jean has rigid contacts only; allowed: none; remove it, or the scheme"
-            yield Fault(key, text, entry["stiffness"])
+        for word in ("stiffness", "hertz_stiffness"):
+            if entry.get(word) is not None:
+                key = (table, name, *(("limits",) if table == "joints" else ()), word)
+                text = "the scheme moreau_jean has rigid contacts only; allowed: none; remove it, or the scheme"
+                yield Fault(key, text, entry[word])
 
 
 def _sides(table: str, entry: Mapping[str, Any]) -> tuple[str, str]:
