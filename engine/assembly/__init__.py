@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Array, Block
+from engine.arrays import Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.couplings import coupling_pairs, gear_pairs, joint_couplings, term_arrays
@@ -24,6 +24,7 @@ from engine.kernels.model import (
     BilateralState,
     Bodies,
     BroadPhase,
+    Contacts,
     ContactSites,
     Model,
     Responses,
@@ -148,7 +149,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     arrays = RunArrays(
         model,
         state._replace(r=np.zeros((nc, 3)), u=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
-        _scratch(len(moving), len(rows), model.responses, contacts.stiffness),
+        _scratch(len(moving), len(rows), model.responses, contacts),
         _problem(unknowns, runs),
     )
     names = tuple(pair.name for pair in pairs), tuple(row.name for row in rows)
@@ -172,9 +173,9 @@ def _problem(unknowns: Unknowns, runs: int) -> FrictionArrays:
     return problem
 
 
-def _scratch(nb: int, nt: int, responses: Responses, stiffness: Array) -> Scratch:
+def _scratch(nb: int, nt: int, responses: Responses, pairs: Contacts) -> Scratch:
     """Allocate the workspace of a run."""
-    offset, nc = responses.offset, len(stiffness)
+    offset, nc = responses.offset, len(pairs.stiffness)
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((5, nc, 3))
     return Scratch(
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
@@ -194,8 +195,8 @@ def _scratch(nb: int, nt: int, responses: Responses, stiffness: Array) -> Scratc
         q=contacts[1],
         shift=np.zeros(nc),
         begun=np.zeros(nc),
-        guess=np.full(nc, -1.0),
-        depth=np.where(stiffness > 0.0, np.inf, 0.0),
+        guess=np.full(nc if pairs.hertz.any() else 0, -1.0),
+        depth=np.where(pairs.stiffness > 0.0, np.inf, 0.0),
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),

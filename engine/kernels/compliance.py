@@ -103,7 +103,7 @@ def _line(k, d, mobile, work, i, before, after):
 def bend(contacts, work, problem, n, after):
     """Move the lines of the contacts of Hertz to where the step ends; return how many were not there already."""
     moved = 0
-    for j in range(n):
+    for j in range(n if work.guess.shape[0] else 0):
         i = work.chosen[j]
         if not contacts.hertz[i]:
             continue

@@ -276,7 +276,7 @@ class Scratch(NamedTuple):
     q: np.ndarray  # (nc, 3) relative velocities without impulses
     shift: np.ndarray  # (nc,) the impact law's addition to the normal component of q
     begun: np.ndarray  # (nc,) gap at the start of the step, of contacts with a stiffness
-    guess: np.ndarray  # (nc,) overlap at which the law of Hertz is a straight line in the step; -1: none yet
+    guess: np.ndarray  # (nc,) overlap at which the law of Hertz is a line in the step; -1: none yet; (0,) without Hertz
     depth: np.ndarray  # (nc,) how far contacts may penetrate without being projected; 0: rigid ones
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
