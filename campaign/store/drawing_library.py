@@ -6,7 +6,14 @@ from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
 
 from campaign.errors import SpecError, StoreError
-from campaign.store.mechanism_library import FOLDER, LARGEST_DOCUMENT, LARGEST_TEXT, NAME, StaleMechanism
+from campaign.store.mechanism_library import (
+    FOLDER,
+    LARGEST_DOCUMENT,
+    LARGEST_TEXT,
+    NAME,
+    StaleMechanism,
+    newest_versions,
+)
 from campaign.store.store import Store
 
 LARGEST_STEP = 32 * 2**20  # bytes of a STEP file
@@ -36,11 +43,7 @@ class Draft:
 
 def drafts(store: Store) -> dict[str, int]:
     """Return the newest version of each draft, by name."""
-    newest: dict[str, int] = {}
-    for file in store.files.names(FOLDER):
-        if match := _FILE.fullmatch(file):
-            newest[match[1]] = max(newest.get(match[1], 0), int(match[2]))
-    return dict(sorted(newest.items()))
+    return newest_versions(store, _FILE)
 
 
 def read_draft(store: Store, name: str) -> Draft | None:
@@ -66,7 +69,11 @@ def save_draft(store: Store, draft: Draft) -> Draft:
     if not NAME.fullmatch(draft.name):
         words = "not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first"
         raise SpecError(f"name {draft.name!r:.100}: {words}")
-    if len(draft.text.encode(errors="replace")) > LARGEST_TEXT:
+    try:
+        size = len(draft.text.encode())
+    except UnicodeEncodeError as error:
+        raise SpecError(f"draft {draft.name}: character {error.start + 1} is no text; remove it") from None
+    if size > LARGEST_TEXT:
         raise SpecError(f"draft {draft.name}: has more than {LARGEST_TEXT} bytes")
     content = asdict(draft) | {"version": draft.version + 1, "at": time.time()}
     if drafts(store).get(draft.name, 0) != draft.version or not store.create_json(

@@ -32,10 +32,14 @@ class SavedMechanism:
 
 def saved_mechanisms(store: Store) -> dict[str, int]:
     """Return the newest version of each saved mechanism, by name."""
+    return newest_versions(store, _FILE)
+
+
+def newest_versions(store: Store, file: re.Pattern[str]) -> dict[str, int]:
+    """Return the newest version by name, of the files whose names match: first group the name, second the version."""
     newest: dict[str, int] = {}
-    for file in store.files.names(FOLDER):
-        if match := _FILE.fullmatch(file):
-            newest[match[1]] = max(newest.get(match[1], 0), int(match[2]))
+    for match in filter(None, map(file.fullmatch, store.files.names(FOLDER))):
+        newest[match[1]] = max(newest.get(match[1], 0), int(match[2]))
     return dict(sorted(newest.items()))
 
 

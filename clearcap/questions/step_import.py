@@ -6,6 +6,7 @@ nothing of what was found before.
 
 import os
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import asdict, dataclass, replace
 from difflib import unified_diff
 from hashlib import sha256
@@ -37,8 +38,12 @@ from engine.cad_import.updated_proposal import (
     revised_groups,
     updated_proposal,
 )
+from engine.errors import Fault
+from engine.faults.toml_positions import with_positions
+from engine.mechanism.faults import sub_table
+from engine.mechanism.models import refused
 from engine.platform.regular_file import read_regular_file
-from engine.platform.toml_file import LARGEST
+from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 Write = Callable[[Path, str | bytes], None]
 
@@ -202,43 +207,43 @@ def _campaign_texts(
 # -- drafts in a store -------------------------------------------------------------------------------------------------
 
 
-def import_into_store(store: str, name: str, step: Path, file: str, by: str) -> dict[str, Any]:
+def import_into_store(store: str, draft: Draft, step: Path, accept_damage: bool = False) -> dict[str, Any]:
     """Save a STEP file, the draft of a mechanism that is proposed from it, and its page in 3D; return ``changes``.
 
-    A draft of this name is brought to the new file, and keeps what its authors wrote; ``changes`` tells what happened
-    to it. Nothing is saved of a file that yields no mechanism.
+    Of the new draft, name, STEP file's name and author are given. An earlier one of this name is brought to the new
+    file, and keeps what its authors wrote; ``changes`` tells what happened to it. Nothing is saved of a file that
+    yields no mechanism. For a process of its own: the current folder is another meanwhile.
     """
     opened, files = open_store(store, QUICK), dict[Path, str | bytes]()
     content = step.read_bytes()
-    before = read_draft(opened, name)
-    draft = Draft(name, sha256(content).hexdigest(), file, "", "", by, before.version if before else 0)
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        output = Path(folder, f"{name}.toml")
-        drawn = output.with_name(draft.step_file)
-        drawn.write_bytes(content)
-        changes: dict[str, Any] = {}
-        if before is None:
-            propose(str(drawn), output, files.__setitem__)
-        else:
+    before = read_draft(opened, draft.name)
+    draft = replace(draft, step=sha256(content).hexdigest(), version=before.version if before else 0)
+    output, changes = Path(f"{draft.name}.toml"), dict[str, Any]()
+    with TemporaryDirectory(prefix="clearcap-") as folder, chdir(folder):  # so that no text names the folder
+        if before is not None:
             _unpack(opened, before, output)
             files = {output: before.text, campaign_file(output): before.campaign}
-            changes = asdict(revise(output, str(drawn), files.__setitem__, pictures=True))
-            changes.pop("written")
-        save_step(opened, content)
-        save_page(opened, name, _bytes(files[picture_files(output)[1]]))
-        text, campaign = (_bytes(files.get(each, b"")).decode() for each in (output, campaign_file(output)))
-        save_draft(opened, replace(draft, text=text, campaign=campaign))
+        Path(draft.step_file).write_bytes(content)
+        if before is None:
+            propose(draft.step_file, output, files.__setitem__, accept_damage=accept_damage)
+        else:
+            revision = revise(output, draft.step_file, files.__setitem__, pictures=True, accept_damage=accept_damage)
+            changes = {key: value for key, value in asdict(revision).items() if key != "written"}
+    save_step(opened, content)
+    text, campaign = (_bytes(files.get(each, b"")).decode() for each in (output, campaign_file(output)))
+    save_draft(opened, replace(draft, text=text, campaign=campaign))
+    save_page(opened, draft.name, _bytes(files[picture_files(output)[1]]))
     return {"changes": changes}
 
 
 def check_draft(store: str, draft: Draft) -> dict[str, Any]:
     """Return a draft's summary, warnings, geometry and open questions, and the ``text`` of its plain numbers.
 
-    Raises MechanismError if it has faults.
+    Raises MechanismError if it has faults. For a process of its own, as `import_into_store`.
     """
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        file = Path(folder, f"{draft.name}.toml")
-        _unpack(open_store(store, QUICK), draft, file)
+    opened, file = open_store(store, QUICK), Path(f"{draft.name}.toml")
+    with TemporaryDirectory(prefix="clearcap-") as folder, chdir(folder):
+        _unpack(opened, draft, file)
         loaded = load_mechanism(file)
     found = {"summary": mechanism_summary(loaded), "warnings": mechanism_warnings(loaded)}
     asked = [asdict(each) for each in open_questions(draft.text)]
@@ -246,9 +251,19 @@ def check_draft(store: str, draft: Draft) -> dict[str, Any]:
 
 
 def _unpack(store: Store, draft: Draft, mechanism: Path) -> None:
-    """Write the files of a draft into the folder of its mechanism file."""
-    mechanism.with_name(draft.step_file).write_bytes(read_step(store, draft.step))
-    mechanism.write_text(draft.text, "utf-8")
+    """Write the files of a draft; raise MechanismError if its text names another CAD file, which would be opened."""
+    content = text_bytes(draft.text)
+    try:
+        cad = sub_table(parse_toml(content), "cad")
+    except UnfitToml:  # whoever reads the file says where
+        cad = {}
+    for key, own in (("file", draft.step_file), ("sha256", draft.step)):
+        if cad.get(key, own) != own:
+            text = f"not the STEP file of this draft; allowed: {own!r}; upload another revision in its place"
+            fault = Fault(("cad", key), text, cad[key])
+            raise refused(str(mechanism), list(with_positions([fault], content)), 1)
+    Path(draft.step_file).write_bytes(read_step(store, draft.step))
+    mechanism.write_bytes(content)
     if draft.campaign:
         campaign_file(mechanism).write_text(draft.campaign, "utf-8")
 

@@ -20,13 +20,12 @@ from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response
 from clearcap.web.jobs.process import JobLimits
 from clearcap.web.operations import Sent
-from clearcap.web.operations.mechanisms import LONGEST_TEXT
+from clearcap.web.operations.mechanisms import LONGEST_TEXT, NAME, NameField
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
-_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
-NameField = Annotated[str, Form(pattern=_NAME, description="Of the mechanism")]
-DraftName = Annotated[str, InPath(pattern=_NAME, description="Of the mechanism", examples=["latch"])]
+DraftName = Annotated[str, InPath(pattern=NAME, description="Of the mechanism", examples=["latch"])]
+AcceptDamage = Annotated[bool, Form(description="Take what can be read of a damaged STEP file")]
 # OCCT has limits of its own; this is for the search for joints and stops, the pictures, and a wait for the processor
 LIMITS = JobLimits(processor_s=180.0, wall_s=600.0)
 # the page of what was found runs its own script alone, which its own policy names by digest, and reaches nothing
@@ -61,7 +60,9 @@ class DraftText(Sent):
     version: int = Field(ge=1, lt=10**6, description="The version that was changed; 409 if there is a later one")
 
 
-async def upload_step(service: TheService, who: Engineer, name: NameField, file: UploadFile) -> dict[str, Any]:
+async def upload_step(
+    service: TheService, who: Engineer, name: NameField, file: UploadFile, accept_damage: AcceptDamage = False
+) -> dict[str, Any]:
     """Propose a mechanism from a STEP file and save it as a draft; an earlier draft of this name is brought to it."""
     if name in library_names():
         raise Refusal(409, f"{name} is a shipped mechanism; give yours another name")
@@ -72,7 +73,7 @@ async def upload_step(service: TheService, who: Engineer, name: NameField, file:
         step = Path(folder, "upload.step")
         await run_in_threadpool(_keep, file, step)
         address, label = service.store.files.full_url, (file.filename or "upload.step")[:200]
-        arguments = (address, name, step, label, who.name)
+        arguments = (address, Draft(name, "", label, "", "", who.name), step, accept_damage)
         found: dict[str, Any] = await service.pool.data(
             who.name, step_import.import_into_store, *arguments, limits=LIMITS
         )

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from importlib import resources
 from typing import Annotated, Any
 
-from fastapi import Path, Query, Request
+from fastapi import Form, Path, Query, Request
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
@@ -18,10 +18,9 @@ from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
 LONGEST_TEXT = 2**20  # characters
-MechanismName = Annotated[
-    str,
-    Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="Shipped or saved", examples=["clearance_pendulum"]),
-]
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
+MechanismName = Annotated[str, Path(pattern=NAME, description="Shipped or saved", examples=["clearance_pendulum"])]
+NameField = Annotated[str, Form(pattern=NAME, description="Of the mechanism")]
 Choice = Annotated[str | None, Query(max_length=100)]
 MOST_VALUES = 500
 LONGEST_KEY = 400  # characters

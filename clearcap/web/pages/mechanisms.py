@@ -19,7 +19,7 @@ from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response, refusal_of
 from clearcap.web.operations import drawings, mechanisms
-from clearcap.web.operations.drawings import DraftName, DraftText, NameField
+from clearcap.web.operations.drawings import AcceptDamage, DraftName, DraftText
 from clearcap.web.pages.rendering import QueryText, is_number, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
 from engine import EngineError
@@ -46,7 +46,7 @@ async def mechanisms_page(request: Request, service: TheService, who: Viewer) ->
 
 @router.post("/mechanisms")
 async def upload_form(
-    request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
+    request: Request, service: TheService, who: Engineer, name: mechanisms.NameField, file: UploadFile
 ) -> Response:
     """Save an uploaded file as a mechanism; a file with faults is shown in the editor."""
     text = await uploaded_text(file, "file", "a mechanism is a TOML file")
@@ -55,10 +55,15 @@ async def upload_form(
 
 @router.post("/mechanisms/drawings")
 async def upload_drawing(
-    request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
+    request: Request,
+    service: TheService,
+    who: Engineer,
+    name: mechanisms.NameField,
+    file: UploadFile,
+    accept_damage: AcceptDamage = False,
 ) -> Response:
     """Propose a mechanism from an uploaded STEP file, and show the draft and what the file changed in it."""
-    found = await drawings.upload_step(service, who, name, file)
+    found = await drawings.upload_step(service, who, name, file, accept_damage)
     if not found["changes"]:
         return RedirectResponse(f"/mechanisms/{quote(name)}/drawing", 303)
     return await _drawn(request, service, name, changes=found["changes"])

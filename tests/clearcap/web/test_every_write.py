@@ -10,7 +10,7 @@ import pytest
 from campaign.coordinator.state import write_state
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
-from campaign.store.drawing_library import read_draft
+from campaign.store.drawing_library import Draft, read_draft
 from campaign.store.labels import read_labels
 from clearcap.questions.step_import import import_into_store
 from clearcap.web.access import Role
@@ -226,7 +226,7 @@ def drafted(w, how):
     """Return a call that sends the text of a draft that is there."""
     store = w.service.store
     if read_draft(store, "latch") is None:
-        import_into_store(store.files.full_url, "latch", LATCH, "latch.step", "engineer")
+        import_into_store(store.files.full_url, Draft("latch", "", "latch.step", "", "", "engineer"), LATCH)
     draft = read_draft(store, "latch")
     return Call({"name": "latch"}, {how: {"text": draft.text, "version": draft.version}}, "engineer")
 

@@ -1,6 +1,8 @@
 """Pages and calls of STEP files: upload one, answer what its draft asks, save the mechanism, bring it to a revision."""
 
+import json
 import re
+import shutil
 from html import unescape
 
 import pytest
@@ -91,6 +93,7 @@ def test_a_revision_keeps_the_answers(service):
     second = client.post(CALL, data={"name": "revised"}, files={"file": ("b.step", wider)})
     assert second.status_code == 201, second.text
     assert any("3.07" in line for line in second.json()["changes"]["diff"])
+    assert second.json()["changes"]["diff"][0].strip() == "--- revised.toml"
     now = client.get(f"{CALL}/revised").json()
     assert (now["file"], now["version"]) == ("b.step", 3)
     assert now["sha256"] != draft["sha256"]
@@ -116,3 +119,52 @@ def test_what_is_refused(service):
     viewer, csrf = log_in(service, "viewer")
     assert viewer.post(CALL, data={"name": "seen"}, files=step).status_code == 403
     assert viewer.post("/mechanisms/drawings", data={**csrf, "name": "seen"}, files=step).status_code == 403
+
+
+def test_a_draft_opens_no_other_file(service, tmp_path):
+    """Another path or digest in its text is refused before it is looked at, and no answer names a folder."""
+    client, _ = log_in(service, accept="application/json")
+    assert client.post(CALL, data={"name": "own"}, files={"file": ("a.step", LATCH.read_bytes())}).status_code == 201
+    draft = client.get(f"{CALL}/own").json()
+    own = re.search(r'^file = "(.*)"$', draft["text"], re.MULTILINE)[1]
+    assert own == f"own-{draft['sha256'][:8]}.step"
+    secret = tmp_path / "secret.step"
+    shutil.copy(LATCH, secret)
+    for key, text in {
+        "file": draft["text"].replace(own, str(secret)),
+        "sha256": draft["text"].replace(draft["sha256"], "0" * 64),
+    }.items():
+        refused = client.post(f"{CALL}/own/check", json={"text": text, "version": draft["version"]})
+        assert refused.status_code == 422
+        assert [each["keys"] for each in refused.json()["faults"]] == [["cad", key]]
+        assert refused.json()["faults"][0]["line"] > 1
+        assert client.post(f"{CALL}/own/mechanism", json={"text": text, "version": 1}).status_code == 422
+    draft = client.put(f"{CALL}/own", json={"text": draft["text"].replace(own, str(secret)), "version": 1}).json()
+    wider = LATCH.read_bytes().replace(b"3.05", b"3.07")
+    assert client.post(CALL, data={"name": "own"}, files={"file": ("b.step", wider)}).status_code == 422
+    assert client.get(f"{CALL}/own").json()["version"] == draft["version"]
+
+
+def test_odd_texts_are_refused(service):
+    """What is no text, no TOML or no mechanism is said; what can be kept is kept."""
+    client, _ = log_in(service, accept="application/json")
+    assert client.post(CALL, data={"name": "odd"}, files={"file": ("a.step", LATCH.read_bytes())}).status_code == 201
+    for text in ("\ud800", "[", "a = 1", "[cad]\nfile = 3", "cad = 1", ""):
+        sent = {"content": json.dumps({"text": text, "version": 1}), "headers": {"Content-Type": "application/json"}}
+        assert client.post(f"{CALL}/odd/check", **sent).status_code == 422, text
+    assert client.put(f"{CALL}/odd", content=r'{"text": "\ud800", "version": 1}').status_code == 422
+
+
+def test_damage_is_accepted_if_asked(service):
+    """A file that lost an entity is refused, and read as far as it can be if its user says so."""
+    client, _ = log_in(service, accept="application/json")
+    content = LATCH.read_text()
+    damaged = re.sub(r"^#698 = CIRCLE.*\n", "", content, count=1, flags=re.MULTILINE)
+    assert damaged != content
+    step = {"file": ("a.step", damaged.encode())}
+    refused = client.post(CALL, data={"name": "damaged"}, files=step)
+    assert refused.status_code == 422
+    assert "clearcap-" not in refused.json()["detail"]  # the folder in which it was read
+    accepted = client.post(CALL, data={"name": "damaged", "accept_damage": "true"}, files=step)
+    assert accepted.status_code == 201, accepted.text
+    assert "accept_damage = true" in client.get(f"{CALL}/damaged").json()["text"]
