@@ -69,11 +69,7 @@ def save_draft(store: Store, draft: Draft) -> Draft:
     if not NAME.fullmatch(draft.name):
         words = "not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first"
         raise SpecError(f"name {draft.name!r:.100}: {words}")
-    try:
-        size = len(draft.text.encode())
-    except UnicodeEncodeError as error:
-        raise SpecError(f"draft {draft.name}: character {error.start + 1} is no text; remove it") from None
-    if size > LARGEST_TEXT:
+    if len(draft.text.encode(errors="replace")) > LARGEST_TEXT:
         raise SpecError(f"draft {draft.name}: has more than {LARGEST_TEXT} bytes")
     content = asdict(draft) | {"version": draft.version + 1, "at": time.time()}
     if drafts(store).get(draft.name, 0) != draft.version or not store.create_json(

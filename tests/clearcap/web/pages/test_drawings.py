@@ -152,7 +152,10 @@ def test_odd_texts_are_refused(service):
     for text in ("\ud800", "[", "a = 1", "[cad]\nfile = 3", "cad = 1", ""):
         sent = {"content": json.dumps({"text": text, "version": 1}), "headers": {"Content-Type": "application/json"}}
         assert client.post(f"{CALL}/odd/check", **sent).status_code == 422, text
-    assert client.put(f"{CALL}/odd", content=r'{"text": "\ud800", "version": 1}').status_code == 422
+    sent["content"] = json.dumps({"text": "\ud800", "version": 1})
+    assert client.put(f"{CALL}/odd", **sent).status_code == 422
+    ahead = client.put(f"{CALL}/odd", json={"text": "a", "version": 7})
+    assert ahead.status_code == 409  # there is no such version
 
 
 def test_damage_is_accepted_if_asked(service):
