@@ -7,8 +7,9 @@ import signal
 import subprocess
 import sys
 import warnings
+from collections import deque
 from collections.abc import Callable
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, TextIO
 
 from campaign.coordinator.heartbeat import Heartbeat, Observation, observe
@@ -42,27 +43,32 @@ class Follower:
         self._show = progress if callable(progress) else None
         self._beat: Heartbeat | None = None
         self._read: set[int] = set()  # batches
-        self._tables: list[pa.Table] = []
+        self._tables: deque[pa.Table] = deque()  # still to be told
         self._last: Observation | None = None
+        self._looks = Lock()  # two may await one campaign, and a thread outlives the await that was cancelled
 
     def look(self) -> Observation:
         """Read what is new in the store; another thread than that of `tell` may do so."""
-        # first the state: when it says that all is computed, all rows are there
-        self._last = observe(self._store, self._plan.campaign_id, self._last)
-        if self._rows is not None:
-            spans = (batches_of(name, self._plan) for name in self._store.files.names(folder(self._plan)))
-            found = {batch for span in spans if span for batch in range(span[0], span[1] + 1)} - self._read
-            starts = {self._plan.batches[batch][0]: batch for batch in found}
-            # files that are bad are left out, and read once they are computed again
-            for table in self._store.stream(self._plan, None, found) if found else ():
-                self._tables.append(table)
-                self._read.update(starts[n] for n in table["sample"].to_pylist() if n in starts)
-        return self._last
+        with self._looks:
+            # first the state: when it says that all is computed, all rows are there
+            self._last = seen = observe(self._store, self._plan.campaign_id, self._last)
+            if self._rows is not None:
+                self._read_rows()
+        return seen
+
+    def _read_rows(self) -> None:
+        """Read the batches that were not read before; files that are bad are, once they are computed again."""
+        spans = (batches_of(name, self._plan) for name in self._store.files.names(folder(self._plan)))
+        found = {batch for span in spans if span for batch in range(span[0], span[1] + 1)} - self._read
+        starts = {self._plan.batches[batch][0]: batch for batch in found}
+        for table in self._store.stream(self._plan, None, found) if found else ():
+            self._tables.append(table)
+            self._read.update(starts[n] for n in table["sample"].to_pylist() if n in starts)
 
     def tell(self) -> None:
         """Call the functions with what is new."""
-        tables, self._tables = self._tables, []
-        for table in tables:
+        while self._tables:  # one by one: what a function raises leaves the others for the next call
+            table = self._tables.popleft()
             if self._rows is not None and table.num_rows:
                 self._rows(framed(table, "sample"))
         beat = None if self._last is None else self._last.heartbeat

@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.heartbeat import Observation, observe
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, SignOfLife, is_coordinated, judge_life
 from campaign.coordinator.requests import cancel_campaign
 from campaign.coordinator.submit import Assignment, assign_coordinator
 from campaign.errors import CampaignError
+from campaign.processes import started
+from campaign.store.files.retry_policy import PATIENT
+from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from clearcap.results import Results, planned
 from clearcap.running import Follower, Progress, Rows
 
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from campaign.spec.load import Campaign, Source
 
 _PAUSE = HEARTBEAT_INTERVAL / 2  # s
+_SILENCE = PATIENT.seconds  # s; a coordinator on another machine goes on through as long an outage of its store
 
 
 class RunningCampaign:
@@ -37,22 +41,25 @@ class RunningCampaign:
     Parameters
     ----------
     results : Results
-        What `open_campaign` returned.
+        What `open_campaign` returned. If it is queued, it is waited for until somebody computes it.
     progress : callable, optional
         Called with each new `Heartbeat`, where the campaign is awaited. What it raises ends the waiting.
     rows : callable, optional
-        Called there with tables of finished rows, as in `Results.rows`, each row once.
+        Called there with tables of finished rows, as in `Results.rows`, each row once, however often it is awaited;
+        with a stopping rule also rows after the end, computed ahead.
 
     Raises
     ------
     CampaignError
-        From ``await`` and `wait`: if the campaign is cancelled or interrupted, or fails.
+        From ``await`` and `wait`: if the campaign is cancelled or interrupted, or fails, or the coordinator that it was
+        handed to has ended, or one on another machine has written nothing for minutes.
     """
 
     def __init__(self, results: Results, progress: Progress = False, rows: Rows | None = None) -> None:
         self._of = results
-        self._told = progress, rows
+        self._follower = Follower(results.store, results.plan, progress, rows)
         self._assignment = Assignment("none")
+        self._service: SignOfLife | None = None
 
     @property
     def id(self) -> str:
@@ -75,39 +82,49 @@ class RunningCampaign:
 
     def wait(self) -> Results:
         """Wait until all rows are computed, and return them."""
-        follower = self._follower()
-        while not self._look(follower).is_over:
-            follower.tell()
+        while not (seen := self._look()).is_over:
+            self._follower.tell()
             time.sleep(_PAUSE)
-        follower.tell()
-        return self._end()
+        self._follower.tell()
+        return self._end(seen)
 
     def __await__(self) -> Generator[Any, None, Results]:
         return self._awaited().__await__()
 
     async def _awaited(self) -> Results:
-        follower = self._follower()
-        while not (await asyncio.to_thread(self._look, follower)).is_over:
-            follower.tell()
+        while not (seen := await asyncio.to_thread(self._look)).is_over:
+            self._follower.tell()
             await asyncio.sleep(_PAUSE)
-        follower.tell()
-        return await asyncio.to_thread(self._end)
+        self._follower.tell()
+        return await asyncio.to_thread(self._end, seen)
 
-    def _follower(self) -> Follower:
-        return Follower(self._of.store, self._of.plan, *self._told)
-
-    def _look(self, follower: Follower) -> Observation:
-        """Observe the campaign; CampaignError if the coordinator started for it ended before it began."""
-        pid = self._assignment.pid
-        has_ended = pid is not None and _has_ended(pid)  # asked first: it may write its last state meanwhile
-        seen = follower.look()
-        if has_ended and seen.state == "queued":
-            raise CampaignError(f"{self.id}: its coordinator ended before it began; why: {self._assignment.log}")
+    def _look(self) -> Observation:
+        """Observe the campaign; CampaignError if its coordinator has ended and left it queued or running."""
+        seen = self._follower.look()
+        # looked at again: it may have written its last state meanwhile
+        if seen.state == "queued" and self._is_forsaken() and self._follower.look().state == "queued":
+            why = f"; why: {self._assignment.log}" if self._assignment.log else ""
+            raise CampaignError(f"{self.id}: its coordinator ended before it began{why}; submit it again")
+        # only of one on another machine: the state of others is then "interrupted"
+        if seen.state == "running" and seen.sign is not None and seen.sign.token and _is_lost(seen.sign):
+            said = seen.heartbeat.waits_for if seen.heartbeat else "its coordinator has written nothing yet"
+            raise CampaignError(f"{self.id}: {said}; submit it again to continue it")
         return seen
 
-    def _end(self) -> Results:
+    def _is_forsaken(self) -> bool:
+        """Return whether the coordinator that it was handed to has ended."""
+        if self._assignment.kind == "service":
+            lease, beat = (self._of.store.read_json(SERVICE, name) for name in (LEASE, HEARTBEAT))
+            self._service = judge_life(lease, beat, self._service, time.monotonic())
+            return _is_lost(self._service)
+        if self._assignment.pid is not None:
+            return _has_ended(self._assignment.pid)
+        # somebody held its lease then, perhaps only to write a report
+        return self._assignment.kind == "coordinator" and not is_coordinated(self._of.store, self.id)
+
+    def _end(self, seen: Observation) -> Results:
         """Return the results of a campaign that is over; CampaignError unless it is completed."""
-        seen, results = observe(self._of.store, self.id), self.results
+        results = self.results
         if seen.state != "completed":
             why = f": {seen.message}" if seen.message else ""
             raise CampaignError(f"{self.id} is {seen.state}{why}; submit it again to continue it")
@@ -170,9 +187,10 @@ def submit_campaign(
 def _has_ended(pid: int) -> bool:
     """Return whether a process that this one started has ended."""
     with suppress(ChildProcessError):  # its end was noticed before
-        return os.waitpid(pid, os.WNOHANG)[0] == pid
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return True
-    return False
+        os.waitpid(pid, os.WNOHANG)
+    return started(pid) is None
+
+
+def _is_lost(sign: SignOfLife) -> bool:
+    """Return whether a coordinator has ended: here that is known at once, elsewhere after minutes of silence."""
+    return sign.is_alive is False and (sign.heartbeat is None or time.monotonic() - sign.seen_at > _SILENCE)

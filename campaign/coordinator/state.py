@@ -46,6 +46,8 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     said = content if is_written else store.read_json(campaign_id, HEARTBEAT) or {}
     state = said["state"] if is_written or said.get("state") in ("running", "completed") else "planned"
     orphaned = state == "running" and not is_coordinated(store, campaign_id)
+    if orphaned and is_written and store.read_json(campaign_id, STATE) != content:
+        return state_of(store, campaign_id)  # its coordinator wrote the last state, and gave the lease back, meanwhile
     is_lost = not is_written and state == "completed"
     is_ending = state == "running" and not orphaned and store.files.exists(f"{campaign_id}/{CANCEL}")
     return {

@@ -92,7 +92,11 @@ def report(
             kind = "comparison" if against is not None else "pooled report" if pool else "report"
             print_text(f"{kind}: {path}")
     if remote is None:
-        fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+        from campaign.store.parts import total
+
+        counts = [(each, opened.survey(each).statuses) for each in (plan, *others)]
+        worst, _ = max(counts, key=lambda each: each[0].failed(each[1]))  # which has a run to show
+        fail_without_enough_ok(opened, worst, total(statuses for _, statuses in counts))
 
 
 def capability(

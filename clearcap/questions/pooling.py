@@ -160,16 +160,17 @@ def pooled_spec(pool: Pool) -> ReportSpec:
     """Return what `reporting` needs to know of a pool: that of its first campaign, and from what it is pooled."""
     (store, plan), *others = pool.members
     spec, text = report_spec(plan, store), pool.text
-    provenance = {name: value for name, value in spec.provenance.items() if name not in (OF_PLAN, OF_ROWS)}
+    provenance = {name: value for name, value in spec.provenance.items() if name not in (OF_PLAN, OF_ROWS, COMMAND)}
     provenance |= {
         "campaign": " + ".join(pool.ids),
         "samples": " + ".join(str(plan.spec.samples) for _, plan in pool.members),
         "seed": ", ".join(str(plan.spec.seed) for _, plan in pool.members),
-        COMMAND: shlex.join(
+    }
+    if all(there.url == store.url for there, _ in others):  # the command reads one store
+        provenance[COMMAND] = shlex.join(
             ["clearcap", "report", *store.files.option, plan.campaign_id]
             + [word for _, other in others for word in ("--pool", other.campaign_id)]
-        ),
-    }
+        )
     for there, each in pool.members:
         source = report_source(there, each)
         provenance |= {f"{name} of {each.campaign_id}": source[name] for name in (OF_PLAN, OF_ROWS)}

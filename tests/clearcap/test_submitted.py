@@ -2,16 +2,21 @@
 
 import asyncio
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import pandas as pd
 import pytest
 
 import clearcap
+from campaign.coordinator import lease
+from campaign.coordinator.heartbeat import Heartbeat
+from campaign.coordinator.lease import this_process
 from campaign.coordinator.state import write_state
 from campaign.coordinator.submit import Assignment, submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.running import Follower
@@ -19,6 +24,8 @@ from clearcap.submitted import RunningCampaign, _has_ended
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.until import until
+
+NOBODY = 2**22 + 1  # no process has this number
 
 
 @pytest.fixture
@@ -91,13 +98,91 @@ def test_a_campaign_that_ends_otherwise(queued, state):
         RunningCampaign(clearcap.Results(store, plan)).wait()
 
 
-def test_a_coordinator_that_ends_at_once(queued):
+def test_rows_are_told_once_however_often_it_is_awaited(queued):
+    """What the function raises ends the waiting, and loses no table; two who look at once read none twice."""
+    store, plan, run = queued
+    told = []
+
+    def interrupted(rows):
+        told.append(rows)
+        if len(told) < 3:
+            raise InterruptedError
+
+    running = RunningCampaign(clearcap.Results(store, plan), rows=interrupted)
+    for batch in range(2):
+        run(batch)
+        running._follower.look()
+    for _ in range(2):
+        with pytest.raises(InterruptedError):
+            running.wait()
+    run(2)
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda _: running._follower.look(), range(8)))
+    write_state(store, plan.campaign_id, "completed")
+    with pytest.warns(UserWarning, match=r"failures\.min_ok"):  # the stand-in lets some fail
+        results = running.wait()
+    assert [len(table) for table in told] == [10, 10, 5]
+    pd.testing.assert_frame_equal(pd.concat(told), results.rows)
+
+
+@pytest.fixture
+def awaited():
+    """Return what awaits a campaign, but not for ever."""
+    return lambda running: asyncio.run(asyncio.wait_for(_of(running), 60.0))
+
+
+async def _of(running):
+    return await running
+
+
+def test_a_coordinator_that_ends_at_once(queued, awaited):
     """Nobody waits for it for ever."""
     store, plan, _ = queued
     running = RunningCampaign(clearcap.Results(store, plan))
-    running._assignment = Assignment("coordinator", 2**22 + 1, "its.log")  # no process has this number
-    with pytest.raises(clearcap.CampaignError, match=r"its\.log"):
-        running.wait()
+    running._assignment = Assignment("coordinator", NOBODY, "its.log")
+    with pytest.raises(clearcap.CampaignError, match=r"its\.log; submit it again"):
+        awaited(running)
+
+
+@pytest.mark.parametrize("left", [None, {**this_process(), "pid": NOBODY, "token": "x"}], ids=["ended", "killed"])
+@pytest.mark.parametrize("kind", ["service", "coordinator"])
+def test_another_coordinator_that_ends_before_it_begins(queued, awaited, kind, left):
+    """Nobody waits for it for ever, whether it gave its lease back or not."""
+    store, plan, _ = queued
+    running = RunningCampaign(clearcap.Results(store, plan))
+    running._assignment = Assignment(kind)
+    if left:
+        store.write_json(SERVICE if kind == "service" else plan.campaign_id, LEASE, left)
+    with pytest.raises(clearcap.CampaignError, match="ended before it began; submit it again"):
+        awaited(running)
+
+
+def test_a_coordinator_elsewhere_that_is_silent(queued, awaited, monkeypatch):
+    """For as long as it is silent for less than it bears an outage of its store, it is waited for."""
+    store, plan, _ = queued
+    write_state(store, plan.campaign_id, "running")
+    there = {**this_process(), "host": "another machine", "name": "node7", "pid": 4711}
+    store.write_json(plan.campaign_id, LEASE, {**there, "token": "x"})
+    beat = Heartbeat(plan.campaign_id, "running", 25, 20, 20, 0, 5, {"ok": 20}, 3.5, 9.0, 2)
+    store.write_json(plan.campaign_id, HEARTBEAT, beat.to_json())
+    monkeypatch.setattr(lease, "STALE_AFTER", 0.0)
+    running = RunningCampaign(clearcap.Results(store, plan))
+    assert [running._look().is_over for _ in range(3)] == [False] * 3
+    monkeypatch.setattr("clearcap.submitted._SILENCE", 0.0)
+    with pytest.raises(clearcap.CampaignError, match=r"no longer writes \(process 4711 on node7"):
+        awaited(running)
+
+
+def test_a_completed_campaign_that_begins_again(queued, monkeypatch):
+    """One submitted again is over at once; that its coordinator then looks at it is no failure."""
+    store, plan, run = queued
+    for batch in range(3):
+        run(batch)
+    write_state(store, plan.campaign_id, "completed")
+    running = RunningCampaign(clearcap.Results(store, plan))
+    monkeypatch.setattr(running._follower, "tell", lambda: write_state(store, plan.campaign_id, "running"))
+    with pytest.warns(UserWarning, match=r"failures\.min_ok"):
+        assert len(running.wait().rows) == 25
 
 
 @pytest.mark.slow

@@ -71,6 +71,18 @@ def test_status_of_a_coordinator_elsewhere_that_has_ended(store, plan, monkeypat
     assert others[2] == f"  continue it with: clearcap resume {plan.campaign_id} --workers 3 --store {store.url}"
 
 
+def test_the_last_state_is_written_while_it_is_read(store, plan, monkeypatch):
+    """A coordinator that ended well between two reads was not interrupted."""
+
+    def ends(*_):
+        write_state(store, plan.campaign_id, "completed")
+        return False
+
+    write_state(store, plan.campaign_id, "running")
+    monkeypatch.setattr("campaign.coordinator.state.is_coordinated", ends)
+    assert state_of(store, plan.campaign_id)["state"] == "completed"
+
+
 def test_a_campaign_that_is_being_cancelled_says_so(store, plan):
     """From the request until its coordinator has ended; then the state says it."""
     with hold_lease(store, plan.campaign_id):

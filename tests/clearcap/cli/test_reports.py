@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from functools import partial
 
 import pytest
 
@@ -10,7 +11,9 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store.store import comparisons
 from clearcap.questions.report import report
+from tests.campaign import fake_engine
 from tests.campaign.commands import clearcap_here
+from tests.campaign.driving import computed
 from tests.campaign.store.test_store import fill
 
 
@@ -66,6 +69,23 @@ def test_a_pooled_report(either_store, plan, others, capsys, monkeypatch):
     assert written["report"]["json"] == either_store.files.address(f"{name}/pooled/{'+'.join(ids)}/capability.json")
     status, _, said = clearcap_here(capsys, monkeypatch, *words, "--against", ids[0])
     assert (status, "--against, --pool" in said) == (2, True)
+
+
+def test_a_pool_has_enough_ok_runs_together(tmp_path, campaign_file, capsys, monkeypatch):
+    """The exit status is that of all samples, and the run to look at is one that failed."""
+
+    def member(samples, seed, simulate):
+        return computed(tmp_path / "runs", load_campaign(str(campaign_file), samples=samples, seed=seed), 500, simulate)
+
+    fails = partial(fake_engine.raises_above, 0.07)
+    (store, few), (_, many) = member(25, 7, fails), member(2000, 8, fake_engine.simulate)
+    report, pool = ("report", "--no-excel", "--store", store.url), ("--pool", few.campaign_id)
+    assert clearcap_here(capsys, monkeypatch, *report, few.campaign_id)[0] == 1
+    assert clearcap_here(capsys, monkeypatch, *report, many.campaign_id, *pool)[0] == 0
+    assert clearcap_here(capsys, monkeypatch, *report, few.campaign_id, "--pool", many.campaign_id)[0] == 0
+    _, ok = member(20, 9, fake_engine.simulate)
+    status, _, said = clearcap_here(capsys, monkeypatch, *report, ok.campaign_id, *pool)
+    assert (status, f"replay {few.campaign_id}" in said) == (1, True)
 
 
 @pytest.mark.slow

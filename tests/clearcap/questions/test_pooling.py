@@ -14,7 +14,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store, read_repeats
 from campaign.store.store import repeat_plans
-from clearcap.questions.pooling import pooled, pooled_analysis, pooled_folder, pooled_report
+from clearcap.questions.pooling import pooled, pooled_analysis, pooled_folder, pooled_report, pooled_spec
 from clearcap.questions.report import analysis
 from reporting.render.data_files import render_json
 from tests.campaign import fake_engine
@@ -150,3 +150,9 @@ def test_files_in_the_first_campaign(tmp_path):
     assert "Pooled from" in page
     assert f"{second} (seed 8, 10 samples, from number 10)" in page
     assert len(pooled_folder(["x-0123456789"] * 100)) < 255
+
+
+def test_no_command_pools_two_stores(tmp_path):
+    """So the report of campaigns in two stores names none."""
+    members = [member(tmp_path / str(seed), 10, seed) for seed in (7, 8)]
+    assert "command of this report" not in pooled_spec(pooled(members)).provenance
