@@ -109,18 +109,19 @@ def gear_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State)
         swapped = coupling.gears[0].internal
         a, b = reversed(coupling.gears) if swapped else coupling.gears
         of_a, of_b = frames[a.body], frames[b.body]
-        forward = state.R[frames[coupling.gears[0].body].index] @ frames[coupling.gears[0].body].direction(
-            coupling.gears[0].direction
-        )
         axis, other = (state.R[frame.index] @ frame.direction(g.direction) for g, frame in ((b, of_b), (a, of_a)))
-        axis = axis if axis @ forward >= 0.0 else -axis
+        if not swapped and axis @ other < 0.0:  # forward is about the axis of the first gear
+            axis = -axis
         p, q = (state.x[f.index] + state.R[f.index] @ f.point(g.place) for g, f in ((a, of_a), (b, of_b)))
         across = (q - p) - ((q - p) @ axis) * axis
         apart = float(np.linalg.norm(across))
         _refuse_gears_apart(mechanism, name, coupling, apart, float(np.linalg.norm(np.cross(axis, other))))
         mark, cosine = across / apart, np.cos(coupling.pressure_angle)
-        base = [0.5 * coupling.module * g.sign * g.teeth * cosine for g in (a, b)]
-        pitch = np.pi * coupling.module * cosine
+        pitch_radii = [0.5 * coupling.module * g.sign * g.teeth for g in (a, b)]
+        # of two bodies that grow unlike, teeth of one size that fill as much of the distance: the ratio stays
+        grown = (pitch_radii[0] * of_a.scale + pitch_radii[1] * of_b.scale) / sum(pitch_radii)
+        base = [radius * grown * cosine for radius in pitch_radii]
+        pitch = np.pi * coupling.module * grown * cosine
         involute = np.tan(coupling.pressure_angle) - coupling.pressure_angle
         row_a = geometry_row(of_a.point(a.place), state.R[of_a.index].T @ mark, np.zeros(3), base[0], float(pitch))
         back = state.R[of_b.index].T

@@ -19,7 +19,7 @@ from engine.assembly.frames import BodyFrame
 from engine.assembly.table_cache import cached
 from engine.errors import Fault, MechanismError
 from engine.kernels.model import ON_EXTRUDED, State
-from engine.mechanism.contacts import OUTLINES, Contact
+from engine.mechanism.contacts import OUTLINES
 from engine.mechanism.models import Mechanism
 
 TILT = 1e-3  # largest angle between the axes as drawn [rad]
@@ -64,7 +64,7 @@ def _outlines(
         scales = {key: frames[side.body].scale for key, side in sides.items()}
         pieces = {key: profile_pieces(side, scales[key]) for key, side in sides.items()}
         solids = {key: row_b(side, frames[side.body]) for key, side in sides.items()}
-        heights = _heights(name, contact, frames, state, solids)
+        heights = _heights(mechanism, name, frames, state, solids)
         found[name] = (
             pieces,
             [
@@ -108,9 +108,10 @@ def _out(piece: Array, share: float) -> Array:
 
 
 def _heights(
-    name: str, contact: Contact, frames: dict[str, BodyFrame], state: State, solids: dict[str, Array]
+    mechanism: Mechanism, name: str, frames: dict[str, BodyFrame], state: State, solids: dict[str, Array]
 ) -> dict[str, float]:
     """Return the height of the common plane along the axis of each solid, from its origin."""
+    contact = mechanism.contacts[name]
     at = {"a": frames[contact.a.body].index, "b": frames[contact.b.body].index}
     place = {key: state.x[at[key]] + state.R[at[key]] @ row[:3] for key, row in solids.items()}
     axis = {key: state.R[at[key]] @ row[3:6] for key, row in solids.items()}
@@ -119,17 +120,19 @@ def _heights(
     if not tilt <= TILT:
         text = f"its axis is inclined by {math.asin(min(tilt, 1.0)):.6g} rad to that of side a at the start; allowed: "
         text += f"up to {TILT:g}, as two profiles touch in one plane; correct an axis, or turn a body"
-        raise _fault(("contacts", name, "b", "extruded", "axis"), text, contact.b.primitive.axis)
+        raise _fault(mechanism, name, "axis", text)
     apart = float(axis["a"] @ (place["b"] - place["a"]))
     low, high = max(-half["a"], apart - half["b"]), min(half["a"], apart + half["b"])
     if not low < high:
-        text = f"passes beside the solid of side a, {low - high:.6g} along its axis; allowed: solids with a depth in "
-        text += "common; move one of the two, or make it longer"
-        raise _fault(("contacts", name, "b", "extruded", "half_length"), text, contact.b.primitive.half_length)
+        beside = f"{low - high:.6g} {mechanism.unit('length')}"
+        text = f"passes beside the solid of side a, {beside} along its axis; allowed: solids with a depth in common; "
+        text += "move one of the two, or make it longer"
+        raise _fault(mechanism, name, "half_length", text)
     middle = 0.5 * (low + high) if high < math.inf else 0.0
     return {"a": middle, "b": math.copysign(1.0, float(axis["a"] @ axis["b"])) * (middle - apart)}
 
 
-def _fault(key: tuple[str, ...], text: str, value: object) -> MechanismError:
-    fault = Fault(key, text, value)
-    return MechanismError(f"two profiles that cannot touch\n  {fault}", [fault])
+def _fault(mechanism: Mechanism, name: str, key: str, text: str) -> MechanismError:
+    value = getattr(mechanism.contacts[name].b.primitive, key)
+    fault = Fault(("contacts", name, "b", "extruded", key), text, value)
+    return MechanismError(f"{mechanism.name}: two profiles that cannot touch\n  {fault}", [fault])

@@ -82,7 +82,7 @@ def step(context):
             if grown + bend(contacts, work, problem, nc, after) == 0:
                 break
             if growth == GROWTH_ROUNDS:
-                status = NOT_CONVERGED  # contacts still close, which the last problem does not contain
+                status = NOT_CONVERGED  # contacts still close, or press more or less, than in the last problem
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, 0.0, 0.0, 0.0, 0.0, fastest, spin, iterations)

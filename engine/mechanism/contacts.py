@@ -250,11 +250,10 @@ class Contact(PairLaw):
         if self.kind == "ring-cylinder" and one.radius <= other.radius:
             text = f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
             raise refuse(f"{text}make it larger, or the cylinder smaller", key=f"{key}.radius", value=one.radius)
-        if self.kind == OUTLINES and self.stiffness is not None:
-            text = (
-                "two profiles are rigid against each other; allowed: none; remove it, or hold one of them by a spring"
-            )
-            raise refuse(text, key="stiffness", value=self.stiffness)
+        if self.kind == OUTLINES and self.spring[0]:
+            text = "two profiles are rigid against each other; allowed: none; remove it, or hold one by a spring"
+            key = "stiffness" if self.stiffness else "hertz_stiffness"
+            raise refuse(text, key=key, value=self.spring[0])
         for side, partner in ((first, second), (second, first)):
             if side.kind == "cylinder" and partner.kind in ("ring", *FLATS) and side.primitive.half_length is not None:
                 end = "its two end circles, an arc each" if partner.kind in FLATS else "arcs in place of the ring"

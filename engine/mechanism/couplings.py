@@ -1,5 +1,6 @@
 """What couples bodies beyond joints: sums of joint coordinates that stay 0, and pairs of gears whose teeth mesh."""
 
+from math import pi
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, Tag, model_validator
@@ -111,17 +112,16 @@ class GearPair(TableModel):
         """Stiffness and damping where the flanks overlap; 0: rigid."""
         return self.stiffness or 0.0, self.damping or 0.0
 
-    @property
-    def sides(self) -> tuple[Gear, Gear]:
-        """The two gears."""
-        return self.gears
-
     @model_validator(mode="after")
     def _mesh(self) -> Self:
         check_spring(self)
         if self.backlash == 0.0 and self.stiffness is None:
             text = "rigid teeth that touch on both flanks would hold the distance of the axes as well; allowed: "
             raise refuse(f"{text}a number > 0, or 0 with a stiffness; give one of the two", key="backlash", value=0.0)
+        pitch = pi * self.module
+        if self.backlash >= pitch:
+            text = f"teeth with as much play as from one to the next never touch; allowed: < {pitch:.6g}, which is pi "
+            raise refuse(f"{text}times the module; correct it, or the module", key="backlash", value=self.backlash)
         first, second = self.gears
         if first.internal and second.internal:
             text = "two rings do not mesh; allowed: one ring at most; let one gear have its teeth outside"

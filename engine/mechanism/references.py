@@ -47,7 +47,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
 
 
 def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield each stiffness of a contact or a stop that the plain scheme does not compute."""
+    """Yield each stiffness of a contact, a stop or teeth that the plain scheme does not compute."""
     if sub_table(data, "simulation").get("scheme") != "moreau_jean":
         return
     contacts = [("contacts", name, entry) for name, entry in named_tables(data, "contacts").items()]

@@ -10,15 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from engine import simulate
 from engine.assembly import assemble
-from engine.errors import MechanismError
-from engine.friction.arrays import dense_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
-from engine.kernels.contacts import whitened_rows
 from engine.kernels.motion import move
 from engine.mechanism import set_values
 from engine.preflight.cautions import cautions
 from tests.engine.small import made, small, turned
-from tests.engine.test_couplings import LARGE, SMALL, angles, revolute, spins
+from tests.engine.test_couplings import LARGE, SMALL, angles, fault, revolute, row_velocities, spins
 
 ANGLE = np.radians(20.0)
 
@@ -106,6 +103,30 @@ def test_backlash_grows_with_the_centre_distance_as_that_of_involutes(apart, int
     assert expected > 0.0019 * np.cos(ANGLE)
 
 
+@pytest.mark.parametrize(
+    ("growths", "teeth", "distance"),
+    [
+        ({"ground": 0.003, "pinion": 0.003, "wheel": 0.003}, 1.003, 1.003),
+        ({"pinion": 0.001, "wheel": 0.001}, 1.001, 1.0),
+        ({"wheel": 0.0015}, 1.001, 1.0),
+    ],
+)
+@pytest.mark.parametrize("internal", [False, True])
+def test_teeth_grow_with_their_bodies(growths, teeth, distance, internal):
+    """All alike leave the backlash; else it is that of the larger base circles, of two materials by their radii."""
+    data = pair(internal, backlash=0.002)
+    if internal and len(growths) == 1:
+        growths = {"wheel": 0.0005}  # 0.4 m of 0.2 m
+    for body, growth in growths.items():
+        data["bodies"][body]["growth"] = growth
+    both = (-0.2 if internal else 0.6) * np.cos(ANGLE) * teeth
+    now = np.arccos(np.cos(ANGLE) * teeth / distance)
+    expected = 0.002 * np.cos(ANGLE) + 2 * both * ((np.tan(now) - now) - (np.tan(ANGLE) - ANGLE))
+    gap = assemble(made(data)).state.gap
+    assert gap.sum() == pytest.approx(expected, rel=1e-7)
+    assert gap[0] == pytest.approx(gap[1], rel=1e-7)
+
+
 def test_the_line_of_action_pushes_the_bearings_apart():
     """The wheel on a guide along the centre line: what holds it is the tangential force times tan of 20 degrees."""
     data = pair(duration=0.2)
@@ -176,7 +197,7 @@ def test_rows_are_the_gradient_of_the_gap(seed):
     """For any motion of the bodies in their plane, by central differences."""
     rng, data = np.random.default_rng(seed), carried()
     assembly = assemble(made(data))
-    contacts, bodies, state, work = assembly.model.contacts, assembly.model.bodies, assembly.state, assembly.work
+    contacts, state, work = assembly.model.contacts, assembly.state, assembly.work
     state.v[:-1, 5] = rng.normal(size=3)
     move(state, 0.5)
     state.v[:-1, :2], state.v[:-1, 5] = 0.01 * rng.uniform(-1, 1, (3, 2)), rng.normal(size=3)
@@ -188,19 +209,11 @@ def test_rows_are_the_gradient_of_the_gap(seed):
         gaps.append(gap.copy())
     move(state, d)
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
-    whitened = np.zeros(assembly.problem.w.size)
-    for body, node in enumerate(bodies.node):
-        root = np.linalg.cholesky(bodies.inertia[body])
-        whitened[8 * node : 8 * node + 3] = np.sqrt(bodies.mass[body]) * state.v[body, :3]
-        whitened[8 * node + 3 : 8 * node + 6] = root.T @ state.v[body, 3:]
-    rows = assembly.problem.rows
-    for i in range(4):
-        whitened_rows(bodies, contacts, state.x, state.R, work.sites, i, rows, i)
-        frame = work.sites.frame[i]
-        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-    dense = dense_rows(rows.node[:4], rows.G[:4], whitened.size)
+    frames = work.sites.frame
+    np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), np.tile(np.eye(3), (4, 1, 1)), atol=1e-12)
     same = np.abs(gaps[0] - gaps[1]) < 0.01  # not where a tooth has passed
-    assert (dense[:, 0] @ whitened)[same] == pytest.approx(((gaps[0] - gaps[1]) / (2 * d))[same], rel=1e-5, abs=1e-6)
+    rates = (gaps[0] - gaps[1]) / (2 * d)
+    assert row_velocities(assembly)[same, 0] == pytest.approx(rates[same], rel=1e-5, abs=1e-6)
 
 
 def test_teeth_may_yield():
@@ -218,13 +231,6 @@ def test_teeth_may_yield():
 
 def test_a_wheel_driven_by_teeth_is_not_warned_of():
     assert [w for w in cautions(made(pair(backlash=0.002))) if "wheel" in str(w)] == []
-
-
-def fault(data: dict[str, Any]) -> str:
-    """Return the message of the one fault of a mechanism."""
-    with pytest.raises(MechanismError) as caught:
-        assemble(made(data))
-    return str(caught.value).split("\n")[1].strip()
 
 
 def test_gears_that_cannot_mesh_are_refused_with_what_is_allowed():
@@ -253,6 +259,7 @@ def test_gears_that_cannot_mesh_are_refused_with_what_is_allowed():
     missing["couplings"]["mesh"]["gears"][1]["body"] = "weel"
     assert fault(missing).startswith("couplings.mesh.gears.1.body")
     assert fault(pair(backlash=0.0)).startswith("couplings.mesh.backlash")
+    assert "never touch" in fault(pair(backlash=0.02 * np.pi))
     both = pair()
     both["couplings"]["mesh"]["terms"] = [{"joint": "first", "factor": 1}, {"joint": "second", "factor": 2}]
     assert "exactly one of terms" in fault(both)

@@ -180,6 +180,7 @@ def test_the_plane_of_contact_is_in_the_middle_of_the_common_depth():
         ({"axis": [1, 0, 0], "angle": 0.01}, {}, ("contacts", "touch", "b", "extruded", "axis")),
         ({"origin": [0, 0, 2.5]}, {}, ("contacts", "touch", "b", "extruded", "half_length")),
         ({}, {"stiffness": 5.0}, ("contacts", "touch", "stiffness")),
+        ({}, {"hertz_stiffness": 5.0}, ("contacts", "touch", "hertz_stiffness")),
     ],
 )
 def test_what_cannot_touch_is_refused(b, contact, key):

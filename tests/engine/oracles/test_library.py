@@ -31,7 +31,7 @@ def test_it_runs_within_its_certificate(name):
 @pytest.mark.slow
 @each("name", [name for name in library_names() if name != "c60"])
 def test_it_is_the_same_elsewhere(name):
-    """Moved by a metre, turned, in another order: as many steps, and responses to 5e-6 of their units or size.
+    """Moved by a metre, turned, in another order: as many steps, and responses to 5e-6 of their units.
 
     The C-60 in ON has a test with `test_step_lengths`.
     """
@@ -45,6 +45,8 @@ def test_it_is_the_same_elsewhere(name):
         table: dict(reversed(data[table].items()))
         for table in {"bodies", "joints", "contacts", "springs"} & data.keys()
     }
+    # the peak of what opens this latch is 2 N m, in N mm, where friction changes its way: to 1e-6 of it
+    of_size = 5e-6 if name == "door_latch" else 0.0
     here = simulate(made(data))
     for other in (
         turned(data, Rotation.from_rotvec([0.0, 0.0, 1e-9]), metre),
@@ -54,7 +56,7 @@ def test_it_is_the_same_elsewhere(name):
         there = simulate(made(other))
         assert (there.status, there.certificate.steps) == ("ok", here.certificate.steps)
         for response in here.responses:
-            assert there.responses[response] == pytest.approx(here.responses[response], rel=5e-6, abs=5e-6), response
+            assert there.responses[response] == pytest.approx(here.responses[response], rel=of_size, abs=5e-6), response
 
 
 def test_the_shipped_chain_is_the_generated_one_of_ten_links():
