@@ -16,6 +16,7 @@ from engine.errors import MechanismError, NotAssemblable
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Model, RunArrays, State
+from engine.mechanism.contacts import OUTLINES
 from engine.mechanism.couplings import GearPair
 from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
@@ -160,10 +161,9 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     """Return the line of a message that names the overlapping pair and the allowed values."""
     unit = mechanism.unit("length")
     if key.startswith("contacts."):
-        return (
-            f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`; "
-            "parts that press each other need a `stiffness`"
-        )
+        text = f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
+        rigid = mechanism.contacts[key.partition(".")[2]].kind == OUTLINES  # in any case
+        return text if rigid else f"{text}; parts that press each other need a `stiffness`"
     owner, bodies = bodies_of_contact(mechanism, name)
     joint, _, face = name.partition(".")
     if joint in mechanism.couplings:
