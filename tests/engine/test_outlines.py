@@ -155,6 +155,26 @@ def test_friction_of_the_flanks_takes_its_share():
     assert run.responses["heat"] > 0.0
 
 
+def test_what_friction_takes_is_that_of_all_points():
+    """A motion lifts the slide 10 mm: mu N along the flank, N = 200 N/m lift / (cos - mu sin)."""
+    data = wedge(friction=0.2)
+    data["phases"] = [{"name": "push", "duration": 1.0}]
+    del data["forces"], data["responses"]["least"]
+    data["motions"] = {
+        "push": {
+            "body": "wedge",
+            "along": {"direction": [-1, 0, 0]},
+            "law": {"table": [[0.0, 0.0], [1.0, 0.02]], "interpolation": "smooth"},
+        }
+    }
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["lift"] == pytest.approx(0.01, rel=1e-6)
+    cosine, sine = 2 / np.hypot(1, 2), 1 / np.hypot(1, 2)
+    heat = 0.2 * 0.5 * 200.0 * 0.01**2 / (cosine - 0.2 * sine) / sine
+    assert run.responses["heat"] == pytest.approx(heat, rel=2e-3)
+
+
 def colliding(**contact):
     """Two squares fly at each other, turning; nothing else acts on them."""
     body = {"mass": 1.0, "inertia": [1.0, 1.0, 0.7]}
