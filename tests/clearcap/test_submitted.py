@@ -1,6 +1,7 @@
 """Campaigns in the background: awaited without blocking the loop, waited for, and their rows told as they come."""
 
 import asyncio
+import time
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -15,7 +16,7 @@ from campaign.coordinator.lease import this_process
 from campaign.coordinator.state import write_state
 from campaign.coordinator.submit import Assignment, submit
 from campaign.spec.load import load_campaign
-from campaign.store import open_store
+from campaign.store import Store, open_store
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
@@ -35,6 +36,16 @@ def queued(tmp_path):
     plan = submit(store, load_campaign(tomllib.loads(SPEC)), 10)
     address = CampaignAddress.of(store, plan, partial(fake_engine.raises_above, 0.07))
     return store, plan, lambda batch: run_batch(address, BatchRequest(batch))
+
+
+@pytest.fixture
+def awaited():
+    """Return what awaits a campaign, but not for ever."""
+    return lambda running: asyncio.run(asyncio.wait_for(_of(running), 60.0))
+
+
+async def _of(running):
+    return await running
 
 
 @pytest.fixture(autouse=True)
@@ -98,7 +109,7 @@ def test_a_campaign_that_ends_otherwise(queued, state):
         RunningCampaign(clearcap.Results(store, plan)).wait()
 
 
-def test_rows_are_told_once_however_often_it_is_awaited(queued):
+def test_rows_are_told_once_however_often_it_is_awaited(queued, awaited, monkeypatch):
     """What the function raises ends the waiting, and loses no table; two who look at once read none twice."""
     store, plan, run = queued
     told = []
@@ -114,8 +125,10 @@ def test_rows_are_told_once_however_often_it_is_awaited(queued):
         running._follower.look()
     for _ in range(2):
         with pytest.raises(InterruptedError):
-            running.wait()
+            awaited(running)
     run(2)
+    stream = Store.stream
+    monkeypatch.setattr(Store, "stream", lambda *given: time.sleep(0.05) or stream(*given))
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda _: running._follower.look(), range(8)))
     write_state(store, plan.campaign_id, "completed")
@@ -123,16 +136,6 @@ def test_rows_are_told_once_however_often_it_is_awaited(queued):
         results = running.wait()
     assert [len(table) for table in told] == [10, 10, 5]
     pd.testing.assert_frame_equal(pd.concat(told), results.rows)
-
-
-@pytest.fixture
-def awaited():
-    """Return what awaits a campaign, but not for ever."""
-    return lambda running: asyncio.run(asyncio.wait_for(_of(running), 60.0))
-
-
-async def _of(running):
-    return await running
 
 
 def test_a_coordinator_that_ends_at_once(queued, awaited):

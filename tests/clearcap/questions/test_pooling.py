@@ -14,9 +14,10 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store, read_repeats
 from campaign.store.store import repeat_plans
-from clearcap.questions.pooling import pooled, pooled_analysis, pooled_folder, pooled_report, pooled_spec
+from clearcap.questions.pooling import _joined, pooled, pooled_analysis, pooled_folder, pooled_report, pooled_spec
 from clearcap.questions.report import analysis
 from reporting.render.data_files import render_json
+from reporting.samples import Repeats
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
@@ -83,6 +84,12 @@ def test_lots_stay_whole(tmp_path):
     assert pooled(members).firsts == (0, 12)
     drawn = pooled_analysis(members)
     assert drawn.finished == drawn.spec.requested == 20
+
+
+def test_repeats_that_are_planned_are_those_of_all():
+    """Before any is computed, the report says how many are to come."""
+    joined = _joined([Repeats(planned=3), Repeats(planned=4)], (0, 10))
+    assert (joined.planned, joined.sample.size, joined.values) == (7, 0, {})
 
 
 @pytest.mark.parametrize(
