@@ -21,6 +21,7 @@ import pyarrow as pa
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import Continuous
+from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.plan import Plan
 from campaign.row_build import UNKNOWN
 from campaign.store import Store
@@ -48,17 +49,9 @@ from reporting.write import USUAL
 
 Member = tuple[Store, Plan]
 
-INDEPENDENT = ("random", "importance")  # samplers each of whose samples is a draw of its own
 FREE = ("seed", "samples")  # keys in which plans may differ
 LONGEST = 150  # characters of the name of a folder
 _LAST = 2**53  # sample number up to which reports count exactly
-_SPREAD = "their intervals are those of independent samples, and one spread more evenly has others"
-REFUSED = {  # why others cannot be pooled, and what to do instead
-    "lhs": f"{_SPREAD}; compute one campaign with more samples",
-    "sobol": f"{_SPREAD}; raise the samples of one campaign, which keeps its rows and fills the gaps between them",
-    "halton": f"{_SPREAD}; raise the samples of one campaign, which keeps its rows and fills the gaps between them",
-    "saltelli": "a design has its indices row by row; raise the samples of one campaign, which keeps its rows",
-}
 
 
 @dataclass(frozen=True)
@@ -88,11 +81,9 @@ def pooled(members: Sequence[Member]) -> Pool:
     if len(members) < 2:
         raise SpecError("pool: one campaign alone is given; name another one of the same plan with another seed")
     (store, first), spec = members[0], members[0][1].spec
-    if spec.sampler not in INDEPENDENT:
-        reason = REFUSED.get(spec.sampler, "its samples are chosen, not drawn, and another seed gives the same ones")
-        raise SpecError(
-            f'pool: {first.campaign_id} has sampler = "{spec.sampler}"; allowed: {", ".join(INDEPENDENT)}: {reason}'
-        )
+    if reason := sampler_named(spec.sampler).not_poolable:
+        allowed = ", ".join(sampler.name for sampler in SAMPLERS.values() if not sampler.not_poolable)
+        raise SpecError(f'pool: {first.campaign_id} has sampler = "{spec.sampler}"; allowed: {allowed}: {reason}')
     for there, other in members[1:]:
         _check_alike(store, first, there, other)
     for (_, one), (_, other) in combinations(members, 2):

@@ -16,6 +16,7 @@ class EnumeratingSampler(Sampler):
 
     production = False
     weighted = False
+    not_poolable = "its samples are chosen, not drawn, and another seed gives the same ones"
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError for a key that asks for something random, because it would have no effect."""

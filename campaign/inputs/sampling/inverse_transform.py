@@ -90,6 +90,8 @@ EVENLY_SPREAD = (
     "variables are more precise than these intervals (conservative); shares far out in a tail are about as precise."
 )
 
+SPREAD_BY_SEED = "their intervals are those of independent samples, and one spread more evenly has others"
+
 LARGEST = 10_000_000  # samples; limited because the permutation of each variable is kept in memory
 
 
@@ -169,6 +171,7 @@ class LatinHypercube(InverseTransformSampler):
     not_extendable = (
         "lhs divides each range into as many strata as there are samples, so that more samples differ from the first"
     )
+    not_poolable = f"{SPREAD_BY_SEED}; compute one campaign with more samples"
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError if there are too many samples."""

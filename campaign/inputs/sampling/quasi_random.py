@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from campaign.inputs.sampling.inverse_transform import (
     EVENLY_SPREAD,
     SCRAMBLE,
+    SPREAD_BY_SEED,
     InverseTransformSampler,
     permutation,
     words,
@@ -20,6 +21,9 @@ DIGITS = 52  # binary digits of a Sobol point
 OWN_DIGITS = 30  # of an unscrambled point, and the most that its number may have; scipy's fast_forward allows up to 32
 DEPTHS = 4  # columns are made in groups of this size, so that a process that draws many batches makes few groups
 BITS = 52  # a Halton point keeps as many digits in its base as fit into these
+NOT_POOLABLE = (
+    f"{SPREAD_BY_SEED}; raise the samples of one campaign, which keeps its rows and fills the gaps between them"
+)
 MOST_VARIABLES = 10_600  # of Saltelli's design: each takes two dimensions, and there are direction numbers for 21,201
 
 Integers = NDArray[np.uint64]
@@ -43,6 +47,7 @@ class Sobol(InverseTransformSampler):
     name = "sobol"
     summary = "scrambled Sobol' sequence: spread evenly in all variables at once"
     report = f"Scrambled Sobol' sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
+    not_poolable = NOT_POOLABLE
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
         """Return the points of the sequence, one dimension per variable."""
@@ -116,6 +121,7 @@ class Halton(InverseTransformSampler):
     name = "halton"
     summary = "scrambled Halton sequence: spread evenly in all variables at once"
     report = f"Scrambled Halton sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
+    not_poolable = NOT_POOLABLE
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
         """Return the points of the sequence, one dimension per variable."""
@@ -188,6 +194,7 @@ class Saltelli(InverseTransformSampler):
         "and B alone, 2 of k + 2 runs with k variables; the copies serve the total indices. A and B are evenly "
         f"spread, so {EVENLY_SPREAD}"
     )
+    not_poolable = "a design has its indices row by row; raise the samples of one campaign, which keeps its rows"
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError unless the variables are independent and the samples form a complete design."""

@@ -77,6 +77,8 @@ class Sampler(ABC):
     own_key: ClassVar[str] = ""  # key of a campaign file that this sampler alone reads; empty if there is none
     columns: ClassVar[tuple[str, ...]] = ()  # names of the columns that it adds to the results, see `own_columns`
     not_extendable: ClassVar[str] = ""  # why more samples do not begin with the same ones; empty if they do
+    # why samples of several seeds are not one sample, and what to do instead; empty if they are
+    not_poolable: ClassVar[str] = ""
 
     def check(self, inputs: SampledInputs) -> None:  # noqa: B027
         """Raise ValueError, with key, value and remedy, if the sampler cannot draw what the campaign file asks for."""
