@@ -8,6 +8,7 @@ import csv
 import io
 import platform
 import re
+import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 LARGEST_TABLE = 100_000_000  # bytes
+LARGEST_UNPACKED = 500_000_000  # bytes of an Excel file's content, which is compressed
 MOST_PARTS = 1_000_000
 FORMATS = (".csv", ".txt", ".parquet", ".xlsx")
 _LOT, _SUBGROUP = "production lot", "rational subgroup"  # columns of the report's table; no characteristic has a space
@@ -192,6 +194,10 @@ def read_parts(path: str | Path) -> "pd.DataFrame":
         if suffix == ".parquet":
             return pd.read_parquet(io.BytesIO(content))
         if suffix == ".xlsx":
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                unpacked = sum(each.file_size for each in archive.infolist())
+            if unpacked > LARGEST_UNPACKED:
+                raise SpecError(f"unpacked it has {unpacked} bytes; allowed: up to {LARGEST_UNPACKED}; send CSV")
             frame = pd.read_excel(io.BytesIO(content), engine="openpyxl")
             heads = pd.read_excel(io.BytesIO(content), engine="openpyxl", header=None, nrows=1)
             return _with_heads(frame, heads.iloc[0].tolist() if len(heads) else [])

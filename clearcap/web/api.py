@@ -8,6 +8,7 @@ from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.responses import Response, StreamingResponse
 
+from campaign.store.measured_library import MeasuredParts
 from clearcap.questions.exported_rows import FORMATS
 from clearcap.questions.samples import SamplePage
 from clearcap.questions.submissions import SubmittedCampaign
@@ -15,7 +16,7 @@ from clearcap.web.http import monitoring
 from clearcap.web.http.authentication import FORMS, SAFE_METHODS, WHO_MAY, principal_of, who_may
 from clearcap.web.http.request_limits import check_values
 from clearcap.web.http.responses import ETAG_STATUSES, described
-from clearcap.web.operations import campaigns, drawings, mechanisms, people, samples, signoffs, submissions
+from clearcap.web.operations import campaigns, drawings, measured, mechanisms, people, samples, signoffs, submissions
 from clearcap.web.settings import PREFIX
 
 
@@ -50,7 +51,7 @@ def _all_of(dependant: Dependant) -> Iterator[object]:
 
 
 _REFUSALS = described(400, 401, 403, 413, 422, 429, 500, 503)  # of all calls that need a login
-_TAGS = ("mechanisms", "simulations", "campaigns", "reports", "questions", "samples", "users", "account")
+_TAGS = ("mechanisms", "simulations", "campaigns", "reports", "questions", "samples", "measured", "users", "account")
 _ROUTERS = {"operation": APIRouter(tags=["operation"], route_class=_Call)} | {
     tag: APIRouter(prefix=PREFIX, tags=[tag], route_class=_Call, responses=_REFUSALS)
     for tag in (*_TAGS, "tokens", "audit", "shares", "sign-off", "webhooks")
@@ -197,6 +198,14 @@ each.get(f"{_SAMPLE}/motion.gif", name="motion", **_GIF)(samples.motion_gif)
 each.get(f"{_SAMPLE}/motion.json", **_document(_JSON, schema=_MOTION))(samples.motion_data)
 each.get(_SAMPLE, responses=_404)(samples.show_sample)
 each.post(f"{_SAMPLE}/replay", responses=_404_409)(samples.replay)
+
+each = _ROUTERS["measured"]
+_KEPT: dict[int | str, dict[str, Any]] = {200: {"model": MeasuredParts, "description": "It was there already"}}
+each.get("/measured")(measured.list_parts)
+each.post("/measured", status_code=201, responses={**_KEPT, **_409})(measured.upload_parts)
+each.get("/measured/{measured}", responses=_404)(measured.show_parts)
+each.get("/measured/{measured}/files/{name}", **_FILE)(measured.parts_file)
+each.delete("/measured/{measured}", status_code=204, responses=_404)(measured.delete_parts)
 
 each = _ROUTERS["users"]
 each.get("/users")(people.list_users)

@@ -1,6 +1,7 @@
 # Every call of the HTTP API, one after the other. Set AUTH, URL, and ID and OTHER (two finished campaigns) first:
 # AUTH="Authorization: Bearer clearcap_token_..." URL=https://clearcap.example
-# NEW is the id of the campaign that is submitted here, CONTENT what is answered before a sign-off.
+# NEW is the id of the campaign that is submitted here, PARTS that of the measured parts that are sent, CONTENT what is
+# answered before a sign-off.
 
 ## Mechanisms and new campaigns over the API
 
@@ -80,6 +81,14 @@ curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/samples/3/replay"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples/3/plot.svg" -o plot.svg
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples/3/motion.gif" -o motion.gif
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples/3/motion.json" -o motion.json
+
+## Measured parts
+
+curl -H "$AUTH" "$URL/api/v1/measured" -F file=@parts.csv -F limits=@limits.toml
+curl -H "$AUTH" "$URL/api/v1/measured?limit=20"
+curl -H "$AUTH" "$URL/api/v1/measured/$PARTS"
+curl -H "$AUTH" "$URL/api/v1/measured/$PARTS/files/report.html" -o measured.html
+curl -H "$AUTH" "$URL/api/v1/measured/$PARTS" -X DELETE
 
 ## Webhooks
 

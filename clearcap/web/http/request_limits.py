@@ -29,7 +29,10 @@ HEADERS = {
 }
 TRANSPORT_SECURITY = "max-age=31536000"
 # paths that receive files
-UPLOADS = "/api/v1/campaigns", "/api/v1/checks/campaign", "/api/v1/drawings", "/campaigns/new", "/mechanisms/drawings"
+UPLOADS = (
+    *("/api/v1/campaigns", "/api/v1/checks/campaign", "/api/v1/drawings", "/api/v1/measured"),
+    *("/campaigns/new", "/mechanisms/drawings", "/measured"),
+)
 LARGEST_DOCUMENT = 2 * 1024**2  # bytes of all other bodies: no other request is answered while one is parsed
 MOST_VALUES = 10_000  # in a JSON document: each would become an object in memory
 OPEN_FORMS, LARGEST_OPEN_FORM = ("/login", "/login/link"), 64 * 1024  # open to everybody, and largest body [bytes]

@@ -418,7 +418,7 @@ FileName = Annotated[str, Path(pattern=FILE_NAME, examples=["report.html"])]
 
 async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
     """Return a file of a campaign's report, whole or in parts."""
-    return await _file(request, service, report_folder(campaign), name)
+    return await file_answer(request, service, report_folder(campaign), name)
 
 
 async def comparison_file(
@@ -432,11 +432,11 @@ async def comparison_file(
     """Return a file of a comparison, whole or in parts, to users who may see both campaigns."""
     if not who.may_see(other):
         raise Refusal(404, f"no campaign {other} in the store")
-    return await _file(request, service, report_folder(campaign, other), name)
+    return await file_answer(request, service, report_folder(campaign, other), name)
 
 
-async def _file(request: Request, service: Service, folder: str, name: str) -> Response:
-    """Return a file of a report."""
+async def file_answer(request: Request, service: Service, folder: str, name: str) -> Response:
+    """Return a file beside a report, whole or in parts; what is no kind of report is only for keeping."""
     kind = TYPES.get(name.rpartition(".")[2], "application/octet-stream")
     try:
         content = await run_in_threadpool(service.store.files.read, f"{folder}/{name}")

@@ -1,6 +1,5 @@
 """Mechanisms from STEP files: upload one, read what was found in it, and answer what the draft of a mechanism asks."""
 
-import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +18,7 @@ from clearcap.questions import step_import
 from clearcap.web.http.authentication import Engineer, TheService, Viewer
 from clearcap.web.http.responses import Refusal, etag_response
 from clearcap.web.jobs.process import JobLimits
-from clearcap.web.operations import Sent
+from clearcap.web.operations import Sent, keep_upload
 from clearcap.web.operations.mechanisms import LONGEST_TEXT, NAME, NameField
 from clearcap.web.web_service import Service
 from engine.mechanism import library_names
@@ -71,18 +70,13 @@ async def upload_step(
         raise Refusal(413, words)
     with TemporaryDirectory(prefix="clearcap-upload-") as folder:
         step = Path(folder, "upload.step")
-        await run_in_threadpool(_keep, file, step)
+        await run_in_threadpool(keep_upload, file, step)
         address, label = service.store.files.full_url, (file.filename or "upload.step")[:200]
         arguments = (address, Draft(name, "", label, "", "", who.name), step, accept_damage)
         found: dict[str, Any] = await service.pool.data(
             who.name, step_import.import_into_store, *arguments, limits=LIMITS
         )
     return {**found, "draft": _summary(await the_draft(service, name)).model_dump()}
-
-
-def _keep(sent: UploadFile, path: Path) -> None:
-    with path.open("xb") as file:
-        shutil.copyfileobj(sent.file, file)
 
 
 async def the_draft(service: Service, name: str) -> Draft:

@@ -2,7 +2,6 @@
 
 import base64
 import json
-import shutil
 import time
 from collections import Counter
 from collections.abc import AsyncIterator
@@ -35,7 +34,7 @@ from clearcap.web.access import Principal
 from clearcap.web.access.database import Database
 from clearcap.web.http.authentication import CSRF_FIELD, FORMS, Engineer, TheCampaign, TheService
 from clearcap.web.http.responses import Refusal
-from clearcap.web.operations import Sent
+from clearcap.web.operations import Sent, keep_upload
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
@@ -296,8 +295,7 @@ def _kept(sent: UploadFile, path: Path) -> bytes | Path:
     """Return the content of a small file, or the path to which that of a large one was written."""
     if (sent.size or 0) <= LARGEST_IN_MEMORY:
         return sent.file.read()
-    with path.open("xb") as file:
-        shutil.copyfileobj(sent.file, file)
+    keep_upload(sent, path)
     return path
 
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from clearcap.web.pages import admin, campaigns, login, mechanisms, new_campaign, rows
+from clearcap.web.pages import admin, campaigns, login, measured, mechanisms, new_campaign, rows
 
 STATIC = Path(__file__).parent / "static"
 
 
 def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
-    every = (login, admin, mechanisms, new_campaign, campaigns, rows)
+    every = (login, admin, mechanisms, new_campaign, campaigns, rows, measured)
     return [each.router for each in every]

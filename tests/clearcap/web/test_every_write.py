@@ -130,6 +130,17 @@ class World:
         campaign = self.campaign()
         return {"campaign": campaign, "share": self.service.tokens.share(campaign, "admin", "", 3600.0)[0].id}
 
+    def parts(self):
+        """Return the files of measured parts that the store has not."""
+        rows = "\n".join(["d", *(f"{20 + row % 7 / 1000 + next(self._numbers) / 1e6:.6f}" for row in range(30))])
+        limits = '[characteristics.d]\nunit = "mm"\nlsl = 19.0\nusl = 21.0\n'
+        return {"file": ("parts.csv", rows.encode()), "limits": ("limits.toml", limits.encode())}
+
+    def measured(self):
+        """Return the id of new measured parts of the engineer's."""
+        call = Call({}, {"files": self.parts()}, "engineer")
+        return self.ask(WRITES["POST /api/v1/measured"], call).json()["id"]
+
     def webhook(self):
         """Return the number of a new webhook of the admin's."""
         return self.ask(WRITES["POST /api/v1/webhooks"], HOW["POST /api/v1/webhooks"](self)).json()["webhook"]["id"]
@@ -232,7 +243,7 @@ def drafted(w, how):
 
 
 CHANGED = {"password": OTHER, "present": PASSWORD}
-COMPUTING = re.compile("campaign|drawing|mechanism|simulation")
+COMPUTING = re.compile("campaign|drawing|mechanism|simulation|measured")
 STEP = {"file": ("latch.step", LATCH.read_bytes())}
 KEPT = {"text": TEXT, "action": "save", "save_as": "kept"}
 HOW = {
@@ -243,6 +254,10 @@ HOW = {
     "POST /api/v1/drawings/{name}/mechanism": lambda w: drafted(w, "json"),
     "POST /mechanisms/drawings": lambda w: Call({}, {"data": {"name": "formed"}, "files": STEP}, "engineer"),
     "POST /mechanisms/{name}/drawing": lambda w: drafted(w, "data"),
+    "POST /api/v1/measured": lambda w: Call({}, {"files": w.parts()}, "engineer"),
+    "DELETE /api/v1/measured/{measured}": lambda w: Call({"measured": w.measured()}, {}, "engineer"),
+    "POST /measured": lambda w: Call({}, {"files": w.parts()}, "engineer"),
+    "POST /measured/{measured}/delete": lambda w: Call({"measured": w.measured()}, {}, "engineer"),
     "POST /api/v1/checks/mechanism": lambda w: Call({}, {"json": {"text": TEXT}}, "engineer"),
     "POST /api/v1/simulations": lambda w: Call({}, {"json": {"mechanism": "incline"}}, "engineer"),
     "POST /api/v1/checks/campaign": lambda w: Call({}, {"json": {"text": SPEC}}, "engineer"),

@@ -61,6 +61,8 @@ def words(tmp_path_factory):
     service.webhooks.add("admin", None, "https://quality.example/clearcap", service.events())
     service.close()
     shutil.copy(LATCH, folder / "latch.step")
+    (folder / "parts.csv").write_text("\n".join(["d", *(f"{20 + row % 7 / 1000}" for row in range(30))]))
+    (folder / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nlsl = 19.9\nusl = 20.1\n')
     with live_server(folder, "--no-drive") as server:
         yield {**known, "AUTH": f"Authorization: Bearer {secrets[1]}", "URL": server.url}, folder
 
@@ -94,6 +96,8 @@ def test_every_example_is_answered(words):
         found = re.search(r'"content":\s*"([0-9a-f]{64})"', text)
         if found:
             known["CONTENT"] = found[1]
+        if "limits=@" in line and status == 201:
+            known["PARTS"] = json.loads(text)["id"]
         if "Idempotency-Key" in line and status == 201:
             known["NEW"] = json.loads(text)["campaign"]
     assert refused == []

@@ -1,0 +1,182 @@
+"""Measured parts that are sent to the service: their report is that of the command, and they stay data."""
+
+import io
+import json
+
+import numpy as np
+import openpyxl
+import pytest
+from starlette.concurrency import run_in_threadpool
+
+from campaign.store import measured_library
+from clearcap.questions import measured
+from clearcap.questions.measured import capability_report
+from clearcap.web.http.authentication import CSRF_FIELD, CSRF_HEADER
+from clearcap.web.operations import measured as operations
+from tests.each import each
+
+CALL = "/api/v1/measured"
+LIMITS = 'title = "Lever"\n[characteristics.d]\nunit = "mm"\nlsl = 19.98\nusl = 20.02\nsource = "drawing"\n'
+TABLE = "\n".join(["d", *(f"{x:.4f}" for x in np.random.default_rng(5).normal(20.0, 0.004, 60))]) + "\n"
+
+
+@pytest.fixture(autouse=True)
+def computes_here(served, monkeypatch):
+    """Compute in this process."""
+
+    async def data(_, job, *arguments):
+        return await run_in_threadpool(job, *arguments)
+
+    monkeypatch.setattr(served[0].pool, "data", data)
+
+
+@pytest.fixture
+def send(client, as_user):
+    """Return what sends a table with its limits over the API, as an engineer."""
+
+    def sent(table=TABLE, limits=LIMITS, name="lever.csv", role="engineer"):
+        content = table if isinstance(table, bytes) else table.encode()
+        files = {"file": (name, content), "limits": ("limits.toml", limits.encode())}
+        return client.post(CALL, files=files, headers=as_user(role))
+
+    return sent
+
+
+def test_report_is_that_of_the_command(send, client, as_user, tmp_path):
+    """Every number; table and limits come back as they were sent, and the same table is kept once."""
+    (tmp_path / "lever.csv").write_text(TABLE)
+    (tmp_path / "limits.toml").write_text(LIMITS)
+    capability_report(tmp_path / "lever.csv", tmp_path / "limits.toml", tmp_path / "report", ["json"])
+    expected = json.loads((tmp_path / "report" / "capability.json").read_text())
+    made = send()
+    assert made.status_code == 201, made.text
+    found = made.json()
+    assert (found["by"], found["file"], found["parts"], found["title"]) == ("engineer", "lever.csv", 60, "Lever")
+    assert (found["headline"], found["verdicts"]) == (expected["headline"], {"d": "capable, not certain"})
+    where, viewer = f"{CALL}/{found['id']}/files/", as_user("viewer")
+    got = client.get(f"{where}capability.json", headers=viewer).json()
+    expected.pop("written")
+    got.pop("written")
+    assert got == expected
+    assert client.get(f"{where}table.csv", headers=viewer).text == TABLE
+    assert client.get(f"{where}limits.toml", headers=viewer).text == LIMITS
+    page = client.get(f"{where}report.html", headers=viewer)
+    assert page.headers["content-security-policy"].startswith("sandbox")
+    again = send(role="admin")
+    assert (again.status_code, again.json()) == (200, found)
+
+
+def test_list_comes_in_pages(send, client, as_user):
+    """The newest first; one that is deleted between two pages repeats and hides nothing."""
+    ids = [send(limits=LIMITS + f"# {number}\n").json()["id"] for number in range(5)]
+    viewer = as_user("viewer")
+    first = client.get(CALL, params={"limit": 2}, headers=viewer).json()
+    assert ([each["id"] for each in first["measured"]], first["total"]) == (ids[:2:-1], 5)
+    assert client.delete(f"{CALL}/{ids[3]}", headers=as_user("engineer")).status_code == 204
+    second = client.get(CALL, params={"limit": 2, "cursor": first["next"]}, headers=viewer).json()
+    third = client.get(CALL, params={"limit": 2, "cursor": second["next"]}, headers=viewer).json()
+    assert [each["id"] for each in (*second["measured"], *third["measured"])] == ids[2::-1]
+    assert third["next"] is None
+    assert client.get(CALL, params={"cursor": "x"}, headers=viewer).status_code == 422
+
+
+def test_only_who_sent_it_and_admins_delete(send, service, client, as_user):
+    names = [send(limits=LIMITS + f"# {number}\n").json()["id"] for number in range(2)]
+    statuses = [client.delete(f"{CALL}/{names[0]}", headers=as_user(r)).status_code for r in ("viewer", "approver")]
+    assert statuses == [403, 403]
+    for name, role in zip(names, ("engineer", "admin"), strict=True):
+        assert client.delete(f"{CALL}/{name}", headers=as_user(role)).status_code == 204
+        assert client.get(f"{CALL}/{name}", headers=as_user("viewer")).status_code == 404
+    assert [name for name in service.store.files.stamps("measured") if "json" in name] == []
+    assert client.delete(f"{CALL}/{names[0]}", headers=as_user("engineer")).status_code == 404
+    assert send(role="viewer").status_code == 403
+
+
+REFUSED = {
+    "another column": (TABLE.replace("d", "e", 1), LIMITS, "a.csv", "no column d"),
+    "no number": (TABLE + "twenty\n", LIMITS, "a.csv", "twenty is no number"),
+    "another file": (TABLE, LIMITS, "a.exe", "ends in none of"),
+    "damaged": (b"PK\x03\x04", LIMITS, "a.xlsx", "not a table"),
+    "no limits": (TABLE, "", "a.csv", "characteristics"),
+    "no TOML": (TABLE, "[", "a.csv", "limits"),
+    "another key": (TABLE, LIMITS.replace("lsl", "lls"), "a.csv", "lls"),
+}
+
+
+@each("case", REFUSED)
+def test_what_does_not_fit_is_not_kept(case, send, service):
+    """It is said what is wrong, without a folder of the server."""
+    table, limits, name, words = REFUSED[case]
+    answer = send(table, limits, name)
+    assert answer.status_code == 422, answer.text
+    assert words in answer.text
+    assert "clearcap-" not in answer.text
+    assert "/tmp" not in answer.text
+    assert service.store.files.names("measured") == []
+
+
+def test_sizes_are_bounded(send, monkeypatch):
+    """Of the table, of what is packed in an Excel file, of the limits, and the number of tables."""
+    book = io.BytesIO()
+    openpyxl.Workbook().save(book)
+    monkeypatch.setattr(measured, "LARGEST_UNPACKED", 10)
+    assert "unpacked" in send(book.getvalue(), name="a.xlsx").json()["detail"]
+    assert send(limits=LIMITS + "#" * 10**6).status_code == 413
+    monkeypatch.setattr(measured_library, "MOST_TABLES", 1)
+    assert [send().status_code, send(limits=LIMITS + "#\n").status_code] == [201, 409]
+    monkeypatch.setattr(operations, "LARGEST_PARTS", 10)
+    assert send().status_code == 413
+
+
+FORMULA = '=HYPERLINK("http://evil.example","x")'
+
+
+def test_a_formula_is_a_text(send, client, as_user):
+    """One in a table is not computed; none of the limits file becomes one of the workbook."""
+    book = openpyxl.Workbook()
+    for row in ["d", *(20.0 + number / 1000 for number in range(12)), "=20+1"]:
+        book.active.append([row])
+    book.save(content := io.BytesIO())
+    limits = LIMITS.replace("Lever", FORMULA.replace('"', "'")) + f"[header]\n'{FORMULA}' = '{FORMULA}'\n"
+    made = send(content.getvalue(), limits, name="=cmd|' /C calc'!A0.xlsx")
+    assert made.status_code == 201, made.text
+    found = made.json()
+    assert found["file"].endswith(".xlsx")
+    where, viewer = f"{CALL}/{found['id']}/files/", as_user("viewer")
+    document = client.get(f"{where}capability.json", headers=viewer).json()
+    assert document["responses"][0]["capability"]["n"] == 12
+    sheets = openpyxl.load_workbook(io.BytesIO(client.get(f"{where}report.xlsx", headers=viewer).content))
+    cells = [cell for sheet in sheets for row in sheet.iter_rows() for cell in row]
+    assert FORMULA in [cell.value for cell in cells]
+    assert "f" not in {cell.data_type for cell in cells}
+
+
+@each("name", ["../../../x.csv", "/etc/passwd.csv", "a\\b\\c.csv", ".csv.csv", "\u202egnp.csv", "ü" * 300 + ".csv"])
+def test_any_name_of_a_file(name, send, service):
+    """It is kept as a name, and leads nowhere."""
+    made = send(name=name, limits=f"{LIMITS}# {len(name)}\n")
+    assert made.status_code == 201, made.text
+    kept = made.json()
+    assert kept["file"].isprintable()
+    assert not {"/", "\\"} & set(kept["file"])
+    assert "table.csv" in service.store.files.names(f"measured/{kept['id']}")
+
+
+def test_pages(client, browse):
+    """The form leads to the report, and shows what is wrong; markup is text."""
+    csrf = {CSRF_FIELD: browse("engineer")[CSRF_HEADER]}
+    headers = {key: value for key, value in browse("engineer").items() if key != CSRF_HEADER}
+    csrf = {CSRF_FIELD: browse("engineer")[CSRF_HEADER]}
+    files = {"file": ("lever.csv", TABLE.encode()), "limits": ("l.toml", LIMITS.replace("Lever", "<b>x</b>").encode())}
+    made = client.post("/measured", data=csrf, files=files, headers=headers)
+    assert made.status_code == 303, made.text
+    shown = client.get(made.headers["location"]).text
+    assert '<iframe class="report" sandbox="allow-popups"' in shown
+    assert "&lt;b&gt;x&lt;/b&gt;" in shown
+    assert "&lt;b&gt;x&lt;/b&gt;" in client.get("/measured").text
+    wrong = {**files, "limits": ("l.toml", b'title = "x"\n[characteristics.d]\nlls = 3.0\n')}
+    refused = client.post("/measured", data=csrf, files=wrong, headers=headers)
+    assert refused.status_code == 422
+    assert "line 3" in refused.text
+    assert client.post(f"{made.headers['location']}/delete", data=csrf, headers=headers).status_code == 303
+    assert "0 tables" in client.get("/measured").text
