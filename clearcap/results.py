@@ -165,7 +165,7 @@ class Results(Analysed):
         Parameters
         ----------
         costs : str, Path or mapping
-            A cost file, or its tables: what each variable costs (docs/command.md).
+            A cost file, or its tables: what each variable costs (docs/report.md).
 
         Returns
         -------

@@ -1,6 +1,6 @@
 """How many points a control chart takes until a test marks one: of a stable process by chance, and after a shift.
 
-`python -m studies.run_lengths` prints the table of docs/measured.md on false alarms and detection.
+`python -m studies.run_lengths` prints the table of studies/run_lengths.md on false alarms and detection.
 """
 
 import argparse

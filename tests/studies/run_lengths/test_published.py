@@ -1,4 +1,4 @@
-"""Run lengths by simulation beside published ones, and the table of docs/measured.md beside the study."""
+"""Run lengths by simulation beside published ones, and the table of studies/run_lengths.md beside the study."""
 
 import re
 
@@ -31,7 +31,7 @@ def test_the_published_run_lengths():
 
 @pytest.mark.slow
 def test_the_table_of_the_documentation():
-    text = (ROOT / "docs" / "measured.md").read_text("utf-8").split("python -m studies.run_lengths")[1]
+    text = (ROOT / "studies" / "run_lengths.md").read_text("utf-8").split("python -m studies.run_lengths")[1]
     rows = dict(re.findall(r"^\| (?!tests|---)(.+?) \| (.+) \|$", text, re.M))
     assert set(CHARTS) <= set(rows)
     for chart in CHARTS:
