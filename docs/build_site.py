@@ -140,7 +140,7 @@ def _names(parameter: Any) -> str:
 
 def _meaning(parameter: Any) -> str:
     default, text = parameter.default, " ".join((getattr(parameter, "help", None) or "").split())
-    is_shown = isinstance(default, str | int | float) and not isinstance(default, bool)
+    is_shown = isinstance(default, str | int | float) and not isinstance(default, bool) and default != ""
     variable = getattr(parameter, "envvar", None)
     return _markdown(text) + (f" Default: {f'`{variable}`, else ' if variable else ''}`{default}`." if is_shown else "")
 

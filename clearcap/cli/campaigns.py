@@ -265,7 +265,7 @@ def label(
 ) -> None:
     """Change the labels of a campaign, and show them: owner, tags, note, and whether it is archived.
 
-    No row depends on them, and neither does the id. Simultaneous changes of two people are both made.
+    No row depends on them, and neither does the id. If two people change them at once, both changes are kept.
     """
     from campaign.coordinator.submit import user_name
     from campaign.store.labels import LabelChange, change_labels

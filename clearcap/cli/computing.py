@@ -185,7 +185,7 @@ def repeat(
     where: "Cluster",
     campaign: CampaignId,
     share: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Share of the samples to repeat; counting those that already are.")
+        float, typer.Option(min=0.0, max=1.0, help="Share of the samples to repeat, those already repeated included.")
     ] = 0.1,
     store: StoreUrl = "runs",
     no_report: NoReport = False,
@@ -224,7 +224,8 @@ def submit(
         bool, typer.Option("--queue-only", help="Only queue the campaign, for a coordinator that serves the store.")
     ] = False,
     owner: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Who answers for a new campaign; by default you.")
+        str | None,
+        typer.Option(metavar="NAME", help="Owner of a new campaign, who is responsible for it; by default you."),
     ] = None,
     tag: Annotated[list[str], typer.Option(metavar="TAG", help="Give it a tag; may be repeated.")] = [],  # noqa: B006
     json: Json = False,

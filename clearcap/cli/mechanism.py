@@ -23,7 +23,8 @@ def import_step(
     step_file: Annotated[str, typer.Argument(metavar="STEP", help="A STEP file: .step or .stp.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")] = None,
     update: Annotated[
-        Path | None, typer.Option(help="A mechanism file of an earlier revision: say what moved, keep what you wrote.")
+        Path | None,
+        typer.Option(help="A mechanism file of an earlier revision: show what changed, and keep what you wrote."),
     ] = None,
     recognition: Annotated[
         float | None,
@@ -36,8 +37,8 @@ def import_step(
     pictures: Annotated[
         bool | None,
         typer.Option(
-            help="Draw what was found beside the mechanism file, as .svg and in 3D as .html: with --output unless you"
-            " say no, with --update only if you say so, over earlier ones.",
+            help="Draw what was found beside the mechanism file, as .svg and in 3D as .html; by default with --output,"
+            " with --update only on request, in place of earlier ones.",
             show_default=False,
         ),
     ] = None,
@@ -46,7 +47,7 @@ def import_step(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
+    """Propose a mechanism file from a STEP file: parts, joints, play, and marked questions about what only you know."""
     from clearcap.questions.step_import import campaign_file, picture_files, propose
 
     if (output is None) == (update is None):

@@ -243,7 +243,7 @@ def design(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Write a campaign file with importance sampling that aims where the rows of a campaign expect rejects."""
+    """Write a campaign file with importance sampling, aimed where the rows of a campaign come near their limits."""
     import tomli_w
 
     from clearcap.questions.decision import aimed_campaign

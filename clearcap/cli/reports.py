@@ -21,7 +21,9 @@ Summary = Annotated[
     bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
 ]
 Excel = Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")]
-Parts = Annotated[Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row a measured part.")]
+Parts = Annotated[
+    Path, typer.Argument(metavar="PARTS", help="CSV, Parquet or Excel file, one row for each measured part.")
+]
 
 
 def report(
@@ -39,7 +41,8 @@ def report(
     pool: Annotated[
         list[str],
         typer.Option(
-            metavar="ID", help="Add the samples of a campaign that differs only in its seed; may be repeated."
+            metavar="ID",
+            help="Add the samples of a campaign that differs only in seed and number of samples; may be repeated.",
         ),
     ] = [],  # noqa: B006
     pdf: Annotated[
@@ -51,8 +54,8 @@ def report(
 ) -> None:
     """Write the report of a campaign from the rows computed so far; the campaign may be running.
 
-    The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
-    server has are fetched.
+    The exit status is 1 if too few of its runs are ok for a verdict. With --server, the report that
+    the server has written is downloaded.
     """
     if remote := asked_server(context, server):
         if against is not None or pool or pdf or summary:
@@ -108,7 +111,7 @@ def capability(
     excel: Excel = True,
     json: Json = False,
 ) -> None:
-    """Write the capability report of measured parts, and print it in short."""
+    """Write the capability report of measured parts, and print a summary."""
     from clearcap.questions.measured import capability_report
     from reporting.write import NAMES
 
@@ -137,7 +140,7 @@ def validate(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Compare measured parts with the samples of a campaign, and say within what it predicts them."""
+    """Compare measured parts with the samples of a campaign, and say how closely it predicts them."""
     from clearcap.questions.measured import validated
 
     found = validated(*opened_campaign(store, campaign), parts, limits)
@@ -165,7 +168,8 @@ def validate(
 
 def gauge(
     table: Annotated[
-        Path, typer.Argument(metavar="TABLE", help="CSV, Parquet or Excel file, one row a measurement of a part.")
+        Path,
+        typer.Argument(metavar="TABLE", help="CSV, Parquet or Excel file, one row for each measurement of a part."),
     ],
     value: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the measurements.")] = "value",
     part: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the parts.")] = "part",
@@ -246,7 +250,7 @@ def _cells(response: dict[str, Any]) -> tuple[str, ...]:
 
 
 def verify(
-    export: Annotated[Path, typer.Argument(metavar="FILE.zip|FOLDER", help="What a server exported.")],
+    export: Annotated[Path, typer.Argument(metavar="FILE.zip|FOLDER", help="Export of a server, zipped or unpacked.")],
     key: Annotated[
         str | None, typer.Option(metavar="FINGERPRINT", help="Fingerprint of the server's key, as the server shows it.")
     ] = None,

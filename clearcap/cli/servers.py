@@ -142,7 +142,7 @@ def coordinate(
     decide: Decide = None,
     no_report: NoReport = False,
     parent: Annotated[
-        int | None, typer.Option(hidden=True, help="End when this process ends, which has started it.")
+        int | None, typer.Option(hidden=True, help="End when this process, which has started it, ends.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -213,7 +213,7 @@ PASSPHRASE = "CLEARCAP_BACKUP_PASSPHRASE"  # environment variable
 Data = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Folder of the server; by default the one of this store.")
 ]
-Encrypted = Annotated[bool, typer.Option("--encrypted", help=f"The passphrase is in the variable {PASSPHRASE}.")]
+Encrypted = Annotated[bool, typer.Option("--encrypted", help=f"Use the passphrase in the variable {PASSPHRASE}.")]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="The backup.")]
 
 
@@ -222,7 +222,7 @@ def backup(
 ) -> None:
     """Back up accounts, audit trail, sign-offs and signing key of a server, which may run meanwhile.
 
-    Copy the store afterwards, as you copy other files: what is signed was there before it was signed.
+    Copy the store afterwards, as you copy other files: it then holds everything that was signed.
     """
     from clearcap.web.maintenance import audit_fault, back_up
 
@@ -246,7 +246,7 @@ def restore(
 ) -> None:
     """Make the folder of a server from a backup, and compare its sign-offs with the store.
 
-    Restore the store first. A folder that holds anything is refused: move it away.
+    Restore the store first. A folder that is not empty is refused: move it away.
     """
     from clearcap.web.maintenance import check_backup
     from clearcap.web.maintenance import restore as restored
@@ -260,7 +260,7 @@ def restore(
     else:
         print_text(f"{file}: {'whole' if check else f'restored to {folder}'}: {_words(contents)}")
         for campaign in differing:
-            say(f"warning: {campaign} is signed, and the store has not what was signed; restore the store too")
+            say(f"warning: {campaign} is signed, and the store does not hold what was signed; restore the store too")
     if differing:
         raise typer.Exit(1)
 
