@@ -134,7 +134,7 @@ def _tolerances(analysis: "Analysis") -> str:
     if growing:
         each = _listed([f"{a.variable} ({_times(a)} × σ)" for a in growing[:_NAMED]])
         kept = "all responses keep" if not analysis.shortfalls else "the other responses keep"
-        sentences.append(f"Could be looser, one at a time, while {kept} Cpk {CAPABLE:.2f}: {each}.")
+        sentences.append(f"One at a time, these tolerances could be looser while {kept} Cpk {CAPABLE:.2f}: {each}.")
     elif analysis.advice:
         sentences.append("No tolerance can be looser.")
     return " ".join(sentences)

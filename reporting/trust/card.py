@@ -136,7 +136,7 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
     if dependent:
         sentences.append(
             f"In {', '.join(dependent)} runs with half the step differ by more than the inputs leave unexplained: the "
-            "result depends on the step, and that is no scatter of the samples."
+            "result depends on the step, which is not scatter of the samples."
         )
     sentences += _lost(repeats, found)
     sentences.append(f"{repeats.sample.size} samples were simulated a second time, with half the step.")

@@ -220,7 +220,7 @@ def test_the_page_shows_what_is_measured(store, plan):
     figure = page.split('id="mechanism"')[1].split("</section>")[0]
     assert ">FC-2</text>" in figure
     assert "10.6 mm here" in figure
-    assert "1 if latch_overlap &gt; 0, else 0; no place in the picture" in figure
+    assert "1 if latch_overlap &gt; 0, else 0; not in the picture" in figure
     assert [each.name for each in drawing.legend] == list(plan.mechanism.responses)
 
 
