@@ -80,7 +80,7 @@ def contents(names: Mapping[Path, str]) -> Iterator[str]:
     listed = set[str]()
     for section in re.split(r"^## ", INDEX.read_text("utf-8"), flags=re.M)[1:]:
         title = section.partition("\n")[0]
-        links = [(INDEX.parent / link).resolve() for link in re.findall(r"^\| \[[^\]]*\]\(([^)#]+)\)", section, re.M)]
+        links = [(INDEX.parent / link).resolve() for link in re.findall(r"^- \[[^\]]*\]\(([^)#]+)\)", section, re.M)]
         entries = [names[page].removesuffix(".md") for page in links] + GENERATED.get(title, [])
         listed.update(entries)
         if entries:
