@@ -23,6 +23,7 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -38,6 +39,7 @@ from clearcap.web.web_service import Service
 
 logger = logging.getLogger("clearcap.requests")
 MOST_OF_STRANGERS, WITHIN = 30, 300.0  # unauthenticated writes from one place that are audited, within this time [s]
+CLIENT_GONE = 499  # of nginx: whoever asked closed the connection before the request was whole
 _SECRET = re.compile(r"clearcap_[a-z]+_[\w-]+")
 
 
@@ -98,6 +100,8 @@ class Record:
             await self._app(scope, receive, send_recorded)
         except Refusal:  # raised by `RequestLimits`, which answers it
             raise
+        except ClientDisconnect:  # no bug, and nobody reads the answer
+            await Response(status_code=CLIENT_GONE)(scope, receive, send_recorded)
         except Exception:
             if begun:
                 raise

@@ -71,6 +71,33 @@ def test_bug_is_one_line(client, service, shown, monkeypatch):
     assert logging.getLogger("clearcap.requests") is logger
 
 
+def test_client_that_goes_in_the_middle_of_a_body_is_no_bug(client, as_user, shown):
+    """It is a line of its own status, and no error that calls somebody at night."""
+    headers = [(name.lower().encode(), value.encode()) for name, value in as_user("engineer").items()]
+    scope = {"type": "http", "method": "POST", "path": "/api/v1/checks/mechanism", "raw_path": b"", "query_string": b""}
+    scope |= {
+        "headers": [*headers, (b"host", client.base_url.netloc), (b"content-type", b"application/json")],
+        "state": {},
+    }
+    scope |= {
+        "scheme": "http",
+        "server": (client.base_url.host, 80),
+        "client": ("127.0.0.1", 50000),
+        "http_version": "1.1",
+    }
+    told = iter([{"type": "http.request", "body": b'{"text": "', "more_body": True}])
+
+    async def receive():
+        return next(told, {"type": "http.disconnect"})
+
+    async def send(message):
+        pass
+
+    client.portal.call(client.app, scope, receive, send)
+    (line,) = map(json.loads, shown.getvalue().splitlines())
+    assert (line["route"], line["status"]) == ("/api/v1/checks/mechanism", 499)
+
+
 @pytest.fixture
 def counted(store, tmp_path):
     """Return what opens a watcher, a pool of one process, and what reads a gauge."""
