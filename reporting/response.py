@@ -33,6 +33,7 @@ from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import PROVEN_P, Normality, ProbabilityPlot, departs, normality, probability_plot
 from reporting.shape.pareto import TailShare, pareto_tails
 from reporting.shape.supported_indices import supported_indices
+from reporting.shape.time_model import TimeModel, time_model
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.stack_up import LinearStack, WorstCase, linear_stack, worst_case
 from reporting.tolerance_intervals import ToleranceIntervals, tolerance_intervals
@@ -89,6 +90,7 @@ class ResponseAnalysis:
     gauge: BehindGauge | None = None  # the process without the errors of its gauge; None where these are not stated
     conformity: Conformity | None = None  # what the measurements prove of the parts; None without an uncertainty
     chart: ControlChart | None = None  # values in order; None if the samples are not production, or too few
+    time_model: TimeModel | None = None  # of measured parts in a known order
     rounding: float | None = None  # largest difference between values that are treated as one, as it is rounding only
 
     @property
@@ -172,6 +174,7 @@ def analyse_response(
         gauge=None if spec.gauge_sigma is None else _behind_gauge(x, spec, normal, numbers, confidence),
         conformity=None if spec.uncertainty is None else conformity(x, spec.lsl, spec.usl, spec.uncertainty),
         chart=_chart(x, lots, samples, np.isfinite(values), request),
+        time_model=_time_model(x, lots, samples, np.isfinite(values), request),
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
         scatters=()
@@ -201,6 +204,17 @@ def _chart(
         return control_chart(x, lots)
     groups = None if samples.subgroup is None else samples.subgroup[samples.ok][finite]
     return control_chart(x, lots, request.charts, groups)
+
+
+def _time_model(
+    x: Array, lots: NDArray[np.int64] | None, samples: Samples, finite: NDArray[np.bool_], request: ReportSpec
+) -> TimeModel | None:
+    """Return the model class of measured values; None for samples, and where parts are in no order."""
+    if not request.measured or not request.ordered:
+        return None
+    if samples.subgroup is not None:
+        return time_model(x, samples.subgroup[samples.ok][finite], "subgroups")
+    return time_model(x, lots, "lots" if lots is not None else "")
 
 
 def yield_with_failures(

@@ -121,6 +121,8 @@ class ResponseSpec:
         Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
     requirement : float
         Index from which on the response is capable.
+    characteristic_class : str
+        Name of the class that requires it, such as "critical"; empty without one.
     index : str
         The index that decides: "share" (of the share beyond the worse limit), "cpk" or "percentile" (ISO 22514-2).
     boundary : str
@@ -153,6 +155,7 @@ class ResponseSpec:
     gauge_sigma: float | None = None
     gauge_freedom: float | None = None
     uncertainty: float | None = None
+    characteristic_class: str = ""
 
 
 @dataclass(frozen=True)

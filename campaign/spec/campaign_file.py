@@ -429,6 +429,11 @@ class CampaignSpec(TableModel, strict=True):
         check_sampling(self)
         return self
 
+    def requirement_class(self, response: str) -> str:
+        """Return the class of the table requirements that a response names; empty if it names none."""
+        wanted = self.responses.get(response, Response()).requirement
+        return wanted if isinstance(wanted, str) else ""
+
     def requirement(self, response: str) -> float | None:
         """Return the index from which on a response is capable; None if the file does not say."""
         wanted = self.responses.get(response, Response()).requirement

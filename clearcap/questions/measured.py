@@ -82,15 +82,34 @@ class Characteristic(Response):
         return self
 
 
+class PartFields(TableModel, strict=True):
+    """What a PPAP or VDA report says at its head of the part and of how it was measured."""
+
+    number: str = Field("", description="Number of the part.")
+    name: str = Field("", description="Name of the part.")
+    drawing: str = Field("", description="Number of the drawing.")
+    revision: str = Field("", description="Revision of the drawing.")
+    machine: str = Field("", description="Machine, tool or cavity that made the parts.")
+    gauge: str = Field("", description="Measuring equipment.")
+    operator: str = Field("", description="Who measured.")
+
+    def fields(self, parts: int) -> dict[str, str]:
+        """Return what is given, by its name in the report, with the number of parts."""
+        named = {"number": "part number", "name": "part name"}
+        given = {named.get(key, key): text for key, text in self if text}
+        return {**given, "sample size": str(parts)} if given else {}
+
+
 class LimitsFile(TableModel, strict=True):
     """Limits of measured characteristics, and what the columns of the table mean."""
 
     format: Literal[1] = Field(1, description="Version of this file format: 1.")
     title: str = Field("", description="Heading of the report; the name of the table's file if absent.")
     author: str = Field("", description="Who is responsible for the report.")
-    header: dict[str, str] = Field(
-        {}, description="Texts under the title, as part, drawing, gauge, machine, class or customer."
+    part: PartFields = Field(
+        PartFields(), description="The part and how it was measured, at the head of report and summary."
     )
+    header: dict[str, str] = Field({}, description="Further texts under the title, as customer or conclusion.")
     order: str | None = Field(
         None,
         min_length=1,
@@ -364,6 +383,7 @@ def _response(each: Characteristic, limits: LimitsFile, name: str) -> ResponseSp
         *(name, each.title, each.unit, lsl, usl, target, each.source),
         requirement=CAPABLE if required is None else required,
         index=each.index or "share",
+        characteristic_class=each.requirement if isinstance(each.requirement, str) else "",
         boundary=each.boundary or "",
         gauge_sigma=each.gauge_sigma,
         gauge_freedom=each.gauge_freedom,
@@ -429,7 +449,7 @@ def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa
     return table, ReportSpec(
         title=known.title or name,
         campaign=name,
-        header=known.header,
+        header={**known.part.fields(len(table)), **known.header},
         responses=tuple(_response(each, known, key) for key, each in known.characteristics.items()),
         variables=(),
         provenance=provenance,

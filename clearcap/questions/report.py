@@ -333,6 +333,7 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
         *(name, title, unit, lsl, usl, target, response.source),
         *resolution(plan.mechanism, name),
         requirement=plan.spec.requirement(name) or CAPABLE,
+        characteristic_class=plan.spec.requirement_class(name),
         index=response.index or "share",
         boundary=response.boundary or "",
         historical=None if response.historical is None else (response.historical.mean, response.historical.sigma),

@@ -14,6 +14,7 @@ from reporting.trust.checks import Check
 
 # Capacity of the page in rows and in letters; the rest is counted, and is in the report.
 ROWS, CHECKS, FIELDS, CAUSES = 8, 5, 4, 3
+FIELDS_OF_PARTS = 12  # there is no drawing of a mechanism
 LONGEST = {"title": 140, "headline": 260, "field": 90, "name": 30, "words": 60}
 SOURCE_LETTERS, CHECK_LETTERS = 420, 160  # of all sources of limits, and of one check
 _ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
@@ -34,7 +35,9 @@ def render_one_page(analysis: Analysis) -> str:
             a=analysis,
             headline=_headline(analysis.headline, limited),
             title=_cut(analysis.spec.title, "title"),
-            fields=[(_cut(n, "name"), _cut(text, "field")) for n, text in analysis.spec.header.items()][:FIELDS],
+            fields=[(_cut(n, "name"), _cut(text, "field")) for n, text in analysis.spec.header.items()][
+                : FIELDS_OF_PARTS if analysis.spec.measured else FIELDS
+            ],
             author=_cut(analysis.spec.author, "field"),
             shown=[(r, _cut(r.spec.name, "name"), _cut(r.spec.title, "words")) for r in shown],
             sources=_sources(shown),

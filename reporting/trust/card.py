@@ -37,6 +37,7 @@ from reporting.trust.evidence import (
     production_lots,
     row_order,
     stability,
+    time_models,
     verdicts_hold,
 )
 
@@ -91,6 +92,7 @@ def _checks_of_parts(
     parts = f"{grouped(samples.sample.size)} measured parts, {_ORDER[spec.ordered]}."
     return (
         stability(responses, ordered=spec.ordered),
+        *time_models(responses),
         Check("Parts", "info", parts),
         *gauges(responses),
         *production_lots(responses),

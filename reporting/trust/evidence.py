@@ -144,6 +144,20 @@ def stability(responses: tuple[ResponseAnalysis, ...], *, ordered: bool) -> Chec
     return Check(name, "bad", text, float(most))
 
 
+def time_models(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
+    """Name the model class of each measured characteristic, and what it rests on; nothing where parts are in no order.
+
+    Only of a process of constant location and spread does an index say what it will make (ISO 22514-2).
+    """
+    found = [(r.spec.name, r.time_model) for r in responses if r.time_model is not None]
+    if not found:
+        return ()
+    named = {each.name for _, each in found}
+    level = "good" if named <= {"A1", "A2"} else "info" if "" in named and named <= {"A1", "A2", ""} else "attention"
+    text = " ".join(f"{response}: {each.text}" for response, each in found)
+    return (Check("Model class (ISO 22514-2)", level, text),)
+
+
 def _instability(response: ResponseAnalysis, chart: ControlChart) -> list[str]:
     """Return what shows that the process of a characteristic is not stable, in words."""
     found, points = [], len(chart.points)

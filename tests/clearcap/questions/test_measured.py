@@ -295,3 +295,48 @@ def test_the_study_of_a_gauge(tmp_path, monkeypatch):
     ):
         with pytest.raises(SpecError, match="table"):
             clearcap.gauge_study(table, **options)
+
+
+def test_the_head_names_part_drawing_and_class(tmp_path):
+    """Fields of PPAP and VDA, with the sample size, in report, summary and workbook; keys are checked."""
+    part = {"number": "4711", "name": "Lever", "drawing": "D-4711", "revision": "C", "operator": "E. Weber"}
+    d = LIMITS["characteristics"]["d"] | {"requirement": "critical"}
+    limits = {
+        "part": part | {"machine": "press 3", "gauge": "micrometer"},
+        "header": {"customer": "Schneider"},
+        "requirements": {"critical": 1.67},
+        "characteristics": {"d": d},
+    }
+    kinds = ["html", "json", "summary", "xlsx"]
+    files = clearcap.capability_report(pd.DataFrame({"d": normal()}), limits, tmp_path, kinds)
+    document = json.loads(Path(files["json"]).read_text())
+    header = document["header"]
+    assert list(header) == [
+        *("part number", "part name", "drawing", "revision", "machine", "gauge", "operator"),
+        *("sample size", "customer"),
+    ]
+    assert header["sample size"] == "200"
+    assert document["responses"][0]["spec"]["characteristic_class"] == "critical"
+    for kind in ("html", "summary"):
+        said = re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", Path(files[kind]).read_text())))
+        for name, text in header.items():
+            assert f"{name.capitalize()} {text}" in said, (kind, name)
+        assert "critical" in said, kind
+    sheet = pd.read_excel(files["xlsx"], sheet_name="Provenance", index_col=0)["value"]
+    assert str(sheet["part number"]) == "4711"
+    with pytest.raises(SpecError, match=r"part\.revison"):
+        load_limits(LIMITS | {"part": {"revison": "C"}})
+    assert "sample size" not in asked_of_parts(pd.DataFrame({"d": normal()}), LIMITS)[1].header
+
+
+def test_the_model_class_is_named_with_what_it_rests_on():
+    """Of parts in order; of others nothing is said, nor of simulated samples."""
+    found = analysed(pd.DataFrame({"d": normal()}), LIMITS)
+    model = found.responses[0].time_model
+    assert (model.name, model.groups, model.of) == ("A1", 40, "consecutive values")
+    assert check_of(found, "Model class (ISO 22514-2)").text == f"d: {model.text}"
+    drifts = analysed(pd.DataFrame({"d": normal() + np.linspace(0, 0.02, 200)}), LIMITS)
+    assert drifts.responses[0].time_model.name == "C3"
+    assert check_of(drifts, "Model class (ISO 22514-2)").level == "attention"
+    unordered = analysed(pd.DataFrame({"d": normal()}), LIMITS | {"ordered": False})
+    assert unordered.responses[0].time_model is None

@@ -1,0 +1,73 @@
+"""Model classes of ISO 22514-2: processes of each class are named so, and what is not enough says so."""
+
+import numpy as np
+import pytest
+from scipy.stats import f_oneway, rankdata
+
+from reporting.shape.time_model import FEWEST_GROUPS, WORDS, time_model
+from studies.time_models import CLASSES, GROUPS, named, values
+from tests.each import each
+from tests.house import ROOT
+
+LEAST = {"A1": 0.95, "A2": 0.9, "B": 0.9, "C1": 0.9, "C2": 0.6, "C3": 0.9, "C4": 0.9, "D": 0.9}
+
+
+@each("name", CLASSES)
+def test_processes_of_each_class_are_named(name):
+    """25 subgroups of 20."""
+    assert named(name, 25, 20, 20)[name] >= 20 * LEAST[name] - 1
+
+
+def test_a_stable_normal_process_is_rarely_called_another():
+    """Three tests at 1 %, and two of the spread."""
+    assert named("A1", 25, 5, 200)["A1"] >= 190
+
+
+def test_the_tests_are_those_of_scipy():
+    """Conover and Iman's is the analysis of variance of the ranks."""
+    x, groups = values("C1", 25, 5, np.random.default_rng(3)), np.repeat(np.arange(25), 5)
+    found = time_model(x, groups, "subgroups")
+    assert found.p_location == pytest.approx(f_oneway(*rankdata(x).reshape(25, 5)).pvalue, rel=1e-9)
+    assert (found.groups, found.size, found.of) == (25, 5, "subgroups")
+    assert found.text.startswith(f"{found.name}: {WORDS[found.name]}. It rests on 25 subgroups of 5 or more: ")
+
+
+def test_groups_are_in_any_arrangement():
+    """Values of a group need not be neighbours; consecutive values are groups of five where none are named."""
+    x, groups = values("A1", 30, 5, np.random.default_rng(4)), np.repeat(np.arange(30), 5)
+    mixed = np.random.default_rng(5).permutation(x.size)
+    sorted_by_group = mixed[np.argsort(groups[mixed], kind="stable")]
+    assert time_model(x[mixed], groups[mixed], "lots") == time_model(x[sorted_by_group], groups, "lots")
+    alone, given = time_model(x, None, ""), time_model(x, groups, "subgroups")
+    assert (alone.of, alone.groups, alone.p_location) == ("consecutive values", 30, given.p_location)
+
+
+@pytest.mark.parametrize(
+    ("x", "groups", "words"),
+    [
+        (np.arange(39.0), None, "39 values"),
+        (np.arange(100.0), np.repeat(np.arange(FEWEST_GROUPS - 1), 6)[:100], "lots of two or more values"),
+        (np.arange(100.0), np.arange(100), "0 lots"),
+        (np.ones(100), None, "do not differ"),
+    ],
+)
+def test_what_is_not_enough_has_no_class(x, groups, words):
+    found = time_model(x, groups, "lots")
+    assert found.name == ""
+    assert words in found.text
+
+
+def test_many_values_take_little():
+    """Of 200,000 values only some groups are looked at in random orders."""
+    assert time_model(np.random.default_rng(6).normal(size=200_000), None, "").name == "A1"
+
+
+@pytest.mark.slow
+def test_the_table_of_the_documentation():
+    """To 12 %: more than three standard errors of 200 processes."""
+    text = (ROOT / "docs" / "measured.md").read_text("utf-8").split("python -m studies.time_models --share 0.2")[1]
+    rows = dict(line.strip("| ").split(" | ", 1) for line in text.splitlines() if line.startswith("| "))
+    for name in CLASSES:
+        for cell, (groups, size) in zip(rows[name].split(" | "), GROUPS, strict=True):
+            share = named(name, groups, size, 200)[name] / 2
+            assert share == pytest.approx(float(cell.split()[0]), abs=12), (name, groups, size)
