@@ -1,6 +1,6 @@
 """How often the model class of ISO 22514-2 is named right, for processes of each class.
 
-`python -m studies.time_models` prints the table of docs/measured.md.
+`python -m studies.time_models` prints the table of studies/time_models.md.
 """
 
 import argparse

@@ -14,7 +14,7 @@ the process stay the same; the shape of the values, of those within groups, or o
 | D | varies | varies | any | any |
 
 Each question is answered by a test at 1 %, so that a process of class A1 is rarely called another one (measured in
-docs/measured.md):
+studies/time_models.md):
 
 - location: analysis of variance of the ranks between groups (Conover and Iman 1981), and the order of their means;
 - spread: the coefficient of variation of the standard deviations of groups among random orders of the values, or of
