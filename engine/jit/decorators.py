@@ -24,7 +24,7 @@ from typing import Any
 from llvmlite import binding
 
 from engine.errors import FolderError
-from engine.jit.numba_internals import INNER_OPTIONS, KEEPS_CODE, KERNEL_OPTIONS, NOT_INLINED_OPTIONS
+from engine.jit.numba_internals import INNER_OPTIONS, KERNEL_OPTIONS, NOT_INLINED_OPTIONS, keep_on_disk
 from engine.platform.build import build_id
 from engine.platform.private_folder import private_folder, user_cache
 
@@ -123,9 +123,17 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.py_func = function
-        self.compiled: Any = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS, cache=KEEPS_CODE)(function)  # type: ignore[call-overload]
+        self.compiled: Any = numba.njit(**_RUN_TIME, **KERNEL_OPTIONS)(function)  # type: ignore[call-overload]
+        keep_on_disk(self.compiled)
         self.callee = inner(function)
+        self._ready = False
         update_wrapper(self, function)
+
+    @property
+    def ready(self) -> bool:
+        """Whether its machine code is in memory."""
+        self._ready = self._ready or bool(self.compiled.signatures)
+        return self._ready
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled kernel."""

@@ -18,6 +18,8 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | | `get_data_type`, `data_model_manager`, `get_field_position`, `alloca_once`, `false_bit`, `tuple_getitem`, |
 | | `numba_array_adaptor` |
 | machine code on disk | `UserProvidedCacheLocator`, `get_suitable_cache_subpath`, `CACHE_LOCATOR_CLASSES` |
+| machine code from disk without Numba's own functions | `load_overload`, `_load_overload`, |
+| | `_guard_against_spurious_io_errors`, `initialize`, `ensure_blas`, `_HAVE_BLAS` |
 | knowing which machine code is on disk | `_cache`, `_cache_file`, `_index_path`, `_load_index` |
 """
 
@@ -25,6 +27,7 @@ import gc
 import hashlib
 import logging
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager, nullcontext
 from functools import cache, reduce
@@ -66,6 +69,7 @@ CHOICES = "a built-in function is chosen anew for each call in a kernel"
 CALLEES = "the callees of a kernel are compiled one by one"
 TUPLES = "kernels pass tuples of arrays by value"
 KEPT = "compiled code is not kept on disk: each process compiles for a minute"
+ALONE = "each process loads what Numba compiles with, and SciPy's linear algebra, whether or not it compiles"
 INDEX = "each process loads all compiled code when it starts, whether or not it needs it"
 SAVINGS = {
     LEAN: (
@@ -112,6 +116,13 @@ SAVINGS = {
     KEPT: (
         "numba.core.caching:UserProvidedCacheLocator.get_suitable_cache_subpath",
         "numba.core.config:CACHE_LOCATOR_CLASSES",
+    ),
+    ALONE: (
+        "numba.core.caching:FunctionCache.load_overload",
+        "numba.core.caching:FunctionCache._load_overload",
+        "numba.core.caching:FunctionCache._guard_against_spurious_io_errors",
+        "numba.core.runtime.nrt:rtsys.initialize",
+        "numba.np.linalg:ensure_blas",
     ),
 }
 # Only a kernel whose code is kept on disk has these.
@@ -339,6 +350,42 @@ if KEEPS_CODE:
             if folder.is_relative_to(engine):
                 return str(folder.relative_to(engine.parent))
             return str(super().get_suitable_cache_subpath(py_file))  # type: ignore[no-untyped-call]
+
+
+_loads_alone = KEEPS_CODE and _has(ALONE)
+
+if _loads_alone:
+    from numba.core.caching import FunctionCache
+    from numba.core.runtime.nrt import rtsys
+    from numba.np import linalg
+
+    _ensure_blas = linalg.ensure_blas
+
+    def ensure_blas() -> None:
+        """Import SciPy's linear algebra where a kernel uses it, but not to see whether it is there."""
+        if hasattr(sys.modules.get("numba.np.arraymath"), "_HAVE_BLAS"):  # which looks when it is imported
+            _ensure_blas()  # type: ignore[no-untyped-call]
+
+    linalg.ensure_blas = ensure_blas
+
+    class KernelCache(FunctionCache):  # type: ignore[misc]
+        """The code of a kernel on disk, which needs nothing of what Numba loads in order to compile."""
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            """Return the code for a signature; None if there is none, and then Numba loads the rest and compiles."""
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+                return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
+
+def keep_on_disk(compiled: Any) -> None:
+    """Keep the code of a kernel on disk, and load it from there."""
+    if not KEEPS_CODE:
+        return
+    if _loads_alone and hasattr(compiled, "_cache"):
+        compiled._cache = KernelCache(compiled.py_func)  # type: ignore[no-untyped-call]
+    else:
+        compiled.enable_caching()
 
 
 def index_file(compiled: Any) -> tuple[str, bool] | None:

@@ -103,3 +103,22 @@ def test_installations_of_a_build_share_compiled_code(tmp_path):
     assert hits == [
         f"{count} {place}/engine/jit/decorators.py\n" for count, place in zip((0, 1, 0), places, strict=True)
     ]
+
+
+def test_loaded_code_needs_nothing_of_the_compiler(tmp_path):
+    """A kernel is loaded without what Numba compiles with, and without SciPy's algebra; then another compiles."""
+    kernels = tmp_path / "kernels.py"
+    kernels.write_text(
+        "import numpy as np\nfrom engine.jit import kernel\n"
+        "@kernel\ndef size(x):\n    return np.sum(x)\n"
+        "@kernel\ndef product(x):\n    return np.dot(x, x)\n"
+    )
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import numpy as np; import kernels;"
+        " x = np.array([3.0, 4.0]); print(kernels.size(x), sum(kernels.size.compiled.stats.cache_hits.values()));"
+        " print(sorted({'numba.cpython.listobj', 'numba.typed.typeddict', 'scipy.linalg'} & {*sys.modules}));"
+        " print(kernels.product(x))"
+    )
+    first, second = (run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for _ in range(2))
+    assert first.stdout.splitlines()[::2] == ["7.0 0", "25.0"], first.stderr
+    assert second.stdout == "7.0 1\n[]\n25.0\n", second.stderr
