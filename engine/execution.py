@@ -10,6 +10,7 @@ import numpy as np
 
 from engine.arrays import Array, copied
 from engine.assembly import Assembly
+from engine.assembly.table_cache import cached
 from engine.equilibrium import SHORT, PoseAtRest, balancing_forces, forces_at_rest, touching_gap
 from engine.kernels import time_loop
 from engine.kernels.model import Control
@@ -146,8 +147,10 @@ def execute(
 
 def _with_what_follows(mechanism: Mechanism, names: list[str]) -> tuple[str, ...]:
     """Return responses and those derived from them, in the order of the mechanism."""
+    if not names:
+        return ()
     known, concerned = in_formulas(mechanism.responses), set(names)
-    for name in order_of_derived(mechanism.responses):
+    for name in _derived_in_order(mechanism):
         response = mechanism.responses[name]
         if isinstance(response, Derived) and any(known.get(part) in concerned for part in response.sources):
             concerned.add(name)
@@ -172,9 +175,15 @@ def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Ma
         if isinstance(response, ContactForce) and response.bound:
             least, largest = ranges.get(name, (math.nan, math.nan))
             responses[name] = least if response.bound == "least" else largest
-    for name in order_of_derived(mechanism.responses):
+    for name in _derived_in_order(mechanism):
         responses[name] = _derived(mechanism, mechanism.responses[name], responses)
     return responses
+
+
+@cached
+def _derived_in_order(mechanism: Mechanism) -> list[str]:
+    """Return the responses that follow from others, each after those."""
+    return order_of_derived(mechanism.responses)
 
 
 def _derived(mechanism: Mechanism, response: Response, responses: Mapping[str, float]) -> float:

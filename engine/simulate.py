@@ -123,7 +123,7 @@ def missing_kernels() -> tuple[str, ...]:
 
     # most of the work is the time loop; responses and ranges are compiled after it, in a run that needs them
     needed = [kernel for kernel in (run_to_end, measure, least) if isinstance(kernel, Kernel)]
-    if all(kernel.compiled.signatures or not _missing_file(kernel) for kernel in needed):
+    if all(kernel.ready or not _missing_file(kernel) for kernel in needed):
         return ()
     engine_modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] == "engine"]
     values = {id(value): value for module in engine_modules for value in vars(module).values()}.values()

@@ -11,7 +11,7 @@ from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, 
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.couplings import coupling_pairs, gear_pairs, joint_couplings, term_arrays
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
-from engine.assembly.joints import add_play, faces_with_play, joint_pairs, joint_rows, without_play
+from engine.assembly.joints import FaceWithPlay, add_play, faces_with_play, joint_pairs, joint_rows, without_play
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.outlines import outline_pairs
 from engine.assembly.responses import coordinate_arrays, numbers_of, reads_motions, response_arrays
@@ -68,7 +68,7 @@ class _Prepared:
     contact_names: tuple[str, ...]
     row_names: tuple[str, ...]
     held: list[BilateralRow]  # the rows of the ideal joints
-    faces: tuple[tuple[int, str, str], ...]  # see `joints.add_play`
+    faces: tuple[FaceWithPlay, ...]
     spare: list[Block]  # copies that no run uses any more; changed by all threads
 
 
@@ -153,7 +153,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         _problem(unknowns, runs),
     )
     names = tuple(pair.name for pair in pairs), tuple(row.name for row in rows)
-    return _Prepared(Block(arrays), *names, held, faces_with_play(pairs), [])
+    return _Prepared(Block(arrays), *names, held, faces_with_play(mechanism, pairs), [])
 
 
 @cached

@@ -30,7 +30,9 @@ HELD = {
 }
 
 MOST_SHAPES = 1000  # kept in memory
+FaceWithPlay = tuple[int, str, str, float]  # number of a contact, its joint, the joint's face, stretch of its body
 _shapes: dict[Any, Any] = {}
+_same_objects: dict[Any, tuple[Any, Joint]] = {}  # shapes by the identity of what a joint consists of
 
 
 @dataclass(frozen=True)
@@ -311,23 +313,39 @@ def without_play(mechanism: Mechanism) -> Mechanism:
     return mechanism.model_copy(update={"joints": {name: _shape(joint) for name, joint in mechanism.joints.items()}})
 
 
-def add_play(mechanism: Mechanism, faces: Iterable[tuple[int, str, str]], clearance: Array) -> None:
-    """Add the play of the joints to ``clearance``, (nc,), in place.
-
-    Each of ``faces`` is the number of a contact, its joint, and the face of the joint.
-    """
-    for i, joint, face in faces:
-        entry = mechanism.joints[joint]
-        clearance[i] += entry.play(face) * mechanism.stretch(entry.sides[entry.carries(face)].body)
+def add_play(mechanism: Mechanism, faces: Iterable[FaceWithPlay], clearance: Array) -> None:
+    """Add the play of the joints to ``clearance``, (nc,), in place."""
+    joints = mechanism.joints
+    for i, joint, face, stretch in faces:
+        clearance[i] += joints[joint].play(face) * stretch
 
 
-def faces_with_play(pairs: Iterable[Pair]) -> tuple[tuple[int, str, str], ...]:
-    """Return the number, the joint and the face for each contact of a joint."""
-    return tuple((i, *pair.play) for i, pair in enumerate(pairs) if pair.play is not None)
+def faces_with_play(mechanism: Mechanism, pairs: Iterable[Pair]) -> tuple[FaceWithPlay, ...]:
+    """Return the contacts at which joints have play."""
+
+    def stretch(joint: Joint, face: str) -> float:
+        return mechanism.stretch(joint.sides[joint.carries(face)].body)
+
+    plays = [(i, *pair.play) for i, pair in enumerate(pairs) if pair.play is not None]
+    return tuple((i, joint, face, stretch(mechanism.joints[joint], face)) for i, joint, face in plays)
 
 
 def _shape(joint: Joint) -> Any:
     """Return a joint with clearance 0: the same object for all joints that differ in nothing else."""
+    entries, others = joint.__dict__, joint.CLEARANCES
+    # from sample to sample only a clearance is another object
+    parts = type(joint), *[value is None if key in others else id(value) for key, value in entries.items()]
+    known = _same_objects.get(parts)
+    if known is None:
+        if len(_same_objects) >= MOST_SHAPES:
+            _same_objects.clear()
+        # the joint keeps its numbers and tables alive, so that no other object can get their ids
+        known = _same_objects.setdefault(parts, (_equal_shape(joint), joint))
+    return known[0]
+
+
+def _equal_shape(joint: Joint) -> Any:
+    """Return a joint with clearance 0: the same object for all joints with equal numbers and the same tables."""
     entries = joint.__dict__
     closed = {key: 0.0 for key in joint.CLEARANCES if entries[key] is not None}
     content = type(joint), *closed, *[_exact(value) for key, value in entries.items() if key not in joint.CLEARANCES]

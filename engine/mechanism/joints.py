@@ -156,13 +156,17 @@ class Joint(PairLaw):
             return None
         changed = self.model_copy(update={self.CLEARANCE: clearance})
         try:
-            changed._check_play()
+            changed._check_clearances()
         except PydanticCustomError:
             return None
         return changed
 
     def _check_play(self) -> None:
         """Refuse a joint with play that cannot be made of what is given."""
+
+    def _check_clearances(self) -> None:
+        """Refuse clearances that there cannot be, in a joint whose play is otherwise as it must be."""
+        self._check_play()
 
     @model_validator(mode="after")
     def _loose(self) -> Self:

@@ -215,16 +215,21 @@ class JournalJoint(Joint):
         if self.journal.lobes is not None and not self.journal.lobes.offset < min(self.radii):
             text = f"more than the pin has; allowed: {self.journal.lobes.number} lobes of a small part of its radius"
             raise refuse(text, key="journal.lobes.height", value=self.journal.lobes.height)
-        for i in range(len(rings)):
-            self._check_clearance(self.play(f"ring{i + 1}"))
+        self._check_clearances()
 
-    def _check_clearance(self, clearance: float) -> None:
-        """Refuse a clearance at a ring that there cannot be."""
-        if not 0 < clearance <= self.clearance_limit:
+    def _check_clearances(self) -> None:
+        """Refuse the clearances at the rings that there cannot be."""
+        limit = self.clearance_limit
+        for i in range(len(self.rings or ())):
+            self._check_clearance(self.play(f"ring{i + 1}"), limit)
+
+    def _check_clearance(self, clearance: float, limit: float) -> None:
+        """Refuse a clearance at a ring above a limit, or one that is none."""
+        if not 0 < clearance <= limit:
             what = "no play" if clearance <= 0 else "more than the bore as drawn allows"
             key = self.face_clearance("ring1")
             raise refuse(
-                f"{what}; allowed: 0 < {self._in_words} <= {self.clearance_limit:g}; "
+                f"{what}; allowed: 0 < {self._in_words} <= {limit:g}; "
                 "choose a clearance in between, or give another radial_clearance_limit",
                 key=key,
                 value=self.bearing.diameter if self._by_diameters else clearance,
