@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.store import Store, open_store
     from clearcap.client.remote_server import RemoteServer, connect
+    from clearcap.questions.calibration import calibrate_campaign
     from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
     from clearcap.results import PooledResults, Results, open_campaign, report, run_campaign
     from clearcap.submitted import RunningCampaign, submit_campaign
@@ -50,8 +51,8 @@ __all__ = [
     "Campaign", "CampaignError", "Capability", "Certificate", "Cluster", "EngineError", "Fault", "Heartbeat",
     "Mechanism", "MechanismError", "NotAssemblable", "PooledResults", "Recording", "RemoteServer", "ReportError",
     "Results", "Run", "RunningCampaign", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory",
-    "UnreachableError", "campaign_text", "capability", "capability_report", "check", "connect", "gauge_study",
-    "library_names", "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text",
+    "UnreachableError", "calibrate_campaign", "campaign_text", "capability", "capability_report", "check", "connect",
+    "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text",
     "open_campaign", "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
     "simulate", "submit_campaign", "validate_campaign",
 ]
@@ -66,6 +67,7 @@ _HOMES = {
     "campaign.spec.campaign_file": ("campaign_text",),
     "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
+    "clearcap.questions.calibration": ("calibrate_campaign",),
     "clearcap.questions.measured": ("capability_report", "gauge_study", "validate_campaign"),
     "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
     "clearcap.submitted": ("RunningCampaign", "submit_campaign"),

@@ -34,7 +34,7 @@ def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
 def _drifting_values(campaign: Campaign) -> Iterator[Caution]:
     """Yield the measured values that drift from row to row, or resemble their neighbours."""
     for name, variable in campaign.spec.variables.items():
-        if isinstance(variable, Empirical) and variable.values:
+        if isinstance(variable, Empirical) and variable.values and not variable.joint:  # draws have no order
             order = row_order(np.array(variable.values))
             if order is not None and order.finding:
                 yield Caution(

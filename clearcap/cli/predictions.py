@@ -1,7 +1,8 @@
-"""Verbs that answer from the samples of a campaign, without new runs: ``whatif``, ``advise`` and ``design``."""
+"""Verbs that answer from a campaign's samples, without new runs: ``whatif``, ``advise``, ``design``, ``calibrate``."""
 
 import math
 from dataclasses import asdict
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,7 @@ from clearcap.cli.output import (
 )
 
 if TYPE_CHECKING:
+    from reporting.emulation.calibration import Calibration
     from reporting.tolerance.advice import Advice, ToleranceAdvice
     from reporting.tolerance.allocation import Allocation
     from reporting.tolerance.whatif import Estimate, WhatIf
@@ -276,3 +278,78 @@ def design(
 
 def _centre(centre: tuple[float, ...], names: tuple[str, ...]) -> str:
     return ", ".join(f"{name} {z:+.2f}" for name, z in zip(names, centre, strict=True) if z) or "that of production"
+
+
+def calibrate(
+    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    measurements: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="TOML file: the constants, and what was measured with its uncertainty."),
+    ],
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE.csv", help="Write draws of the constants, for a campaign to draw from.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Estimate unknown constants, such as a friction or a preload, from bench measurements: first what they can tell.
+
+    The campaign varies the constants; its rows are emulated, and its distributions are what is assumed of them before.
+    """
+    from clearcap.questions.calibration import calibrated, load_measurements, write_draws
+
+    if output is not None:
+        check_output("--output", output, (".csv",))
+    file = load_measurements(measurements)
+    opened, plan = opened_campaign(store, campaign)
+    found = calibrated(opened, plan, file, seed=seed)
+    if output is not None:
+        with replacing(output) as temporary:
+            write_draws(temporary, found)
+    if json:
+        document = asdict(found)
+        del document["draws"]
+        print_json({"campaign": plan.campaign_id, "store": opened.url, **document, "file": output and str(output)})
+        return
+    _print_calibration(found, plan.mechanism.response_units())
+    if output is not None:
+        print_text(f"wrote {output}; a campaign draws from it with, for each constant:")
+        targets = plan.spec.targets()
+        for name in found.draws:
+            keys = {"target": targets[name], "distribution": "empirical", "file": output.name, "column": name}
+            pairs = ", ".join(f"{key} = {dumps(value)}" for key, value in ({**keys, "joint": output.stem}).items())
+            print_text(f"variables.{dumps(name)} = {{ {pairs} }}")
+
+
+def _print_calibration(found: "Calibration", units: "dict[str, str]") -> None:
+    """Print what the data tell, then the constants, then what the measurements are worth."""
+    for words in found.told:
+        print_text(words)
+    rows: list[tuple[str, ...]] = [
+        (c.name, number(c.prior_mean), number(c.prior_std, 3), number(c.mean), number(c.std, 3), _ends(c.interval))
+        for c in found.constants
+    ]
+    of_constants = ("constant", "before", "sigma", "after", "sigma", "95 % interval")
+    print_table("constants before and after the measurements", of_constants, rows, texts=1)
+    for a, b, correlation in found.correlations:
+        print_text(f"correlation of {a} and {b}: {correlation:.2f}")
+    for name, (mean, ends) in found.discrepancies.items():
+        print_text(f"{labelled(name, units[name])}: the model itself errs by {number(mean, 3)} ({_ends(ends)})")
+    measured: list[tuple[str, ...]] = [
+        (labelled(f.response, units[f.response]), f.specimen, *map(number, (f.value, f.predicted)), number(f.std, 3))
+        for f in found.fitted
+    ]
+    heads = ("response", "specimen", "measured", "explained", "sigma of the difference")
+    print_table("measurements", heads, measured, texts=2)
+    for name, quality in found.quality.items():
+        print_text(
+            f"emulator of {name}: {quality.rows} rows, explains {100 * quality.q2:.2f} % of others; its 95 % intervals"
+            f" hold {100 * quality.coverage:.0f} %"
+        )
+    for note in found.notes:
+        print_text(note)
+
+
+def _ends(interval: tuple[float, float]) -> str:
+    return f"{number(interval[0], 4)} to {number(interval[1], 4)}"

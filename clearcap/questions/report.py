@@ -22,9 +22,10 @@ from campaign.coordinator.requests import refuse_signed, unsigned
 from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
+from campaign.inputs.sampling.sampler import joint_variables
 from campaign.plan import Plan, resolution
 from campaign.row_build import clearcap_version, differences
-from campaign.spec.campaign_file import Response
+from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store, open_store
 from campaign.store.files.files import TEMPORARY
 from campaign.store.files.retry_policy import QUICK
@@ -40,6 +41,7 @@ from clearcap.questions.tolerances import Spreads
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, capability, write_report
 from reporting.analysis import Analysis, Decision, Rescale, analyse, compare_rows
+from reporting.arrays import centred_ranks
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison
 from reporting.samples import AMBIGUOUS, AT_IMPACT, LATER, Repeats, leveled, read_samples
@@ -256,7 +258,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         simulate=_simulate_command(plan),
         sampler=spec.sampler,
         replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
-        correlations=spec.correlations or (),
+        correlations=(*(spec.correlations or ()), *_joint_correlations(spec)),
         production_batch_column="" if production_batch(spec, np.zeros(1, np.int64)) is None else BATCH,
         stop=stopping_rule(plan, store),
         design=Design(sampler.production, sampler.report),
@@ -275,6 +277,15 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         drawing=drawing,
         drawing_note=note,
     )
+
+
+def _joint_correlations(spec: CampaignSpec) -> Iterator[tuple[str, str, float]]:
+    """Yield the rank correlations of variables that share the rows of a table."""
+    for names in joint_variables(spec.variables).values():
+        columns = [np.array(getattr(spec.variables[name], "values", None)) for name in names]
+        ranks = np.atleast_2d(np.corrcoef([centred_ranks(column) for column in columns]))
+        for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
+            yield names[i], names[j], float(np.nan_to_num(ranks[i, j]))
 
 
 def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:

@@ -178,6 +178,12 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
         faults = "\n  ".join(["--set:", *map(str, structure_faults(error, CampaignSpec))])
         raise SpecError(faults.replace("missing; add it", "missing; give it in the same command")) from error
     changed = {name: v for name, v in new.variables.items() if v != spec.variables[name]}
+    for name in changed:
+        if getattr(spec.variables[name], "joint", None) or getattr(new.variables[name], "joint", None):
+            raise SpecError(
+                f"--set {name}: the variable takes its values from the rows of a table, together with others, and no"
+                " weights of the samples make it another; run a campaign with other values"
+            )
     assumptions = []
     for name, distribution in changed.items():
         if taken := assumed.get(name):

@@ -65,6 +65,10 @@ def make_hostile():
     Path("parts [x].csv").write_text("\n".join([f'"{MARKUP}"', *(f"10.{digit}" for digit in range(10))]))
     measured = (f'"part {MARKUP} {row % 3}",10.{row % 7}' for row in range(12))
     Path("gauge [x].csv").write_text("\n".join([f'"{MARKUP}",value', *measured]))
+    Path("bench [x].toml").write_text(
+        f'constants = ["{quoted(VARIABLE)}"]\n[[measurements]]\nresponse = "slide"\nvalue = 10.7\nsigma = 0.1\n'
+        f'specimen = "{quoted(MARKUP)}"\n'
+    )
     Path("slide [x].toml").write_text(f'[characteristics.slide]\ncolumn = "{quoted(MARKUP)}"\nunit = "m"\n')
     Path("limits [x].toml").write_text(
         f'title = "{quoted(HOSTILE)}"\nheader = {{ "{quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
@@ -127,6 +131,7 @@ def words_of(verb, campaign_id):
         "file": ["backup [x].zip"],
         "parts": ["parts [x].csv"],
         "table": ["gauge [x].csv"],
+        "measurements": ["bench [x].toml"],
         "pattern": ["*"],
         "step_file": [str(ROOT / "docs" / "examples" / "latch.step")],
     }

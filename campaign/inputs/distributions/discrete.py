@@ -179,9 +179,16 @@ class Empirical(Discrete):
         default=None, description="The column of the file that holds the values."
     )
     source: str = Field(default="", description="Where the values come from, in words.")
+    joint: Annotated[str | None, Field(min_length=1, max_length=100)] = Field(
+        default=None,
+        description="Name of a table: variables with the same name take their values from one row of it, so that they"
+        " vary together, as draws of a calibration; each varies by itself if absent.",
+    )
 
     def check_parameters(self) -> None:
         """Raise ValueError unless there are values, and some within the bounds if bounds are given."""
+        if self.joint and (self.lower, self.upper) != (None, None):
+            raise ValueError("joint: its rows belong together, and bounds would cut some; remove lower and upper")
         if self.values is None and self.file is None and self.column is None:
             raise ValueError("its values are missing; give values, or file and column")
         if self.values is not None and (self.file or self.column):
@@ -207,9 +214,18 @@ class Empirical(Discrete):
         inside = (values >= low) & (values <= high)
         return values[inside], times[inside].astype(np.float64)
 
+    @cached_property
+    def _in_order(self) -> Array:
+        return np.array(self.values)
+
+    def rows(self, u: Array) -> Array:
+        """Return the values in the rows that uniform numbers choose, in the order of the table, shape of ``u``."""
+        return self._in_order[np.minimum((u * self._in_order.size).astype(np.int64), self._in_order.size - 1)]
+
     def text(self) -> str:
         origin = f" of {self.source}" if self.source else ""
-        return f"one of {len(self.values or ())} values{origin}{self.between()}"
+        together = f", by rows of {self.joint}" if self.joint else ""
+        return f"one of {len(self.values or ())} values{origin}{self.between()}{together}"
 
 
 class Constant(Distribution):

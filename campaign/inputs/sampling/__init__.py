@@ -10,6 +10,7 @@ from campaign.inputs.sampling.inverse_transform import (
     LatinHypercube,
     RandomSampler,
     check_correlations,
+    check_joint,
     production_batch,
 )
 from campaign.inputs.sampling.quasi_random import Halton, Saltelli, Sobol
@@ -53,6 +54,7 @@ def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
 def check_sampling(inputs: SampledInputs) -> None:
     """Raise ValueError, with key, value and remedy, unless the samples can be drawn and every key has an effect."""
     check_correlations(inputs)
+    check_joint(inputs)
     sampler = sampler_named(inputs.sampler)
     for other in SAMPLERS.values():
         key = other.own_key

@@ -26,7 +26,7 @@ from scipy.special import ndtr, ndtri
 
 from campaign.inputs.distributions.base import DRAWN
 from campaign.inputs.sampling.inverse_transform import COMPONENT, InverseTransformSampler, production_batch, uniforms
-from campaign.inputs.sampling.sampler import SampledInputs, varied
+from campaign.inputs.sampling.sampler import SampledInputs, joint_variables, varied
 from engine.arrays import Array
 from engine.mechanism.base import TableModel
 from engine.mechanism.faults import did_you_mean
@@ -155,6 +155,11 @@ class ImportanceSampler(InverseTransformSampler):
             raise ValueError(
                 "variables: parts of a production batch share a shift, and importance sampling weighs single parts;"
                 ' remove batch, or write sampler = "random"'
+            )
+        for table, (first, *_) in joint_variables(inputs.variables).items():
+            raise ValueError(
+                f'variables.{first}.joint = "{table}": importance sampling moves standard scores, and rows of a table'
+                ' have none; write sampler = "random"'
             )
         if inputs.stop:
             raise ValueError(

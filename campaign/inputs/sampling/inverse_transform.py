@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions import Constant, Continuous, Distribution
-from campaign.inputs.sampling.sampler import Correlations, SampledInputs, Sampler, varied
+from campaign.inputs.distributions import Constant, Continuous, Distribution, Empirical
+from campaign.inputs.sampling.sampler import Correlations, SampledInputs, Sampler, joint_variables, varied
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 
@@ -115,6 +115,8 @@ class InverseTransformSampler(Sampler):
         u = self.uniforms(inputs, varied(inputs), first, count)
         if inputs.correlations:
             u |= correlated(u, inputs.correlations)
+        for names in joint_variables(inputs.variables).values():
+            u |= dict.fromkeys(names, u[min(names)])  # one number chooses the row, whatever the order of the variables
         variables = inputs.variables.items()
         return {name: quantiles(variable, inputs.seed, name, u.get(name), first, count) for name, variable in variables}
 
@@ -135,6 +137,8 @@ def quantiles(variable: Distribution, seed: int, name: str, u: Array | None, fir
     """Return the values of one variable at samples ``first .. first + count - 1`` for uniform ``u``; None: constant."""
     if u is None:
         return variable.ppf(np.full(count, 0.5))
+    if isinstance(variable, Empirical) and variable.joint:
+        return variable.rows(u)
     if not isinstance(variable, Continuous) or variable.batch is None:
         return variable.ppf(u)
     size = variable.batch.size
@@ -222,6 +226,8 @@ def check_correlations(inputs: SampledInputs) -> None:
                 raise ValueError(f"{entry}: no variable {name}; allowed: {', '.join(names)}{did_you_mean(name, names)}")
             if isinstance(inputs.variables[name], Constant):
                 raise ValueError(f"{entry}: {name} is a constant and cannot be correlated; remove the entry")
+            if getattr(inputs.variables[name], "joint", None):
+                raise ValueError(f"{entry}: the rows of a table say how {name} varies with others; remove the entry")
         if a == b:
             raise ValueError(f"{entry}: a variable cannot be correlated with itself; name two variables")
         if pairs[frozenset((a, b))] > 1:
@@ -234,6 +240,18 @@ def check_correlations(inputs: SampledInputs) -> None:
             f"correlations: contradict each other, their matrix is not positive definite (smallest eigenvalue"
             f" {smallest:.3g}); multiply all of them by at most {scale:g}"
         )
+
+
+def check_joint(inputs: SampledInputs) -> None:
+    """Raise ValueError unless variables that share the rows of a table have equally many."""
+    for table, names in joint_variables(inputs.variables).items():
+        sizes = {name: len(getattr(inputs.variables[name], "values", None) or ()) for name in names}
+        if len({size for size in sizes.values() if size}) > 1:  # a file that is not read yet has none
+            listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(
+                f'variables.{names[0]}.joint = "{table}": its variables have different numbers of values ({listed});'
+                " take all from one table"
+            )
 
 
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:

@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Constant, Continuous, Distribution
+from campaign.inputs.distributions import Constant, Continuous, Distribution, Empirical
 from engine.arrays import Array
 
 Correlations = tuple[tuple[str, str, float], ...]
@@ -109,6 +109,17 @@ def dependence(inputs: SampledInputs) -> str:
     """Return the key that makes variables or samples depend on each other; empty if there is none."""
     if inputs.correlations:
         return "correlations"
+    for names in joint_variables(inputs.variables).values():
+        return f"variables.{names[0]}.joint"
     shifted = (name for name, v in inputs.variables.items() if isinstance(v, Continuous) and v.batch)
     name = next(shifted, "")
     return name and f"variables.{name}.batch"
+
+
+def joint_variables(variables: Mapping[str, Distribution]) -> dict[str, list[str]]:
+    """Return the variables that take their values from one row of a table, by the table's name."""
+    tables: dict[str, list[str]] = {}
+    for name, variable in variables.items():
+        if isinstance(variable, Empirical) and variable.joint:
+            tables.setdefault(variable.joint, []).append(name)
+    return tables
