@@ -126,8 +126,12 @@ class Service:
 
 
 def open_service(settings: Settings) -> Service:
-    """Open the store and the files of a server."""
-    folder = private_folder(settings.data.parent, settings.data.name)
+    """Open the store and the files of a server; raise StoreError or FolderError if its data folder is unfit."""
+    try:
+        folder = private_folder(settings.data.parent, settings.data.name)
+    except OSError as error:
+        words = f"{settings.data}: the folder of the server's data cannot be used now ({error.strerror})"
+        raise StoreError(f"{words}; make it writable, or name another with --data") from error
     files = Files(settings.store, HASTY, CircuitBreaker())
     database = Database(folder / DATABASE)
     try:

@@ -76,26 +76,33 @@ def keep_rows(url, campaign_id, file):
 
 
 def run_as_told(campaign_id, *words):
-    """Compute a planned campaign as ``clearcap run`` would with these words."""
+    """Compute a planned campaign as ``clearcap run`` would with these words, when all nodes of the job have workers."""
     verb, _, *options = words
     given = dict(zip(options[::2], options[1::2], strict=True))
     tls = Tls(*(given[f"--tls-{name}"] for name in ("ca", "cert", "key")))
     assert verb == "run"
     seconds = float(os.environ.get("SECONDS_A_RUN", "0"))
     simulate = partial(fake_engine.takes, seconds) if seconds else fake_engine.simulate
-    return _compute(Cluster(given["--scheduler"], tls=tls), 1, given["--store"], campaign_id, simulate)
+    nodes = int(os.environ.get("SLURM_JOB_NUM_NODES", "1"))
+    return _compute(Cluster(given["--scheduler"], tls=tls), 1, given["--store"], campaign_id, simulate, nodes)
 
 
-def _compute(cluster, workers, url, campaign_id, simulate=fake_engine.simulate):
-    """Compute a planned campaign; return by which hosts, and what was computed."""
+def _compute(cluster, workers, url, campaign_id, simulate=fake_engine.simulate, on=1):
+    """Compute a planned campaign by workers on so many hosts; return by which hosts, and what was computed."""
     store, hosts = open_store(url), []
     plan = store.plan(campaign_id)
     if cluster.scheduler:
         with connect(cluster) as (client, _):
             client.wait_for_workers(workers, timeout=600)
-            hosts = sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
+            until(lambda: len(_hosts(client)) >= on, "too few hosts")
+            hosts = _hosts(client)
     outcome = coordinate(store, plan, cluster, simulate=simulate)
     return {"hosts": hosts, "statuses": outcome.survey.statuses, "batches": sorted(outcome.survey.parts)}
+
+
+def _hosts(client):
+    """Return the hosts of all workers, in order."""
+    return sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
 
 
 def reach(address, *files):

@@ -41,7 +41,11 @@ class JobTooLarge(JobFailed):
 
 
 class JobPostponed(JobFailed):
-    """A job cannot be computed now: no process could be started, or it waited too long for the machine or the store."""
+    """A job cannot be computed now: its process could not be started or was killed, or it waited too long."""
+
+
+# Signals by which users and machines without memory end a process; others, such as SIGSEGV, are its own faults.
+ENDED_BY_OTHERS = tuple(-number for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP))
 
 
 # Environment variables that a job process needs; it does not get the others, some of which are secrets of the service.
@@ -122,6 +126,9 @@ class JobProcess:
             if ended.status == -signal.SIGXCPU:
                 words = f"it takes more than {limits.processor_s:g} s of processor time; ask for less"
                 raise JobTooLarge(words) from None
+            if ended.status in ENDED_BY_OTHERS:
+                words = f"its process was ended from outside ({ended}), as by a machine without memory; try again later"
+                raise JobPostponed(words) from None
             words = f"its process ended ({ended}); it was replaced, and the server's log may say more"
             raise JobFailed(words) from None
         if kind == child.FAILED:

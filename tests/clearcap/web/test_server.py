@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from campaign.errors import SpecError
+from campaign.errors import SpecError, StoreError
 from clearcap.web.server import SECRET, check_settings, first_login, http_server, login_link, read_configuration
 from clearcap.web.settings import Limits, Settings
 from clearcap.web.web_service import open_service
@@ -45,6 +45,13 @@ def client_of(app, address, forwarded):
     headers = [(b"x-forwarded-for", forwarded.encode()), (b"x-forwarded-proto", b"https")]
     asyncio.run(app({"type": "http", "client": (address, 1), "headers": headers, "scheme": "http"}, None, None))
     return found[0]
+
+
+def test_data_that_cannot_be_written_are_one_message(tmp_path):
+    """Also on a disk that has become read-only: there it is another error of the system's."""
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match="--data"):
+        open_service(Settings(str(tmp_path / "runs"), tmp_path / "file/data"))
 
 
 def test_first_link_makes_the_admin(tmp_path):

@@ -78,6 +78,7 @@ def test_errors_of_the_input_come_as_what_they_are():
         pytest.param(strange_jobs.eat, LIMITS, JobTooLarge, "more than 1 GiB of memory", marks=pytest.mark.slow),
         (partial(strange_jobs.raw, 3 << 20), LIMITS, JobTooLarge, "more than 1 MiB"),
         (strange_jobs.crash, LIMITS, JobFailed, "SIGSEGV"),
+        (strange_jobs.is_killed, LIMITS, JobPostponed, "SIGKILL"),
         pytest.param(strange_jobs.leave, LIMITS, JobFailed, "exit status 7", marks=pytest.mark.slow),
         pytest.param(strange_jobs.bug, LIMITS, JobFailed, r"a bug in the program \(KeyError\)", marks=pytest.mark.slow),
     ],
