@@ -144,7 +144,7 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
         half = (getattr(primitive, "half_length", None) or primitive.radius) * np.array(primitive.axis)
         ends = [np.array(primitive.point) + side * half for side in (-1, 1)]
         return [np.array(ends), *(circle(end, primitive.axis, primitive.radius) for end in ends)]
-    if kind == "turned":
+    if kind in ("turned", "capsule"):
         return _turned(primitive, facing)
     if kind == "extruded":
         return _extruded(primitive)

@@ -15,6 +15,7 @@ from engine.assembly.joints import FaceWithPlay, add_play, faces_with_play, join
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.outlines import outline_pairs
 from engine.assembly.responses import coordinate_arrays, numbers_of, reads_motions, response_arrays
+from engine.assembly.solids import solid_pairs
 from engine.assembly.start import free_start, refuse_long_step
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
@@ -120,6 +121,7 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     couplings = joint_couplings(mechanism, frames, state)
     of_joints = [*joint_pairs(mechanism, frames, state.R), *coupling_pairs(couplings)]
     found = [*contact_pairs(mechanism, frames), *outline_pairs(mechanism, frames, state)]
+    found += solid_pairs(mechanism, frames)
     pairs = [*of_joints, *gear_pairs(mechanism, frames, state), *found]
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]

@@ -29,13 +29,14 @@ from engine.kernels.model import (
     PIECE,
     POINT_PLANE,
     RING_BORE,
+    ROUNDS,
     Contacts,
     Laws,
     Surfaces,
     Terms,
 )
 from engine.mechanism.closed_profiles import Piece
-from engine.mechanism.contacts import OUTLINES, PAIRS, Contact, Side
+from engine.mechanism.contacts import PAIRS, SEVERAL, Contact, Side
 from engine.mechanism.models import Mechanism
 from engine.mechanism.surfaces.patches import mean_direction
 
@@ -54,6 +55,7 @@ _SOLIDS = {
     "turned": ON_TURNED,
     "extruded": ON_EXTRUDED,
     "surface": ON_SURFACE,
+    "capsule": ON_TURNED,
 }
 _PLANES = {"point": POINT_PLANE, "sphere": POINT_PLANE, "arc": ARC_PLANE, "cylinder": CYLINDER_PLANE}
 
@@ -67,7 +69,7 @@ KINDS = {
 
 def profile_pieces(side: Side, scale: float = 1.0) -> Array:
     """Return the pieces of a side's profile, (np, PIECE), with its lengths times ``scale``; empty if it has none."""
-    if side.kind not in ("turned", "extruded"):
+    if side.kind not in ("turned", "extruded", "capsule"):
         return NO_PIECES
     curve = side.primitive.curve
     rows = np.array([_piece_row(piece, curve[i - 1], curve[(i + 1) % len(curve)]) for i, piece in enumerate(curve)])
@@ -161,8 +163,8 @@ def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[st
 
 
 def single_contacts(mechanism: Mechanism) -> list[tuple[str, Contact]]:
-    """Return the contacts in [contacts] that touch at one point, with their names; not those of `outlines`."""
-    return [(name, contact) for name, contact in mechanism.contacts.items() if contact.kind != OUTLINES]
+    """Return the contacts in [contacts] that touch at one point, with their names; not those that touch at several."""
+    return [(name, contact) for name, contact in mechanism.contacts.items() if contact.kind not in SEVERAL]
 
 
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
@@ -209,7 +211,7 @@ def contact_arrays(
         geometry_a=np.array([pair.geometry_a for pair in pairs]).reshape(-1, GEOMETRY),
         geometry_b=np.array([pair.geometry_b for pair in pairs]).reshape(-1, GEOMETRY),
         clearance=np.array([pair.clearance for pair in pairs], float),
-        reach=np.array([reach(pair.geometry_a) for pair in pairs], float),
+        reach=np.array([reach(p.geometry_a) + (p.geometry_a[10] if p.kind == ROUNDS else 0.0) for p in pairs], float),
         pair=block,
         profile=np.array(profile, np.int64).reshape(-1, 2),
         piece=np.concatenate([NO_PIECES, *blocks.values()]),
@@ -281,7 +283,7 @@ def row_b(side: Side, frame: BodyFrame) -> Array:
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
         walls = _walls(scale * shape.radius, side.kind == "bore")
         return geometry_row(frame.point(shape.point), n, tangent(n), *walls, -half, half)
-    if side.kind == "turned":
+    if side.kind in ("turned", "capsule"):
         return plane_row(frame.point(shape.point), frame.direction(shape.axis))
     if side.kind == "extruded":
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length

@@ -16,7 +16,7 @@ from engine.errors import MechanismError, NotAssemblable
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Model, RunArrays, State
-from engine.mechanism.contacts import OUTLINES
+from engine.mechanism.contacts import SEVERAL
 from engine.mechanism.couplings import GearPair
 from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
@@ -162,7 +162,7 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     unit = mechanism.unit("length")
     if key.startswith("contacts."):
         text = f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
-        rigid = mechanism.contacts[key.partition(".")[2]].kind == OUTLINES  # in any case
+        rigid = mechanism.contacts[key.partition(".")[2]].kind in SEVERAL  # in any case
         return text if rigid else f"{text}; parts that press each other need a `stiffness`"
     owner, bodies = bodies_of_contact(mechanism, name)
     joint, _, face = name.partition(".")

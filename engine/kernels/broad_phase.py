@@ -9,7 +9,8 @@ import numpy as np
 
 from engine.jit import inner
 from engine.kernels.contact_geometry.gaps import find_contact, passes_by
-from engine.kernels.model import COUPLED, GEARS
+from engine.kernels.contact_geometry.rounds import axes_apart
+from engine.kernels.model import COUPLED, GEARS, ROUNDS
 
 
 @inner
@@ -47,6 +48,8 @@ def update_contact(contacts, state, broad_phase, sites, i, gap):
     if passes_by(contacts, sites.frame, i):
         broad_phase.near[i] = False
         broad_phase.budget[i] = gap[i] - contacts.geometry_a[i, 11]
+    if contacts.kind[i] == ROUNDS:  # whose features come and go
+        broad_phase.budget[i] = axes_apart(contacts, x, state.R, i)
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
     lever = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i]

@@ -29,7 +29,7 @@ from engine.mechanism.base import (
     optional,
     refuse,
 )
-from engine.mechanism.closed_profiles import Extruded, Turned
+from engine.mechanism.closed_profiles import Extruded, Piece, Turned
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
@@ -107,6 +107,21 @@ class Bore(TableModel):
     half_length: OptionalLength = optional("half the length of the hole, a number > 0; default: without ends")
 
 
+class Capsule(TableModel):
+    """The outside of a pin with round ends: all that is within a radius of a line; ``point`` is the line's middle."""
+
+    point: Point = Field(description="the middle of the line between the centres of the two ends")
+    axis: Direction = Field(description="the direction of the line")
+    half_length: PositiveLength = Field(description="half the length of the line, without the ends, a number > 0")
+    radius: PositiveLength = Field(description="the radius of the pin and of its ends, a number > 0")
+
+    @cached_property
+    def curve(self) -> tuple[Piece, ...]:
+        """Half of its section as that of a turned solid, see `closed_profiles.Turned.curve`."""
+        h, r = 1j * self.half_length, self.radius
+        return Piece(-h - 1j * r, r - h, -h), Piece(r - h, r + h), Piece(r + h, h + 1j * r, h)
+
+
 class Plane(TableModel):
     """A plane; its normal points to the free side."""
 
@@ -147,10 +162,10 @@ class Rectangle(TableModel):
 
 PRIMITIVES = (
     *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
-    *("turned", "extruded", "surface"),
+    *("turned", "extruded", "surface", "capsule"),
 )
 
-SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface")
+SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface", "capsule")
 FLATS = ("plane", "disc", "rectangle")
 _PARTNERS = {
     "point": (*FLATS, *SOLIDS),
@@ -162,7 +177,8 @@ _PARTNERS = {
 PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for second in seconds)
 """The pairs with a gap function: side a of the kernels, then side b."""
 OUTLINES = "extruded-extruded"
-"""The pair that touches at several points at once; in a run each is a contact of a point or an arc of one of them."""
+SEVERAL = (OUTLINES, "capsule-plane", "capsule-capsule", "capsule-cylinder", "cylinder-cylinder")
+"""The pairs that touch at several points at once; in a run each is a contact of its own."""
 
 
 class Side(TableModel):
@@ -183,6 +199,7 @@ class Side(TableModel):
     turned: Turned | None = added("a turned solid: { point, axis, start, profile }")
     extruded: Extruded | None = added("an extruded solid: { point, axis, along, start, profile, ... }")
     surface: FreeFormSurface | None = added("faces of any shape: { patches } or a B-spline surface")
+    capsule: Capsule | None = added("a pin with round ends: { point, axis, half_length, radius }")
 
     @cached_property
     def kind(self) -> str:
@@ -232,13 +249,13 @@ class Contact(PairLaw):
     @cached_property
     def sides(self) -> tuple[Side, Side]:
         """The two sides in the order of a supported pair, such as (arc, plane)."""
-        return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in (*PAIRS, OUTLINES) else (self.b, self.a)
+        return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in (*PAIRS, *SEVERAL) else (self.b, self.a)
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
         check_spring(self)
-        if self.kind not in (*PAIRS, OUTLINES):
-            what, allowed = f"{self.a.kind} against {self.b.kind} has no gap function", ", ".join((*PAIRS, OUTLINES))
+        if self.kind not in (*PAIRS, *SEVERAL):
+            what, allowed = f"{self.a.kind} against {self.b.kind} has no gap function", ", ".join((*PAIRS, *SEVERAL))
             raise refuse(f"{what}; allowed pairs: {allowed}; {_remedy({self.a.kind, self.b.kind})}")
         first, second = self.sides
         key = f"{'a' if first is self.a else 'b'}.{first.kind}"
@@ -250,10 +267,14 @@ class Contact(PairLaw):
         if self.kind == "ring-cylinder" and one.radius <= other.radius:
             text = f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
             raise refuse(f"{text}make it larger, or the cylinder smaller", key=f"{key}.radius", value=one.radius)
-        if self.kind == OUTLINES and self.spring[0]:
-            text = "two profiles are rigid against each other; allowed: none; remove it, or hold one by a spring"
+        if self.kind in SEVERAL and self.spring[0]:
+            text = f"{self.kind.replace('-', ' and ')} touch at several points, and are rigid against each other; "
+            text += "allowed: none; remove it, or hold one of the bodies by a spring"
             key = "stiffness" if self.stiffness else "hertz_stiffness"
             raise refuse(text, key=key, value=self.spring[0])
+        if self.kind == "cylinder-cylinder" and one.half_length is None and other.half_length is None:
+            text = "missing; two cylinders without ends do not tell where they touch while they are parallel; "
+            raise refuse(f"{text}allowed: one without ends; add it", key=f"{key}.half_length")
         for side, partner in ((first, second), (second, first)):
             if side.kind == "cylinder" and partner.kind in ("ring", *FLATS) and side.primitive.half_length is not None:
                 end = "its two end circles, an arc each" if partner.kind in FLATS else "arcs in place of the ring"
@@ -268,5 +289,5 @@ def _remedy(kinds: set[str]) -> str:
     if kinds <= set(FLATS):
         return "for a face on a face write three points of one, or its edges as arcs, against the other"
     if kinds <= {"cylinder", "bore"}:
-        return "for a pin in a bore or a roller on a roller write rings, circles or spheres in place of one of them"
+        return "for a pin in a bore write rings, circles or spheres in place of the pin"
     return "replace one side by points, spheres or arcs of its outline"

@@ -15,6 +15,7 @@ ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (
 ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6, 6:9), section (9:13)
 ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
+ROUNDS          a straight line: middle (0:3), direction (3:6), tangent (6:9), radius (9), half length (10)
 GEARS           gear or ring: point of its axis (0:3), axis (3:6), mark (6:9), base radius, < 0 for a ring (9)
 COUPLED         nothing: its terms are in ``contacts.terms``, see `kernels.couplings`
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
@@ -23,11 +24,12 @@ ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10); of GEARS, mark (3:6), base radius (9), base pitch (10). For the solids (seven
-kinds) a point is an arc of radius 0. One of the outline of a profile has the direction out of its material (3:6), a
-depth (11), > 0, and the cosine of an angle (12): on the other profile, or no deeper in it, it presses only against a
-face that is opposite to such a direction to within this angle. Otherwise it would catch where a corner slides past
-another. Then the frame is zero, and the gap larger by this depth.
+(6:9), radius (9), half angle (10); of GEARS, mark (3:6), base radius (9), base pitch (10); of ROUNDS, as side b, a
+depth (11) and the number of its feature (12). For the solids (seven kinds) a point is an arc of radius 0. One of the
+outline of a profile has the direction out of its material (3:6), a depth (11), > 0, and the cosine of an angle (12): on
+the other profile, or no deeper in it, it presses only against a face that is opposite to such a direction to within
+this angle. Otherwise it would catch where a corner slides past another. Then the frame is zero, and the gap larger by
+this depth. The same holds for the rim of a cylinder that has a depth, see `rounds.rim_passes_by`.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins and are subtracted there). It changes by no more than the features move
@@ -40,8 +42,9 @@ import numpy as np
 
 from engine.jit import inner, kernel, not_inlined
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
-from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface
+from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface, pass_by
 from engine.kernels.contact_geometry.gears import on_flank
+from engine.kernels.contact_geometry.rounds import beside, rim_passes_by
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.couplings import coupled_gap
 from engine.kernels.model import (
@@ -57,6 +60,7 @@ from engine.kernels.model import (
     ON_TURNED,
     ONE_WAY,
     RING_BORE,
+    ROUNDS,
 )
 from engine.kernels.vectors import (
     CENTRED,
@@ -99,9 +103,15 @@ def find_contact(contacts, x, R, i, point, frame):
         return on_surface(contacts, x, R, i, point[i], frame[i])
     if kind == GEARS:
         return on_flank(contacts, x, R, i, point[i], frame[i])
+    if kind == ROUNDS:
+        return beside(contacts, x, R, i, point[i], frame[i])
     if kind >= COUPLED:
         return of_joints(contacts, x, R, i, kind, point[i], frame[i])
-    return on_solid(contacts, x, R, i, kind, point[i], frame[i])
+    gap = on_solid(contacts, x, R, i, kind, point[i], frame[i])
+    depth = contacts.geometry_a[i, 11]
+    if depth > 0.0 and rim_passes_by(contacts, x, R, i, gap, point[i], frame[i]):
+        return pass_by(world_point(x, R, contacts.a[i], contacts.geometry_a[i]), point[i], frame[i], abs(gap) + depth)
+    return gap
 
 
 @inner

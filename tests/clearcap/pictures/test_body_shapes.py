@@ -1,6 +1,7 @@
 """The shape of a body, and its outline."""
 
 import numpy as np
+import pytest
 
 from clearcap.pictures.shapes import body_shape, hull
 from clearcap.pictures.view import choose_view
@@ -32,3 +33,18 @@ def test_outline_of_the_file_comes_first():
     touched = {name: np.zeros((1, 3)) for name in mechanism.contacts}
     contact = body_shape(mechanism, "moving_contact", choose_view(mechanism), touched, 1.0)
     assert all(np.ptp(line, axis=0).max() < 5 for line in contact.lines)  # not the whole cylinder of C7, 10.4 wide
+
+
+def test_a_capsule_is_drawn_as_long_and_as_wide_as_it_is():
+    data = shipped("clearance_pendulum")
+    capsule = {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 0.2}
+    data["contacts"] = {
+        "lies": {
+            "a": {"body": "link", "capsule": capsule},
+            "b": {"body": next(iter(data["bodies"])), "plane": {"point": [0, 0, -9], "normal": [0, 0, 1]}},
+            "friction": 0.1,
+        }
+    }
+    mechanism = made(data)
+    shape = body_shape(mechanism, "link", choose_view(mechanism), {"lies": np.zeros((1, 3))}, 1.0)
+    assert np.ptp(np.vstack(shape.lines), axis=0).max() == pytest.approx(0.6)

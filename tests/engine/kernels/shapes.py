@@ -60,6 +60,8 @@ def drawn_second(kind: str, rng: np.random.Generator) -> dict[str, Any]:
     if kind in ("cylinder", "bore"):
         ends = {"half_length": float(rng.uniform(0.3, 1.5))} if rng.random() < 0.5 else {}
         return {kind: {"point": p, "axis": n.tolist(), "radius": size, **ends}}
+    if kind == "capsule":
+        return {kind: {"point": p, "axis": n.tolist(), "radius": size, "half_length": float(rng.uniform(0.3, 1.5))}}
     if kind == "plane":
         return {"plane": {"point": p, "normal": n.tolist()}}
     if kind == "turned":
@@ -143,10 +145,13 @@ def distance(contact: Contact, p: Array) -> Array:
     if side.kind in ("sphere", "socket"):
         d = np.linalg.norm(p - shape.centre, axis=-1) - shape.radius
         return d if side.kind == "sphere" else -d
-    centre, n = (shape.point, shape.axis) if side.kind in ("cylinder", "bore") else (shape.centre, shape.normal)
+    round_kinds = ("cylinder", "bore", "capsule")
+    centre, n = (shape.point, shape.axis) if side.kind in round_kinds else (shape.centre, shape.normal)
     w = p - centre
     z = w @ np.array(n)
     rho = np.linalg.norm(np.cross(w, n), axis=-1)
+    if side.kind == "capsule":
+        return np.hypot(rho, segment(z, -shape.half_length, shape.half_length)) - shape.radius
     if side.kind in ("cylinder", "bore"):
         half = shape.half_length or inf
         inner, outer = (-inf, shape.radius) if side.kind == "cylinder" else (shape.radius, inf)

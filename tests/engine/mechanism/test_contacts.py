@@ -10,7 +10,7 @@ import pytest
 from engine.assembly import assemble
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, mechanism_from, set_values, unit_of
-from engine.mechanism.contacts import FLATS, OUTLINES, PAIRS, PRIMITIVES
+from engine.mechanism.contacts import FLATS, PAIRS, PRIMITIVES, SEVERAL
 from tests.each import each
 from tests.engine.mechanism.plain import pendulum, put
 
@@ -30,6 +30,7 @@ SHAPES: dict[str, Any] = {
         **{"point": [0, 0, 0], "axis": [0, 0, 1], "along": [1, 0, 0]},
         **{"start": [1, 0], "profile": [{"to": [1, 0], "centre": [0, 0], "turn": "left"}]},
     },
+    "capsule": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.4, "half_length": 1},
     "surface": {"patches": [[[[x, y, 0] for y in range(4)] for x in range(4)]]},
 }
 
@@ -63,8 +64,9 @@ def row(mechanism: Mechanism, side: str = "b") -> np.ndarray:
 @each("first", PRIMITIVES)
 @each("second", PRIMITIVES)
 def test_every_pair_is_taken_in_both_orders_or_refused(first, second):
-    data = touching((first, {}), (second, {}))
-    allowed = (*PAIRS, OUTLINES)
+    ends = {"half_length": 1} if first == second == "cylinder" else {}
+    data = touching((first, ends), (second, {}))
+    allowed = (*PAIRS, *SEVERAL)
     if f"{first}-{second}" in allowed or f"{second}-{first}" in allowed:
         contact = mechanism_from(data, "FILE").contacts["stop"]
         assert contact.kind in allowed

@@ -146,12 +146,13 @@ def test_a_fault_has_a_line_that_names_key_and_remedy(path, value, where, allowe
     assert allowed in mine[0]
 
 
-@pytest.mark.parametrize(("first", "second"), [("plane", "plane"), ("arc", "arc"), ("cylinder", "cylinder")])
+@pytest.mark.parametrize(("first", "second"), [("plane", "plane"), ("arc", "arc"), ("cylinder", "bore")])
 def test_pairs_without_gap_function_are_refused(first, second):
     primitives = {
         "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
         "arc": {"centre": [0, 0, 0], "normal": [0, 0, 1], "middle": [1, 0, 0], "radius": 1, "half_angle": 1},
         "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 1},
+        "bore": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 2},
     }
     data = put(pendulum(), "contacts.stop.a", {"body": "ground", first: primitives[first]})
     put(data, "contacts.stop.b", {"body": "link", second: primitives[second]})

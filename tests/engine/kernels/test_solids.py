@@ -1,0 +1,160 @@
+"""Two solids that touch at several points at once: their distance between two bounds, and where they touch."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from engine.errors import MechanismError
+from tests.counts import many
+from tests.each import each
+from tests.engine.kernels.convex import bounds, found, scattered, two
+from tests.engine.kernels.shapes import unit
+from tests.engine.small import made
+
+Array = np.ndarray
+KINDS = ("capsule-capsule", "capsule-cylinder", "cylinder-cylinder")
+UPRIGHT = {"point": [0, 0, 0], "axis": [0, 0, 1]}
+
+
+def drawn(kind: str, rng: np.random.Generator) -> dict[str, Any]:
+    """Draw a solid near the origin of its body."""
+    size, half = rng.uniform(0.2, 1.0, 2).tolist()
+    place = (0.3 * rng.normal(size=3)).tolist()
+    return {
+        kind: {"point": place, "axis": unit(rng.normal(size=3)).tolist(), "radius": 0.6 * size, "half_length": half}
+    }
+
+
+@each("kind", KINDS)
+@settings(max_examples=many(16), deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_smallest_gap_is_the_distance(kind, seed):
+    """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen."""
+    rng = np.random.default_rng(seed)
+    a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
+    x, R = scattered(100, rng)
+    lower, upper, n = bounds(a, b, x, R)
+    apart = upper > 1e-3
+    x, R, lower, upper, n = x[apart], R[apart], lower[apart], upper[apart], n[apart]
+    gap = found(two(a, b), x, R)[0].min(axis=1)
+    assert np.all((lower - 1e-12 <= gap) & (gap <= upper + 1e-12))
+    assert np.median(upper - lower) < 1e-6
+    for depth in (1e-3, 1e-6):
+        x[:, 0] -= (gap[:, None] + depth) * n
+        pushed = found(two(a, b), x, R)[0].min(axis=1)
+        assert np.all((pushed >= -depth - 1e-9) & (pushed < 0.0))
+        x[:, 0] += (gap[:, None] + depth) * n
+
+
+@each("kind", KINDS)
+@settings(max_examples=many(16), deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_gaps_change_no_faster_than_the_bodies_move(kind, seed):
+    """1-Lipschitz, apart and just overlapping, however the bodies turn."""
+    rng = np.random.default_rng(seed)
+    a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
+    x, R = scattered(60, rng)
+    data, size = two(a, b), 10 ** rng.uniform(-6, -1, (60, 1))
+    turn = size * rng.normal(size=(60, 3))
+    shift = size * rng.normal(size=(60, 3))
+    before = found(data, x, R)[0].min(axis=1)
+    x[:, 0] += shift
+    R[:, 0] = R[:, 0] @ Rotation.from_rotvec(turn).as_matrix()
+    after = found(data, x, R)[0].min(axis=1)
+    ((_, shape),) = a.items()
+    reach = np.linalg.norm(shape["point"]) + shape["half_length"] + shape["radius"]
+    moved = np.linalg.norm(shift, axis=1) + reach * np.linalg.norm(turn, axis=1)
+    counts = np.minimum(before, after) > -0.02
+    assert np.all((np.abs(after - before) <= moved + 1e-12)[counts])
+
+
+@each("kind", KINDS)
+def test_gaps_do_not_depend_on_the_world_or_on_which_body_is_first(kind):
+    """Moved together, the gaps stay, and points and normals move along; exchanged, the smallest gap stays."""
+    rng = np.random.default_rng(len(kind))
+    a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
+    x, R = scattered(100, rng)
+    gap, point, frame, _ = found(two(a, b), x, R)
+    there, turn = rng.normal(size=3), Rotation.random(random_state=rng).as_matrix()
+    gap_there, point_there, frame_there, _ = found(two(a, b), x @ turn.T + there, turn @ R)
+    np.testing.assert_allclose(gap_there, gap, atol=1e-12)
+    near = frame[:, :, 0].any(axis=2)
+    np.testing.assert_array_equal(frame_there[:, :, 0].any(axis=2), near)
+    np.testing.assert_allclose(point_there[near], point[near] @ turn.T + there, atol=1e-8)
+    np.testing.assert_allclose(frame_there[near], frame[near] @ turn.T, atol=1e-7)
+    swapped = found(two(b, a), x[:, ::-1], R[:, ::-1])[0]
+    apart = gap.min(axis=1) > -0.02
+    np.testing.assert_allclose(swapped.min(axis=1)[apart], gap.min(axis=1)[apart], atol=1e-12)
+
+
+def at(*place: float) -> tuple[Array, Array]:
+    """Return one pose: the first body here, the second at the origin."""
+    return np.array([[place, [0.0, 0.0, 0.0]]]), np.eye(3)[None, None].repeat(2, axis=1)
+
+
+def touching(a: dict[str, Any], b: dict[str, Any], *place: float) -> tuple[Array, Array]:
+    """Return the different points in which two bodies touch, sorted, and the normals towards a."""
+    gap, point, frame, names = found(two(a, b), *at(*place))
+    near = np.flatnonzero((gap[0] < 1e-6) & frame[0, :, 0].any(axis=1))
+    up = np.array([-1.0 if names[i].partition(".")[2].partition("_")[2].startswith("b") else 1.0 for i in near])
+    normals = frame[0, near, 0] * up[:, None]
+    points, first = np.unique(point[0, near].round(6) + 0.0, axis=0, return_index=True)
+    return points, normals[first]
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-9, -1e-9])
+@each(("half", "ends"), [(0.3, 0.3), (0.5, 0.5), (2.0, 0.5)])
+def test_parallel_rollers_touch_at_both_ends_of_what_they_have_in_common(half, ends, depth):
+    """Also where their ends are in one plane, and a hair apart or in each other: never sideways."""
+    a, b = ({"cylinder": {**UPRIGHT, "radius": 0.1, "half_length": h}} for h in (half, 0.5))
+    points, normals = touching(a, b, 0.2 - depth, 0.0, 0.0)
+    np.testing.assert_allclose(points, [[0.1, 0, -ends], [0.1, 0, ends]], atol=1e-6)
+    np.testing.assert_allclose(normals, [[1, 0, 0]] * 2, atol=1e-6)
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-9, -1e-9])
+@each(("radius", "offset"), [(0.2, 0.0), (0.1, 0.0), (0.4, 0.0), (0.2, 0.1)])
+def test_discs_on_each_other_touch_around_what_they_have_in_common(radius, offset, depth):
+    """Also of equal size: the centre of mass is between points that press upwards only."""
+    a, b = ({"cylinder": {**UPRIGHT, "radius": r, "half_length": 0.05}} for r in (radius, 0.2))
+    points, normals = touching(a, b, offset, 0.0, 0.1 - depth)
+    np.testing.assert_allclose(points[:, 2], 0.05, atol=1e-6)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * len(points), atol=1e-6)
+    reach = min(radius, 0.2)
+    assert np.all(np.linalg.norm(points[:, :2] - [offset, 0], axis=1) <= radius + 1e-5)
+    assert np.ptp(points[:, 1]) > 1.9 * np.sqrt(reach**2 - (offset / 2) ** 2)
+    assert np.ptp(points[:, 0]) > 1.9 * reach - offset - 1e-5
+
+
+def test_parallel_capsules_touch_at_both_ends_of_what_they_have_in_common():
+    a, b = ({"capsule": {**UPRIGHT, "radius": 0.1, "half_length": h}} for h in (0.3, 0.5))
+    points, normals = touching(a, b, 0.2, 0.0, 0.4)
+    np.testing.assert_allclose(points, [[0.1, 0, 0.1], [0.1, 0, 0.5]], atol=1e-6)
+    np.testing.assert_allclose(normals, [[1, 0, 0]] * 2, atol=1e-12)
+
+
+def test_a_capsule_lies_on_a_plane_with_both_ends():
+    a, plane = {"capsule": {**UPRIGHT, "radius": 0.1, "half_length": 0.3}}, {"point": [0, 0, 0], "normal": [1, 0, 0]}
+    points, normals = touching(a, {"plane": plane}, 0.1, 0.0, 0.0)
+    np.testing.assert_allclose(points, [[0, 0, -0.3], [0, 0, 0.3]], atol=1e-12)
+    np.testing.assert_allclose(normals, [[1, 0, 0]] * 2, atol=1e-12)
+
+
+@each(
+    ("a", "b", "contact", "key"),
+    [
+        ({"half_length": None}, {"half_length": None}, {}, ("contacts", "touch", "a", "cylinder", "half_length")),
+        ({}, {}, {"stiffness": 5.0}, ("contacts", "touch", "stiffness")),
+        ({"radius": 0.0}, {}, {}, ("contacts", "touch", "a", "cylinder", "radius")),
+    ],
+)
+def test_what_two_cylinders_cannot_be_is_refused(a, b, contact, key):
+    sides = [{**UPRIGHT, "radius": 0.1, "half_length": 0.3, **each_side} for each_side in (a, b)]
+    sides = [{"cylinder": {k: v for k, v in each_side.items() if v is not None}} for each_side in sides]
+    with pytest.raises(MechanismError) as caught:
+        made(two(*sides, **contact))
+    assert [fault.keys for fault in caught.value.faults] == [key]
