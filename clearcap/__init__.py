@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from clearcap.client.remote_server import RemoteServer, connect
     from clearcap.questions.calibration import calibrate_campaign
     from clearcap.questions.measured import capability_report, gauge_study, validate_campaign
+    from clearcap.questions.monitoring import monitor_campaign
     from clearcap.results import PooledResults, Results, open_campaign, report, run_campaign
     from clearcap.submitted import RunningCampaign, submit_campaign
     from engine import (
@@ -53,6 +54,7 @@ __all__ = [
     "Results", "Run", "RunningCampaign", "SpecError", "Store", "StoreError", "TextPosition", "Tls", "Trajectory",
     "UnreachableError", "calibrate_campaign", "campaign_text", "capability", "capability_report", "check", "connect",
     "gauge_study", "library_names", "load_campaign", "load_campaign_text", "load_mechanism", "load_mechanism_text",
+    "monitor_campaign",
     "open_campaign", "open_store", "position_of", "read_trajectory", "report", "run_campaign", "set_values",
     "simulate", "submit_campaign", "validate_campaign",
 ]
@@ -69,6 +71,7 @@ _HOMES = {
     "campaign.store": ("Store", "open_store"),
     "clearcap.questions.calibration": ("calibrate_campaign",),
     "clearcap.questions.measured": ("capability_report", "gauge_study", "validate_campaign"),
+    "clearcap.questions.monitoring": ("monitor_campaign",),
     "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
     "clearcap.submitted": ("RunningCampaign", "submit_campaign"),
     "reporting": ("Capability", "ReportError", "capability"),

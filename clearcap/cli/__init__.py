@@ -17,7 +17,7 @@ from clearcap.cli.computing import cancel, repeat, rerun, resume, run, submit
 from clearcap.cli.mechanism import mechanism_app, schema_app
 from clearcap.cli.output import print_text, say, show_logs, visible
 from clearcap.cli.predictions import advise, calibrate, design, whatif
-from clearcap.cli.reports import capability, gauge, report, validate, verify
+from clearcap.cli.reports import capability, gauge, monitor, report, validate, verify
 from clearcap.cli.servers import backup, certificates, coordinate, doctor, restore, serve
 from clearcap.cli.single_runs import bench, polarisation, replay, simulate
 from clearcap.cli.termination import terminated_in_order
@@ -47,7 +47,7 @@ app = typer.Typer(
 )
 for verb in (
     *(run, submit, coordinate, status, watch, resume, cancel, list_campaigns, label, compact, delete),
-    *(repeat, rerun, replay, report, capability, gauge, validate, calibrate, whatif, advise, design, verify),
+    *(repeat, rerun, replay, report, capability, gauge, validate, calibrate, monitor, whatif, advise, design, verify),
     *(simulate, polarisation, bench, certificates, serve, backup, restore, doctor),
 ):
     app.command("list" if verb is list_campaigns else None)(verb)

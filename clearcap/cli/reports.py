@@ -166,6 +166,52 @@ def validate(
         print_text(note)
 
 
+def monitor(
+    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    parts: Parts,
+    store: StoreUrl = "runs",
+    limits: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Limits file of the parts: names of columns, lots.")
+    ] = None,
+    again: Annotated[
+        bool, typer.Option("--rerun", help="Queue a campaign with the new distributions where the rows do not answer.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Give a campaign's variables the distributions of measured parts, and say which index is then too small.
+
+    Exit status 1 if one is below for certain, or if a response has no answer.
+    """
+    from clearcap.questions.monitoring import monitored
+
+    found = monitored(*opened_campaign(store, campaign), parts, limits, rerun=again)
+    low = [each for each in found.responses if each.below]
+    if json:
+        print_json(found.model_dump())
+    else:
+        rows = [(v.variable, str(v.parts), v.family or "-", v.now or v.before) for v in found.variables]
+        print_table("distributions of the measured parts", ("variable", "parts", "family", "now"), rows, texts=1)
+        heads = ("response", "index", "95 % interval", "by", "required")
+        answers = [
+            (r.response, *(("-", "-", "-") if r.index is None else (number(r.index, 3), _ends(r.interval), r.by)),
+             number(r.requirement, 3))
+            for r in found.responses
+        ]  # fmt: skip
+        print_table("indices with them", heads, answers, texts=1)
+    for variable in found.variables:
+        if variable.note:
+            say(f"{variable.variable}: {variable.note}")
+    for reason in dict.fromkeys(r.refusal for r in found.responses if r.refusal):
+        names = ", ".join(r.response for r in found.responses if r.refusal == reason)
+        say(f"no answer for {names}: {reason}" + ("" if found.campaign else "; --rerun computes it"))
+    if found.campaign:
+        say(f"{found.campaign}: queued with these distributions, for the coordinator that serves the store")
+    for each in low:
+        say(f"{each.response}: index {number(each.index, 3)} is below {number(each.requirement, 3)} for certain")
+    if low or any(each.refusal for each in found.responses):
+        raise typer.Exit(1)
+
+
 def gauge(
     table: Annotated[
         Path,

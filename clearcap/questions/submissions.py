@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field
 from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import known_seconds_per_run, seconds_per_run, submit
 from campaign.errors import SpecError
+from campaign.inputs.distributions import Distribution
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan, make_plan
 from campaign.spec.campaign_cautions import campaign_cautions
@@ -162,6 +163,16 @@ def extend_campaign(
     if made.is_new and anew:
         made.note = f"all rows are computed again: {anew}"
     return made.model_dump()
+
+
+def submit_changed(
+    store: Store, plan: Plan, variables: Mapping[str, Distribution], most: int, by: str, workers: int | None
+) -> SubmittedCampaign:
+    """Plan and queue a campaign that differs from another only in the distributions of some variables."""
+    spec = plan.spec.model_copy(update={"variables": {**plan.spec.variables, **variables}})
+    check_size(spec, most)
+    labels = LabelChange(by or None, add=read_labels(store, plan.campaign_id).tags)
+    return _submitted(store, Campaign(spec, plan.mechanism), labels, by, workers)
 
 
 def _submitted(

@@ -4,7 +4,8 @@ import json
 import re
 import shutil
 import time
-from contextlib import chdir
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,15 +30,13 @@ def report_into_store(store: str, table: Path, file: str, limits: Path, by: str)
     `file` is the table's name where it came from. The same table with the same limits is there once. Nothing is saved
     if they do not fit. For a process of its own: the current folder is another meanwhile.
     """
-    opened, name = open_store(store, QUICK), _file_name(file)
+    opened, name = open_store(store, QUICK), file_name(file)
     content, of_limits = read_regular_file(table, LARGEST_TABLE), read_regular_file(limits, LARGEST)
     digests = sha256(content), sha256(of_limits)
     known = id_of_parts(name, *digests)
     if (found := read_parts_record(opened, known)) is not None:
         return {"parts": found.model_dump(), "is_new": False}
-    with TemporaryDirectory(prefix="clearcap-") as folder, chdir(folder):  # so that no text names the folder
-        shutil.copyfile(table, name)
-        Path(LIMITS).write_bytes(of_limits)
+    with own_folder(table, name, limits):
         written = capability_report(name, LIMITS, "report", KINDS)
         files = {Path(path).name: Path(path).read_bytes() for path in written.values()}
     document = json.loads(files[NAMES["json"]])
@@ -62,7 +61,18 @@ def report_into_store(store: str, table: Path, file: str, limits: Path, by: str)
     return {"parts": saved.model_dump(), "is_new": saved == made}
 
 
-def _file_name(name: str) -> str:
+@contextmanager
+def own_folder(table: Path, file: str, limits: Path | None) -> Iterator[tuple[str, str | None]]:
+    """Have a table and its limits in a current folder of their own, which no text then names; yield their names."""
+    name = file_name(file)
+    with TemporaryDirectory(prefix="clearcap-") as folder, chdir(folder):
+        shutil.copyfile(table, name)
+        if limits is not None:
+            shutil.copyfile(limits, LIMITS)
+        yield name, None if limits is None else LIMITS
+
+
+def file_name(name: str) -> str:
     """Return a name as a file here may have it, with the ending of the one that was sent."""
     stem, dot, ending = re.sub(r"[^\w .()+-]", "_", name).strip(" .").rpartition(".")
     return (

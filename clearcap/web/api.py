@@ -205,6 +205,8 @@ each.get("/measured")(measured.list_parts)
 each.post("/measured", status_code=201, responses={**_KEPT, **_409})(measured.upload_parts)
 each.get("/measured/{measured}", responses=_404)(measured.show_parts)
 each.get("/measured/{measured}/files/{name}", **_FILE)(measured.parts_file)
+each.get(f"{_CAMPAIGN}/monitor", responses=_404)(measured.show_monitored)
+each.post(f"{_CAMPAIGN}/monitor", responses=_404_409)(measured.monitor)
 each.delete("/measured/{measured}", status_code=204, responses=_404)(measured.delete_parts)
 
 each = _ROUTERS["users"]

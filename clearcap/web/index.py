@@ -26,6 +26,7 @@ from campaign.errors import CampaignError, unwritable
 from campaign.store import Store
 from campaign.store.labels import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
+from campaign.store.monitored_library import Fall, read_monitored
 from campaign.store.store import change_token
 from reporting.capability.verdict import WORST_FIRST
 
@@ -164,6 +165,8 @@ class CampaignEntry(BaseModel):
     share_ok: float | None = Field(None, description="Share of the product within all limits", examples=[0.9987])
     weakest: Weakest | None = Field(None, description="Smallest Cpk of the report, or of the rows so far")
     below_target: list[BelowTarget] = Field([], description="Of the report: the Cpk's upper end is below 1.33")
+    monitored: int | None = Field(None, description="Number of the measured parts that were looked at last")
+    falls: list[Fall] = Field([], description="Responses whose index fell below its requirement with measured parts")
     headline: str = Field("", description="What the report concludes")
     verdict: str = Field(
         "", description="The worst verdict of the report; empty without one", examples=["capable, not certain"]
@@ -218,6 +221,8 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
     entry.failed, entry.left = header.failed(survey.statuses), entry.samples - entry.done
     if entry.state == "completed" and entry.left:
         entry.state, entry.message = "incomplete", f"rows lost after the campaign was completed: {entry.left}"
+    if (seen_last := read_monitored(store, campaign_id)) is not None:
+        entry.monitored, entry.falls = seen_last.number, seen_last.falls
     with suppress(FileNotFoundError):  # there is no report
         _add_report(entry, store.files.read(f"{campaign_id}/{REPORT_DOCUMENT}"))
     return entry
@@ -242,7 +247,7 @@ def _date(seconds: Any) -> datetime | None:
     return datetime.fromtimestamp(seconds, UTC) if is_number and 0.0 < seconds < 3e10 else None
 
 
-FORMAT = 2
+FORMAT = 3
 READERS = 4  # campaigns that are read at the same time
 MOVING = ("queued", "running")  # states in which a campaign is read at each look
 AT_ONCE = 50  # campaigns that are read between two writes

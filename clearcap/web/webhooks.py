@@ -58,6 +58,10 @@ def campaign_events(entry: CampaignEntry, address: str, now: float | None = None
     people = frozenset({entry.owner, entry.submitted_by} - {""})
     # with the time, so that a campaign that is resumed and ends again is news again; a low Cpk is news only once
     news = [CampaignEvent(f"ended {entry.campaign} {entry.state} {since:.3f}", entry.campaign, people, ended)]
+    for fall in entry.falls:  # with the number, so that an index that rose and falls again is news again
+        content = {"event": "index.below", **about, **fall.model_dump(mode="json")}
+        key = f"fall {entry.campaign} {fall.number} {fall.response}"
+        news.append(CampaignEvent(key, entry.campaign, people, content))
     for below in entry.below_target:
         content = {"event": "cpk.below", **about, **below.model_dump(mode="json")}
         news.append(CampaignEvent(f"below {entry.campaign} {below.response}", entry.campaign, people, content))

@@ -89,6 +89,8 @@ curl -H "$AUTH" "$URL/api/v1/measured?limit=20"
 curl -H "$AUTH" "$URL/api/v1/measured/$PARTS"
 curl -H "$AUTH" "$URL/api/v1/measured/$PARTS/files/report.html" -o measured.html
 curl -H "$AUTH" "$URL/api/v1/measured/$PARTS" -X DELETE
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/monitor" -F file=@night.csv
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/monitor"
 
 ## Webhooks
 

@@ -69,6 +69,8 @@ def make_hostile():
         f'constants = ["{quoted(VARIABLE)}"]\n[[measurements]]\nresponse = "slide"\nvalue = 10.7\nsigma = 0.1\n'
         f'specimen = "{quoted(MARKUP)}"\n'
     )
+    Path("friction [x].csv").write_text("\n".join([f'"{MARKUP}"', *(f"{0.66 + row / 500}" for row in range(40))]))
+    Path("friction [x].toml").write_text(f'[characteristics."{quoted(VARIABLE)}"]\ncolumn = "{quoted(MARKUP)}"\n')
     Path("slide [x].toml").write_text(f'[characteristics.slide]\ncolumn = "{quoted(MARKUP)}"\nunit = "m"\n')
     Path("limits [x].toml").write_text(
         f'title = "{quoted(HOSTILE)}"\nheader = {{ "{quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
@@ -129,7 +131,7 @@ def words_of(verb, campaign_id):
         "folder": [FOLDER],
         "export": [f"runs/{campaign_id}"],
         "file": ["backup [x].zip"],
-        "parts": ["parts [x].csv"],
+        "parts": ["friction [x].csv" if verb == ("monitor",) else "parts [x].csv"],
         "table": ["gauge [x].csv"],
         "measurements": ["bench [x].toml"],
         "pattern": ["*"],
@@ -146,6 +148,7 @@ def words_of(verb, campaign_id):
         ("capability",): ["--limits", "limits [x].toml"],
         ("gauge",): ["--part", MARKUP],
         ("validate",): ["--limits", "slide [x].toml"],
+        ("monitor",): ["--limits", "friction [x].toml"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
         ("mechanism", "import"): ["--output", f"imported-{uuid4().hex}.toml"],

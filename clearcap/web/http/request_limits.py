@@ -33,6 +33,7 @@ UPLOADS = (
     *("/api/v1/campaigns", "/api/v1/checks/campaign", "/api/v1/drawings", "/api/v1/measured"),
     *("/campaigns/new", "/mechanisms/drawings", "/measured"),
 )
+_UPLOAD = re.compile(r"/api/v1/campaigns/[^/]+/monitor")  # the same of a campaign
 LARGEST_DOCUMENT = 2 * 1024**2  # bytes of all other bodies: no other request is answered while one is parsed
 MOST_VALUES = 10_000  # in a JSON document: each would become an object in memory
 OPEN_FORMS, LARGEST_OPEN_FORM = ("/login", "/login/link"), 64 * 1024  # open to everybody, and largest body [bytes]
@@ -95,7 +96,8 @@ class RequestLimits:
 
     def _largest_body(self, path: str, kind: bytes) -> int:
         """Return the largest size that the body of a request may have [bytes]."""
-        if path in UPLOADS and kind.lower().startswith(b"multipart/form-data"):  # its files go to the disk
+        takes_files = path in UPLOADS or _UPLOAD.fullmatch(path)
+        if takes_files and kind.lower().startswith(b"multipart/form-data"):  # its files go to the disk
             return self._limits.body
         return min(self._limits.body, LARGEST_OPEN_FORM if path in OPEN_FORMS else LARGEST_DOCUMENT)
 

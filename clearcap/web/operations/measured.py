@@ -1,11 +1,13 @@
 """Measured parts: send a table with its limits, read the report that is made of them, delete them."""
 
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
+from fastapi import Form, Query, Request, Response, UploadFile
 from fastapi import Path as InPath
-from fastapi import Query, Request, Response, UploadFile
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
@@ -19,12 +21,15 @@ from campaign.store.measured_library import (
     read_parts_record,
     remove_parts,
 )
+from campaign.store.monitored_library import Monitored, read_monitored
+from clearcap.questions.monitoring import Capacity, monitor_in_store
 from clearcap.questions.uploaded_parts import report_into_store
 from clearcap.web.access import Principal, Role
-from clearcap.web.http.authentication import Engineer, TheService, Viewer
+from clearcap.web.http.authentication import Engineer, OwnCampaign, TheCampaign, TheService, Viewer
 from clearcap.web.http.responses import Refusal
 from clearcap.web.operations import keep_upload
 from clearcap.web.operations.campaigns import FileName, file_answer
+from clearcap.web.operations.submissions import place_in_queue
 from clearcap.web.web_service import Service
 from engine.platform.toml_file import LARGEST
 
@@ -56,17 +61,26 @@ def list_parts(
     return PartsListing(measured=rest[:limit], total=len(found), next=following)
 
 
-async def upload_parts(
-    service: TheService, who: Engineer, response: Response, file: UploadFile, limits: UploadFile
-) -> MeasuredParts:
-    """Make the capability report of measured parts from a table and its limits file, and keep all of it."""
-    for key, size, most in (("file", file.size or 0, LARGEST_PARTS), ("limits", limits.size or 0, LARGEST)):
+@asynccontextmanager
+async def _kept(file: UploadFile, limits: UploadFile | None) -> AsyncIterator[tuple[Path, Path | None]]:
+    """Have a table and its limits in files for a job; refuse (413) large ones."""
+    sizes = {"file": (file.size or 0, LARGEST_PARTS), "limits": (0 if limits is None else limits.size or 0, LARGEST)}
+    for key, (size, most) in sizes.items():
         if size > most:
             raise Refusal(413, f"{key}: has {size} bytes; allowed: up to {most}; send fewer parts at a time")
     with TemporaryDirectory(prefix="clearcap-upload-") as folder:
         table, text = Path(folder, "table"), Path(folder, "limits")
         await run_in_threadpool(keep_upload, file, table)
-        await run_in_threadpool(keep_upload, limits, text)
+        if limits is not None:
+            await run_in_threadpool(keep_upload, limits, text)
+        yield table, None if limits is None else text
+
+
+async def upload_parts(
+    service: TheService, who: Engineer, response: Response, file: UploadFile, limits: UploadFile
+) -> MeasuredParts:
+    """Make the capability report of measured parts from a table and its limits file, and keep all of it."""
+    async with _kept(file, limits) as (table, text):
         address, label = service.store.files.full_url, file.filename or ""
         made: dict[str, Any] = await service.pool.data(
             who.name, report_into_store, address, table, label, text, who.name
@@ -74,6 +88,37 @@ async def upload_parts(
     if not made["is_new"]:
         response.status_code = 200
     return MeasuredParts.model_validate(made["parts"])
+
+
+async def monitor(
+    service: TheService,
+    campaign: OwnCampaign,
+    who: Engineer,
+    file: UploadFile,
+    limits: UploadFile | None = None,
+    rerun: Annotated[bool, Form(description="Compute what the rows do not answer, as a campaign of its own")] = False,
+) -> Monitored:
+    """Give a campaign's variables the distributions of measured parts; say which index falls below its requirement."""
+    settings, address = service.settings, service.store.files.full_url
+    capacity = Capacity(settings.limits.samples, settings.workers)
+    async with AsyncExitStack() as entered:
+        table, text = await entered.enter_async_context(_kept(file, limits))
+        if rerun:
+            await entered.enter_async_context(place_in_queue(service, who))
+        arguments = address, campaign, table, file.filename or "", text, who.name, rerun, capacity
+        made: dict[str, Any] = await service.pool.data(who.name, monitor_in_store, *arguments)
+    found = Monitored.model_validate(made)
+    for changed in filter(None, (campaign, found.campaign)):
+        await service.watcher.list_campaigns(changed)
+    return found
+
+
+async def show_monitored(service: TheService, campaign: TheCampaign) -> Monitored:
+    """Show what the last measured parts said of a campaign."""
+    found = await run_in_threadpool(read_monitored, service.store, campaign)
+    if found is None:
+        raise Refusal(404, f"{campaign}: no measured parts were looked at; send some")
+    return found
 
 
 async def show_parts(service: TheService, _: Viewer, measured: PartsName) -> MeasuredParts:

@@ -136,6 +136,11 @@ class World:
         limits = '[characteristics.d]\nunit = "mm"\nlsl = 19.0\nusl = 21.0\n'
         return {"file": ("parts.csv", rows.encode()), "limits": ("limits.toml", limits.encode())}
 
+    def measured_inputs(self):
+        """Return the file of measured parts with a column of a variable."""
+        rows = "\n".join(["J1", *(f"{0.07 + 0.0002 * (7 * row % 61 - 30):.4f}" for row in range(61))])
+        return {"file": ("night.csv", rows.encode())}
+
     def measured(self):
         """Return the id of new measured parts of the engineer's."""
         call = Call({}, {"files": self.parts()}, "engineer")
@@ -256,6 +261,7 @@ HOW = {
     "POST /mechanisms/{name}/drawing": lambda w: drafted(w, "data"),
     "POST /api/v1/measured": lambda w: Call({}, {"files": w.parts()}, "engineer"),
     "DELETE /api/v1/measured/{measured}": lambda w: Call({"measured": w.measured()}, {}, "engineer"),
+    "POST /api/v1/campaigns/{campaign}/monitor": lambda w: of_finished(w, files=w.measured_inputs()),
     "POST /measured": lambda w: Call({}, {"files": w.parts()}, "engineer"),
     "POST /measured/{measured}/delete": lambda w: Call({"measured": w.measured()}, {}, "engineer"),
     "POST /api/v1/checks/mechanism": lambda w: Call({}, {"json": {"text": TEXT}}, "engineer"),

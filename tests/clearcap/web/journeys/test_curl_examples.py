@@ -62,6 +62,7 @@ def words(tmp_path_factory):
     service.close()
     shutil.copy(LATCH, folder / "latch.step")
     (folder / "parts.csv").write_text("\n".join(["d", *(f"{20 + row % 7 / 1000}" for row in range(30))]))
+    (folder / "night.csv").write_text("\n".join(["J1", *(f"{0.04 + row / 1000}" for row in range(61))]))
     (folder / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nlsl = 19.9\nusl = 20.1\n')
     with live_server(folder, "--no-drive") as server:
         yield {**known, "AUTH": f"Authorization: Bearer {secrets[1]}", "URL": server.url}, folder

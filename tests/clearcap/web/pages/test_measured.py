@@ -9,10 +9,14 @@ import pytest
 from starlette.concurrency import run_in_threadpool
 
 from campaign.store import measured_library
+from campaign.store.labels import LabelChange, change_labels
+from campaign.store.monitored_library import Monitored, add_monitored
 from clearcap.questions import measured
 from clearcap.questions.measured import capability_report
 from clearcap.web.http.authentication import CSRF_FIELD, CSRF_HEADER
+from clearcap.web.index import entry_of
 from clearcap.web.operations import measured as operations
+from clearcap.web.webhooks import campaign_events
 from tests.each import each
 
 CALL = "/api/v1/measured"
@@ -180,3 +184,43 @@ def test_pages(client, browse):
     assert "line 3" in refused.text
     assert client.post(f"{made.headers['location']}/delete", data=csrf, headers=headers).status_code == 303
     assert "0 tables" in client.get("/measured").text
+
+
+def test_measured_lots_are_posted_against_a_campaign(reported, client, as_user, service):
+    """By its owner's token: the answer is kept, the list has it, and a fall is an event of webhooks."""
+    change_labels(service.store, reported, LabelChange(owner="engineer"), by="test")
+    where = f"/api/v1/campaigns/{reported}/monitor"
+    assert client.get(where, headers=as_user("viewer")).status_code == 404
+    rows = "\n".join(["bore", *(f"{0.07 + 0.0002 * (7 * row % 61 - 30):.4f}" for row in range(61))])
+    files = {
+        "file": ("night.csv", rows.encode()),
+        "limits": ("limits.toml", b'[characteristics.J1]\ncolumn = "bore"\nunit = "mm"\n'),
+    }
+    assert client.post(where, files=files, headers=as_user("approver")).status_code == 403
+    made = client.post(where, files=files, headers=as_user("engineer"))
+    assert made.status_code == 200, made.text
+    found = made.json()
+    assert (found["number"], found["by"], found["table"]) == (1, "engineer", "night.csv")
+    assert found["variables"][0]["variable"] == "J1"
+    assert client.get(where, headers=as_user("viewer")).json() == found
+    assert client.get(f"/api/v1/campaigns/{reported}", headers=as_user("viewer")).json()["monitored"] == 1
+    wrong = client.post(where, files={"file": ("night.csv", b"x\n1\n")}, headers=as_user("engineer"))
+    assert wrong.status_code == 422
+    assert "no column has the name of a variable" in wrong.json()["detail"]
+
+
+def test_a_fall_is_an_event(service, reported):
+    """Of the owner's webhooks, once for each fall, with what was measured."""
+    change_labels(service.store, reported, LabelChange(owner="engineer"), by="test")
+    low = {"response": "FC-1", "by": "cpk", "index": 1.1, "interval": (1.0, 1.2), "requirement": 1.33, "below": True}
+    empty = {"number": 1, "at": 1.7e9, "settings": [], "variables": []}
+    before = None
+    for below in (True, True, False, True):
+        new = Monitored.model_validate({**empty, "responses": [{**low, "below": below}]})
+        before = add_monitored(service.store, reported, new, before)
+    events = campaign_events(entry_of(service.store, reported), "https://clearcap.example")
+    falls = [event for event in events if event.content["event"] == "index.below"]
+    assert [event.content["number"] for event in falls] == [1, 4]
+    assert "engineer" in falls[0].people
+    assert (falls[0].content["response"], falls[0].content["interval"]) == ("FC-1", [1.0, 1.2])
+    assert len({event.key for event in events}) == len(events)

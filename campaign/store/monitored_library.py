@@ -1,0 +1,98 @@
+"""What measured lots have said of a campaign, each time they were looked at; the last one is what holds now."""
+
+import re
+
+from pydantic import BaseModel, Field, ValidationError
+
+from campaign.errors import CampaignError, StoreError
+from campaign.store.store import Store
+
+FOLDER = "monitored"  # within the folder of the campaign
+KEPT_FALLS = 50
+_FILE = re.compile(r"(\d{6})\.json")
+
+
+class MonitoredVariable(BaseModel):
+    """What measured parts say of the distribution of a variable."""
+
+    variable: str = Field(examples=["J1"])
+    parts: int = Field(description="Parts with a value", examples=[200])
+    lots: int | None = Field(None, description="Lots that they are of; null if they are of none")
+    family: str = Field("", description="The fitted distribution; empty if there is none", examples=["normal"])
+    p: float | None = Field(None, description="Of its fit (Anderson and Darling)", examples=[0.4])
+    before: str = Field(description="The distribution in the campaign, in words")
+    now: str = Field("", description="The distribution of the parts, in words; empty if it stays")
+    note: str = Field("", description="Why it stays, or what is to be known of the new one")
+
+
+class MonitoredIndex(BaseModel):
+    """A response under the distributions of the measured parts."""
+
+    response: str = Field(examples=["FC-1"])
+    by: str = Field("", description="`share`, of the rejects, or `cpk`; empty without an answer", examples=["cpk"])
+    index: float | None = Field(None, examples=[1.41])
+    interval: tuple[float, float] | None = Field(None, examples=[(1.36, 1.46)])
+    requirement: float = Field(examples=[1.33])
+    below: bool = Field(False, description="The whole interval lies below the requirement")
+    refusal: str = Field("", description="Why the rows give no answer")
+
+
+class Fall(BaseModel):
+    """A response whose index fell below its requirement."""
+
+    number: int = Field(description="Of the measured parts that showed it", examples=[3])
+    at: float = Field(description="Seconds since 1970")
+    response: str
+    index: float
+    interval: tuple[float, float]
+    requirement: float
+
+
+class Monitored(BaseModel):
+    """What some measured parts say of a campaign."""
+
+    number: int = Field(ge=1, description="From 1, in the order in which they were looked at", examples=[3])
+    at: float = Field(description="Seconds since 1970")
+    by: str = Field("", description="Who sent them")
+    table: str = Field("", description="Name of their table", examples=["night.csv"])
+    sha256: str = Field("", description="Of the table")
+    settings: list[str] = Field(description="The new distributions, as `whatif --set` takes them")
+    variables: list[MonitoredVariable]
+    responses: list[MonitoredIndex]
+    campaign: str | None = Field(None, description="Campaign that computes what the rows do not answer")
+    falls: list[Fall] = Field([], description="Of these parts and of earlier ones, the oldest first")
+
+
+def read_monitored(store: Store, campaign_id: str) -> Monitored | None:
+    """Return what the last parts said; None if none were looked at."""
+    names = [name for name in store.files.names(f"{campaign_id}/{FOLDER}") if _FILE.fullmatch(name)]
+    if not names:
+        return None
+    document = store.read_json(f"{campaign_id}/{FOLDER}", max(names))
+    try:
+        return Monitored.model_validate(document)
+    except ValidationError as error:
+        words = f"{campaign_id}/{FOLDER}/{max(names)} is not what clearcap wrote; restore or remove it"
+        raise StoreError(f"store {store.url}: {words}") from error
+
+
+def add_monitored(store: Store, campaign_id: str, new: Monitored, before: Monitored | None) -> Monitored:
+    """Add what some parts say after what was read `before`, with the responses that fell below their requirement."""
+    low = {each.response for each in before.responses if each.below} if before else set[str]()
+    number, earlier = (before.number + 1, before.falls) if before else (1, [])
+    falls = [
+        Fall(
+            number=number,
+            at=new.at,
+            response=each.response,
+            index=each.index,
+            interval=each.interval,
+            requirement=each.requirement,
+        )
+        for each in new.responses
+        if each.below and each.response not in low and each.index is not None and each.interval is not None
+    ]
+    added = new.model_copy(update={"number": number, "falls": [*earlier, *falls][-KEPT_FALLS:]})
+    if not store.create_json(f"{campaign_id}/{FOLDER}", f"{number:06d}.json", added.model_dump()):
+        raise CampaignError(f"{campaign_id}: other parts were looked at at the same time; send these again")
+    return added
