@@ -169,13 +169,19 @@ def balancing_forces(pose: Assembly, nearest_to: Array, h: float, only_loaded: b
         loaded = nearest_to[touching, 0] > LOADED * nearest_to[:, 0].max(initial=0.0)
         touching, rows = touching[loaded], rows[loaded]
     with one_thread():
-        H, mu = rows.reshape(3 * touching.size, -1), pose.model.laws.mu[touching]
+        H, mu = rows.reshape(3 * touching.size, -1), holding_friction(pose)[touching]
         found = nearest_balanced(H, _load(pose, h) + _weights(pose), mu, nearest_to[touching])
     if found is None:
         return None
     forces = np.zeros_like(nearest_to)
     forces[touching] = found
     return forces
+
+
+def holding_friction(pose: Assembly) -> Array:
+    """Return the coefficients of friction of contacts that stick, as all do at rest, (nc,)."""
+    laws = pose.model.laws
+    return laws.sticking if laws.sticking.size else laws.mu
 
 
 def _touching(pose: Assembly) -> Integers:
@@ -215,7 +221,7 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[list[int
     if not asked or not forces.any():
         return [(0.0, 0.0) for _ in wanted]
     H = _balance(assembly, touching.size)
-    ranges = iter(force_ranges(H, assembly.model.laws.mu[touching], forces[touching].ravel(), asked))
+    ranges = iter(force_ranges(H, holding_friction(assembly)[touching], forces[touching].ravel(), asked))
     return [next(ranges) if group else (0.0, 0.0) for group in groups]
 
 

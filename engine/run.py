@@ -35,8 +35,8 @@ class Certificate:
     created_energy : float
         Sum of the energy created over all steps that created any, in the same unit.
     max_lost_energy : float
-        Largest energy that one step lost to its own length: by joints, lasting contacts and projection, in the same
-        unit. What friction, impacts and dampers dissipate is not lost.
+        Largest energy that one step lost to its own length: by joints, lasting contacts, bushings and projection, in
+        the same unit. What friction, impacts and dampers dissipate is not lost.
     lost_energy : float
         Sum of the energy lost over all steps that lost any, in the same unit.
     max_kinetic_energy : float

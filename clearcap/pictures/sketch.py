@@ -13,6 +13,7 @@ from clearcap.pictures.style import FORCE, INK, MUTED, PALETTE, file_metadata, h
 from clearcap.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
+from engine.mechanism.bushings import Beam, Bushing
 from engine.mechanism.couplings import GearPair
 from reporting.spec import LegendEntry, MechanismDrawing
 
@@ -70,12 +71,13 @@ def _measured(mechanism: Mechanism, response: Any, contacts: dict[str, StartCont
         return "arrow", at, at + along, at, f"speed of a point of {body}"
     if response.type in ("gap", "contact_force"):
         return _of_contact(mechanism, response, contacts)
-    if response.type == "joint_force":
-        side = mechanism.joints[response.joint].sides[1]
+    if response.type in ("joint_force", "joint_torque"):
+        side, what = mechanism.joints[response.joint].sides[1], response.type.removeprefix("joint_")
         at = _world(mechanism, side.body, side.point)
         if response.direction is None:
-            return "point", at, at, at, f"size of the force on {side.body}"
-        return "arrow", at, at + _direction(mechanism, response.direction), at, f"arrow: force on {side.body}"
+            return "point", at, at, at, f"size of the {what} on {side.body}"
+        kind, way = "arrow" if what == "force" else "turn", _direction(mechanism, response.direction)
+        return kind, at, at + way, at, f"{'arrow: ' if what == 'force' else ''}{what} on {side.body}"
     if response.type == "spring_force":
         spring: Any = mechanism.springs[response.spring]
         a, b = (_world(mechanism, end.body, end.point) for end in (spring.a, spring.b))
@@ -238,6 +240,12 @@ def _bodies(
             mechanism.bodies[side.body].origin + start_rotation(mechanism, side.body) @ side.point for side in sides
         ]
         drawing.stroke(np.array([drawing.on_canvas(place) for place in places]), MUTED, "dashed")
+    for joint in mechanism.joints.values():
+        ends = [drawing.on_canvas(_world(mechanism, side.body, side.point)) for side in joint.sides]
+        if isinstance(joint, Beam):
+            drawing.stroke(np.array(ends), MUTED, "thick")
+        elif isinstance(joint, Bushing):
+            drawing.dot(ends[0], MUTED)
     return drawing
 
 

@@ -13,6 +13,7 @@ from campaign.plan import Plan
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, full_key, set_values, unit_of
 from engine.mechanism.base import TableModel, declared
+from engine.mechanism.bushings import Yielding
 from engine.mechanism.faults import field_of
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.references import pair_between
@@ -40,6 +41,9 @@ def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
     found = list(_general(plan))
     found += [_number(mechanism, PARAMETERS, n, value, f"parameters.{n}") for n, value in mechanism.parameters.items()]
     found += [*_contact_laws(mechanism), *_plays(mechanism)]
+    for name, joint in mechanism.joints.items():
+        if isinstance(joint, Yielding):
+            found += _entries(mechanism, joint, LOADS, f"joint {name}", f"joints.{name}")
     for table, kind in _LOADS.items():
         for name, load in getattr(mechanism, table).items():
             found += _entries(mechanism, load, LOADS, f"{kind} {name}", f"{table}.{name}")
@@ -134,16 +138,17 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
         users[law].append(key.partition(".")[2])
     for name, material in mechanism.materials.items():
         where = f" ({_listed(users[name])})" if users[name] else " (not used)"
-        for law in ("friction", "restitution"):
-            key = f"materials.{name}.{law}"
-            yield Assumption(CONTACT, f"{law} of {name}{where}", getattr(material, law), "1", key)
+        for law in ("friction", "static_friction", "restitution"):
+            if getattr(material, law) is not None:
+                key = f"materials.{name}.{law}"
+                yield Assumption(CONTACT, f"{_in_words(law)} of {name}{where}", getattr(material, law), "1", key)
     if users[None]:
         where = _listed(users[None])
         yield Assumption(CONTACT, f"friction and restitution without a material ({where})", 0.0, "1", "")
     for key, pair in pairs.items():
-        for law in ("friction", "restitution"):
+        for law in ("friction", "static_friction", "restitution"):
             if getattr(pair, law) is not None:
-                name = f"{law} of {key.partition('.')[2]}, instead of its material's"
+                name = f"{_in_words(law)} of {key.partition('.')[2]}, instead of its material's"
                 yield Assumption(CONTACT, name, getattr(pair, law), "1", f"{key}.{law}")
     limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
     ideal = {f"joints.{n}": j for n, j in mechanism.joints.items() if j.ideal}

@@ -8,6 +8,7 @@ import numpy as np
 
 from engine.arrays import Block
 from engine.assembly.bilateral import BilateralRow, Unknowns, bilateral_arrays, layout, motion_rows, rank_metric
+from engine.assembly.bushings import bushing_arrays, bushing_rows, placed_bushings
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.couplings import coupling_pairs, gear_pairs, joint_couplings, term_arrays
 from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
@@ -19,6 +20,7 @@ from engine.assembly.solids import solid_pairs
 from engine.assembly.start import free_start, refuse_long_step
 from engine.assembly.table_cache import cached
 from engine.friction.arrays import FrictionArrays, friction_arrays
+from engine.kernels.loads import apply_loads
 from engine.kernels.model import (
     FRICTION_WORK,
     JOINT_FRICTION,
@@ -107,6 +109,9 @@ def _at_start(mechanism: Mechanism, prepared: _Prepared, copy: Block) -> Assembl
     arrays: RunArrays = copy.arrays
     add_play(mechanism, prepared.faces, arrays.model.contacts.clearance)
     travel = free_start(mechanism, prepared.held, prepared.contact_names, arrays)
+    if arrays.model.loads.bushings.body.size:  # their forces at the start
+        model, work = arrays.model, arrays.work
+        apply_loads(model.bodies, model.loads, model.time_laws, arrays.state, 0, 0.0, work.wrench, work.vectors)
     return Assembly(*arrays, prepared.contact_names, prepared.row_names, travel)
 
 
@@ -125,7 +130,9 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     pairs = [*of_joints, *gear_pairs(mechanism, frames, state), *found]
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
-    rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
+    bushings = placed_bushings(mechanism, frames, state)
+    yielding = bushing_rows(bushings, len(mechanism.phases))
+    rows = [*held, *motion_rows(mechanism, frames, state, law_numbers), *yielding]
     pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION or pair.spring[0] > 0.0]
     coupled = [coupling.members for coupling in couplings]
     unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed, coupled)
@@ -142,7 +149,11 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
         bilateral=bilateral_arrays(rows, len(mechanism.phases), reads_motions(mechanism)),
         time_laws=time_laws,
         loads=load_arrays(
-            mechanism, frames, law_numbers, coordinate_arrays(mechanism, laws_over(mechanism), frames, state)
+            mechanism,
+            frames,
+            law_numbers,
+            coordinate_arrays(mechanism, laws_over(mechanism), frames, state),
+            bushing_arrays(bushings),
         ),
         responses=response_arrays(mechanism, frames, state, pairs, [row.name for row in rows]),
         phases=phase_arrays(mechanism),

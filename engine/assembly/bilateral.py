@@ -27,6 +27,7 @@ class BilateralRow:
     arm: float = 1.0  # length that multiplies a TURN's angle; 1 for a SLIDE
     law: int = -1  # number of the time law of its target; -1: none
     phases: Array | None = None  # (n_phase,) bool, the phases in which it acts; None: all
+    coordinate: int = -1  # number of the coordinate of a bushing, six per bushing; -1: it holds
 
 
 def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
@@ -54,6 +55,8 @@ def bilateral_arrays(rows: list[BilateralRow], phases: int = 1, read: bool = Fal
         acts=acts[:, 0].copy(),
         closed=np.array([_close_loops(rows)]),
         read=np.array([read]),
+        yielding=np.array([i for i, row in enumerate(rows) if row.coordinate >= 0], np.int64),
+        coordinate=np.array([row.coordinate for row in rows if row.coordinate >= 0], np.int64),
     )
 
 
@@ -64,7 +67,8 @@ def _close_loops(rows: list[BilateralRow]) -> bool:
     def group(body: int) -> int:
         return group(root[body]) if root.setdefault(body, body) != body else body
 
-    for a, b in {(row.name.partition(".")[0], row.law >= 0): (row.a, row.b) for row in rows}.values():
+    holding = [row for row in rows if row.coordinate < 0]
+    for a, b in {(row.name.partition(".")[0], row.law >= 0): (row.a, row.b) for row in holding}.values():
         first, second = group(a), group(b)
         if first == second:
             return True
@@ -79,7 +83,7 @@ def rank_metric(bodies: Bodies, rows: list[BilateralRow]) -> Bodies:
     """
     size = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))
     for row in rows:
-        if row.kind == SLIDE:
+        if row.kind == SLIDE and row.coordinate < 0:
             for body, first in ((row.a, 0), (row.b, 6)):
                 if body < size.size:
                     size[body] = max(size[body], np.linalg.norm(row.geometry[first : first + 3]))

@@ -137,6 +137,7 @@ class Pair:
     flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
     spring: tuple[float, float] = (0.0, 0.0)  # stiffness and damping; 0: rigid
     hertz: bool = False  # whether the stiffness is that of Hertz
+    sticking: float = 0.0  # coefficient of friction of a contact that sticks; below that of the law: the same
 
 
 @cached
@@ -184,6 +185,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             geometry_b=geometry_b,
             clearance=clearance,
             law=mechanism.contact_law(contact),
+            sticking=mechanism.static_friction(contact),
             pieces=pieces,
             surface=trees.get(name),
             spring=contact.spring,
@@ -227,7 +229,9 @@ def contact_arrays(
         hertz=np.array([pair.hertz for pair in pairs], bool),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
-    return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
+    mu = np.ascontiguousarray(laws[:, 0])
+    sticking = np.maximum(mu, [pair.sticking for pair in pairs])
+    return contacts, Laws(mu, np.ascontiguousarray(laws[:, 1]), sticking if (sticking > mu).any() else np.zeros(0))
 
 
 def reach(geometry: Array) -> float:

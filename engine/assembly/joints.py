@@ -27,6 +27,8 @@ HELD = {
     "spherical": ("nef", ""),
     "planar": ("n", "ef"),
     "fixed": ("nef", "efn"),
+    "bushing": ("", ""),  # see bushings.py, as for a beam
+    "beam": ("", ""),
 }
 
 MOST_SHAPES = 1000  # kept in memory
@@ -77,6 +79,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 clearance=_drawn_gap(joint, place, face),
                 law=law,
                 play=(name, face),
+                sticking=mechanism.static_friction(joint),
             )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame, quaternion
-from engine.kernels.model import Loads, Phases, TimeLaws
+from engine.kernels.model import Bushings, Loads, Phases, TimeLaws
 from engine.mechanism.loads import (
     FactorSine,
     FactorTable,
@@ -124,7 +124,11 @@ def _sine(law: Law) -> tuple[float, float, float]:
 
 
 def load_arrays(
-    mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int], coordinates: dict[str, Any]
+    mechanism: Mechanism,
+    frames: dict[str, BodyFrame],
+    laws: dict[str, int],
+    coordinates: dict[str, Any],
+    bushings: Bushings,
 ) -> Loads:
     """Return all loads as arrays; a damper is stored as a spring without stiffness.
 
@@ -139,6 +143,7 @@ def load_arrays(
         **_forces(mechanism, frames, laws),
         **coordinates,
         over_work=np.zeros(3),
+        bushings=bushings,
     )
 
 

@@ -48,6 +48,7 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
                 clearance=-offset,
                 law=law,
                 pieces=pieces[other],
+                sticking=mechanism.static_friction(contact),
             )
 
 

@@ -12,9 +12,10 @@ from engine.assembly.loads import event_limit
 from engine.errors import Fault, MechanismError
 from engine.kernels import model
 from engine.kernels.model import Responses, State
+from engine.mechanism.bushings import Yielding
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.responses import Peak
+from engine.mechanism.responses import JointTorque, Peak
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {
@@ -26,6 +27,7 @@ KINDS = {
     "contact_impulse": model.CONTACT_IMPULSE,
     "contact_force": model.CONTACT_FORCE,
     "joint_force": model.JOINT_FORCE,
+    "joint_torque": model.BUSHING_TORQUE,
     "spring_force": model.SPRING_FORCE,
     "spring_torque": model.SPRING_TORQUE,
     "motion_travel": model.MOTION_TRAVEL,
@@ -85,6 +87,7 @@ def _measured(
 ) -> tuple[int, tuple[int, int, int], Array]:
     """Return the kind, the bodies (or contacts, spring, or row) and the geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
+    yielding = [name for name, joint in mechanism.joints.items() if isinstance(joint, Yielding)]
     if response.type in ("position", "velocity"):
         body = _way(response, frames, point)
     elif response.type in ("angle", "angular_velocity"):
@@ -96,6 +99,13 @@ def _measured(
         body = (rows.index(response.motion), 0, 0)
     elif response.type in ("impulse", "mean"):
         body = (list(mechanism.responses).index(response.response), 0, 0)
+    elif response.type in ("joint_force", "joint_torque") and response.joint in yielding:
+        way = response.direction
+        turned = frames[(way and way.body) or "world"]
+        kind = model.BUSHING_FORCE if response.type == "joint_force" else model.BUSHING_TORQUE
+        body, point[9:12] = (yielding.index(response.joint), 0, turned.index), ORIGIN
+        if way is not None:
+            point[9:12] = turned.direction(way.vector)
     elif response.type == "joint_force":
         body = _joint(mechanism, response, frames, pairs, point)
     elif kind not in (model.TIME, model.DERIVED):
@@ -192,12 +202,17 @@ def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
             names = ", ".join(own) or "it has none, as an ideal joint"
             text = f"no such contact of the joint; allowed: {names}{did_you_mean(contact, own)}"
             faults.append(Fault(("responses", name, "contact"), text, contact))
-        elif joint is not None and (
-            mechanism.joints[joint].ideal or not any(c.startswith(f"{joint}.") for c in contacts)
+        elif isinstance(response, JointTorque) and not isinstance(mechanism.joints[response.joint], Yielding):
+            text = "the torque of a joint that holds by contacts or exactly; allowed: of a bushing or beam; remove it, "
+            text += "or make the joint a bushing"
+            faults.append(Fault(("responses", name, "joint"), text, joint))
+        elif (
+            joint is not None
+            and not isinstance(mechanism.joints[joint], Yielding)
+            and (mechanism.joints[joint].ideal or not any(c.startswith(f"{joint}.") for c in contacts))
         ):
-            text = (
-                "the joint has no contacts; allowed: joints with clearance; give it clearance, or remove the response"
-            )
+            text = "the joint has no contacts; allowed: joints with clearance, bushings and beams; give it clearance, "
+            text += "or remove the response"
             faults.append(Fault(("responses", name, "joint"), text, joint))
     if faults:
         lines = "\n".join(f"  {fault}" for fault in faults)

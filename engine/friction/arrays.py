@@ -121,10 +121,10 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
 
 def _bilateral_rows(n: int, pieces: int, diagonal: int, bilateral: int) -> BilateralSystem:
     """Allocate bilateral rows and their system with ``n`` unknowns."""
-    sizes = (bilateral, 2 * ROW), bilateral, pieces, diagonal, n, n, (BODY, BODY)
-    J, length, K, F, right, miss, left = aligned_zeros(*sizes)
+    sizes = (bilateral, 2 * ROW), bilateral, bilateral, pieces, diagonal, n, n, (BODY, BODY)
+    J, length, ease, K, F, right, miss, left = aligned_zeros(*sizes)
     at, pair, node = np.zeros(bilateral, np.int64), np.zeros((bilateral, 2), np.int64), np.full((bilateral, 2), -1)
-    return BilateralSystem(at, node, pair, J, length, K, F, right, miss, np.full(n, -1), left)
+    return BilateralSystem(at, node, pair, J, length, ease, K, F, right, miss, np.full(n, -1), left)
 
 
 NO_ROWS = _bilateral_rows(0, 0, 0, 0)  # never written to, so all problems without such rows share it

@@ -7,7 +7,7 @@ that the system
 
 has few blocks. Its symmetric part is positive definite, so no pivoting is needed. The remainder due to eps,
 J w = eps l, is removed by one more solve. Rows that repeat others exactly do no harm; those that do so only nearly must
-be left out (`engine.friction.redundancy`).
+be left out (`engine.friction.redundancy`). A row with an ease yields to its impulse r by ease r.
 """
 
 from typing import NamedTuple
@@ -31,6 +31,7 @@ class BilateralSystem(NamedTuple):
     pair: np.ndarray  # (nt, 2) int64, first piece of the system for the body and the multiplier's node
     J: np.ndarray  # (nt, 16) six columns and two zeros per body; of any length
     length: np.ndarray  # (nt,) lengths of the rows; written by `factorise_bilateral`
+    ease: np.ndarray  # (nt,) velocity with which a row yields to an impulse of 1; 0: it holds
     K: np.ndarray  # (48 pieces,) factors of B; written by `factorise_bilateral`
     F: np.ndarray  # (48 nodes,)
     right: np.ndarray  # (n,) right-hand side, workspace
@@ -66,6 +67,8 @@ def add_bilateral(rows, K):
         if rows.length[i] > 0.0:  # a zero row constrains nothing, and its multiplier stays 0
             node, across, f = rows.at[i] // ROW, rows.at[i] % ROW, 1 / rows.length[i]
             K[PIECE * node + (ROW + 1) * across] = EPS
+            if rows.ease[i] > 0.0:
+                K[PIECE * node + (ROW + 1) * across] = EPS + rows.ease[i] * f * f
             for s in range(2):
                 if rows.node[i, s] >= 0:
                     right = PIECE * rows.pair[i, s] + across
@@ -104,6 +107,8 @@ def _miss(rows, w):
                     rate += y * w[first + k]
                     rows.miss[first + k] -= y * w[row]
         rows.miss[row] = rows.right[row] + rate
+        if rows.ease[i] > 0.0 and rows.length[i] > 0.0:
+            rows.miss[row] -= rows.ease[i] * f * f * w[row]
 
 
 @kernel

@@ -15,7 +15,8 @@ import numpy as np
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.blocks import BODY, ROW
 from engine.friction.redundancy import mark_redundant
-from engine.jit import inner, kernel
+from engine.jit import inner, kernel, not_inlined
+from engine.kernels.bushings import aim_rows, end_of_step, mobility_of_row, weights
 from engine.kernels.contacts import add_whitened
 from engine.kernels.loads import goes_on, smooth_change, time_law, time_law_rate
 from engine.kernels.model import SLIDE
@@ -193,18 +194,23 @@ def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
 
 
 @inner
-def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
+def hold_joints(bodies, rows, bushings, state, at_pose, problem, twist, times):
     """Change ``twist``, with the least kinetic energy, so that the joints hold at the current pose.
 
-    The mean velocity of a step of length ``h`` must satisfy the joints, with the twists at its start in ``state``; if
-    ``h`` is 0, the velocity at the end must. The bilateral system of ``problem`` and its unknowns are overwritten.
+    ``times`` are the length of the step, theta, and how long an impulse acts. The mean velocity of the step must
+    satisfy the joints, with the twists at its start in ``state``; if its length is 0, the velocity at the end must.
+    Bushings yield within a step only. The bilateral system of ``problem`` and its unknowns are overwritten.
     Return the kinetic energy that joints remove from the velocities at the end; what they do to a mean one is no work.
     """
     x, R = state.x, state.R
+    h, theta, _ = times
     if at_pose.violation.shape[0] == 0:
         return 0.0
     rows_at_pose(rows, state, at_pose)
     c, point, direction = at_pose.violation, at_pose.point, at_pose.direction
+    yields = h > 0.0 and rows.yielding.shape[0] > 0
+    if yields:
+        aim_rows(bushings, rows, at_pose)
     for i in range(c.shape[0]):
         c[i] = row_velocity(rows, x, R, point, direction, twist, i)
         if h > 0.0:
@@ -215,6 +221,8 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
         if abs(c[i]) < NOTHING:
             c[i] = 0.0
     whitened_bilateral_rows(bodies, rows, x, R, point, direction, problem.bilateral.J)
+    if yields:
+        _soften(rows, bushings, state, at_pose, problem.bilateral, twist, times)
     factorise_bilateral(problem.system, problem.bilateral)
     hold_bilateral(problem.system, problem.bilateral, c, problem.w)
     add_whitened(bodies, problem.w, twist)
@@ -239,6 +247,38 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
         for k in range(BODY):
             removed += 0.5 * problem.w[ROW * bodies.node[body] + k] ** 2
     return removed
+
+
+# -- bushings ----------------------------------------------------------------------------------------------------------
+
+
+@not_inlined
+def _soften(rows, bushings, state, at_pose, system, twist, times):
+    """Give the rows of bushings their ease, and the velocities that their impulses answer to."""
+    point, direction = at_pose.point, at_pose.direction
+    h, theta, time = times
+    for s in range(rows.yielding.shape[0]):
+        i = rows.yielding[s]
+        before = row_velocity(rows, state.x, state.R, point, direction, state.v, i)
+        after = row_velocity(rows, state.x, state.R, point, direction, twist, i)
+        later, earlier = weights(bushings, rows.coordinate[s], mobility_of_row(system, i), h, theta)
+        system.ease[i] = 1.0 / (time * later)
+        at_pose.violation[i] = after - earlier / later * before
+
+
+@not_inlined
+def finish_bushings(rows, bushings, state, at_pose, system, twist, h, theta):
+    """Write the forces of bushings in a step ``h``; return the energy that it takes beyond springs and dampers.
+
+    The rows are those within the step, and ``twist`` has the twists at its start.
+    """
+    point, direction, total = at_pose.point, at_pose.direction, 0.0
+    for s in range(rows.yielding.shape[0]):
+        i = rows.yielding[s]
+        before = row_velocity(rows, state.x, state.R, point, direction, twist, i)
+        after = row_velocity(rows, state.x, state.R, point, direction, state.v, i)
+        total += end_of_step(bushings, rows.coordinate[s], mobility_of_row(system, i), before, after, h, theta)
+    return total
 
 
 # -- forces of prescribed motions --------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ Time laws are factors of loads, and targets of prescribed motions.
 import numpy as np
 
 from engine.jit import inner, kernel, not_inlined
+from engine.kernels.bushings import add_bushings, bushing_energy
 from engine.kernels.coordinates import position, rotation, speed_along, spin_along
 from engine.kernels.model import ANGLE, ANGULAR_VELOCITY
 from engine.kernels.vectors import times, to_world, turn_to_world, twist_angle
@@ -129,6 +130,8 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
     _linear_springs(loads, time_laws, state, wrench, a, b)
     _torsion_springs(loads, time_laws, state, wrench, a, b)
     _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
+    if loads.bushings.body.shape[0] > 0:
+        add_bushings(loads.bushings, state, wrench)
 
 
 @kernel
@@ -168,7 +171,7 @@ def potential_energy(bodies, loads, laws, state):
         energy += 0.5 * loads.torsion_law[i, 0] * angle * angle
         if loads.torsion_table[i, 0] >= 0:
             energy -= table_integral(laws, loads.torsion_table[i, 0], _torsion_angle(loads, state, i))
-    return energy
+    return energy + bushing_energy(loads.bushings, state)
 
 
 @inner

@@ -17,10 +17,10 @@ GEARS, ROUNDS, COUPLED, JOINT_FRICTION, ONE_WAY = range(
     11, 16
 )  # the last three of ideal joints, the last two always closed
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
-MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK = range(9, 15)
+MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK, BUSHING_FORCE, BUSHING_TORQUE = range(9, 17)
 # impulses of a whole step, divided by its length
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(15, 19)
-DERIVED = 19  # computed from other responses, after the run
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE, MOTION_FORCE = range(17, 21)
+DERIVED = 21  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -101,6 +101,7 @@ class Laws(NamedTuple):
 
     mu: np.ndarray  # (nc,)
     restitution: np.ndarray  # (nc,)
+    sticking: np.ndarray  # (nc,) coefficients of friction of contacts that stick, >= mu; (0,) if all are mu
 
 
 @by_address
@@ -130,6 +131,23 @@ class BilateralRows(NamedTuple):
     acts: np.ndarray  # (nt,) bool, in the current phase; written by the run
     closed: np.ndarray  # (1,) bool, whether joints and motions close loops; otherwise no row is redundant
     read: np.ndarray  # (1,) bool, whether forces or work of motions are read; otherwise no step computes them
+    yielding: np.ndarray  # (ny,) int64, the rows of bushings, which never act but within a step, see bushings.py
+    coordinate: np.ndarray  # (ny,) int64, number of the coordinate of each, six per bushing
+
+
+@by_address
+class Bushings(NamedTuple):
+    """The ``ny`` bushings, see bushings.py; the last four are written by the run."""
+
+    body: np.ndarray  # (ny, 2) int64
+    place: np.ndarray  # (ny, 2, 3) the points on both
+    axes: np.ndarray  # (ny, 9) x, y, z of its frame, fixed in the first body
+    turn: np.ndarray  # (ny, 4) quaternion; b's attitude times it equals a's where there is no torque
+    law: np.ndarray  # (ny, 12) stiffnesses along and about x, y, z, then dampings
+    point: np.ndarray  # (ny, 3) b's point in the world
+    way: np.ndarray  # (ny, 6, 3) directions of the rates of its coordinates, in the world
+    off: np.ndarray  # (ny, 6) its coordinates: displacements, and the rotation vector
+    effort: np.ndarray  # (ny, 6) forces and torques along these directions
 
 
 @by_address
@@ -162,6 +180,7 @@ class Loads(NamedTuple):
     over_offset: np.ndarray  # (nm,)
     over_value: np.ndarray  # (nm,) an angle when it was last measured, without its offset; written by the run
     over_work: np.ndarray  # (3,) workspace
+    bushings: Bushings
 
 
 @by_address

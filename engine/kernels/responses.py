@@ -22,6 +22,8 @@ IMPULSE           response, a force; its integral so far
 MEAN              response; its mean so far
 FRICTION_WORK     contacts; what friction took so far their sum
 BOUNCES           contacts; how often they opened     gap from which they are open (0)
+BUSHING_FORCE     bushing, 0, direction               direction, or 0: the magnitude (9:12)
+BUSHING_TORQUE    as above; about its point
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
 """
@@ -29,6 +31,7 @@ JOINT_FORCE       first contact, number, direction    sign of an impulse (0); di
 import numpy as np
 
 from engine.jit import inner, kernel, not_inlined
+from engine.kernels.bushings import bushing_effort
 from engine.kernels.contact_geometry.gaps import find_contact
 from engine.kernels.coordinates import position, rotation
 from engine.kernels.loads import spring_force, spring_torque
@@ -36,6 +39,8 @@ from engine.kernels.model import (
     ANGLE,
     ANGULAR_VELOCITY,
     BOUNCES,
+    BUSHING_FORCE,
+    BUSHING_TORQUE,
     CONTACT_FORCE,
     CONTACT_IMPULSE,
     DERIVED,
@@ -100,6 +105,9 @@ def measure(model, state, sites, rows, values, vectors, instant):
             value = rows.target[1, body[0]] - model.bilateral.offset[body[0]] if acts else values[i]
         elif kind in (IMPULSE, MEAN, BOUNCES, FRICTION_WORK):
             value = values[i]  # see `accumulate`
+        elif kind in (BUSHING_FORCE, BUSHING_TORQUE):
+            turn_to_world(state.R, body[2], row, 9, p)
+            value = bushing_effort(loads.bushings, body[0], kind == BUSHING_TORQUE, p)
         elif kind == JOINT_FORCE:
             value = _joint_impulse(body, row, state, frame, p, q) / h
         elif kind in (ANGLE, ANGULAR_VELOCITY):

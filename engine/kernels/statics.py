@@ -119,7 +119,8 @@ def _loads_alone(arrays, phase, t, h):
     for i in range(target.shape[1]):
         target[2, i] = 0.0  # a motion is held where it is
     find_redundant_rows(model.metric, model.bilateral, state, work.bilateral, problem)
-    hold_joints(bodies, model.bilateral, state, work.bilateral, problem, work.free, 0.0, 0.5)
+    bushings = model.loads.bushings
+    hold_joints(bodies, model.bilateral, bushings, state, work.bilateral, problem, work.free, (0.0, 0.5, 0.0))
     return falling
 
 
@@ -188,6 +189,8 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
             whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, nc)
             contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)
             work.chosen[nc], problem.mu[nc] = i, model.laws.mu[i]
+            if model.laws.sticking.shape[0] > 0:
+                problem.mu[nc] = model.laws.sticking[i]
             if contacts.bound[i] > 0.0:
                 press(contacts, i, h, 0.0, problem, nc)
                 work.q[i, 0] = problem.q[nc, 0]

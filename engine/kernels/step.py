@@ -9,7 +9,7 @@ import numpy as np
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED
 from engine.friction.solver import solve_friction
 from engine.jit import inner
-from engine.kernels.bilateral import add_contact_part, find_redundant_rows, hold_joints, row_targets
+from engine.kernels.bilateral import add_contact_part, find_redundant_rows, finish_bushings, hold_joints, row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
 from engine.kernels.compliance import bend, compress, soften
 from engine.kernels.energy import work_of_contacts
@@ -36,6 +36,7 @@ def step(context):
     """Advance the state by one step of length ``h`` from time ``t``."""
     model, state, work, problem, control, phase, t, h, theta, bounce = context
     bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
+    bushings, time = model.loads.bushings, impulse_time(model.phases.damping[phase], h)
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
     save_start(state, work.start)
     find_redundant_rows(model.metric, bilateral, state, work.bilateral, problem)
@@ -53,7 +54,8 @@ def step(context):
             damp(state.v, work.free, model.phases.damping[phase], h)
             if plain:
                 move(state, after)
-            hold_joints(bodies, bilateral, state, work.bilateral, problem, work.free, h, 1.0 if plain else theta)
+            within = h, 1.0 if plain else theta, time
+            hold_joints(bodies, bilateral, bushings, state, work.bilateral, problem, work.free, within)
             if plain:
                 move(state, -after)
 
@@ -66,7 +68,6 @@ def step(context):
         move(state, after)
         look_at_active_contacts(contacts, state, work)
     status, residual, iterations, fastest, spin = CONVERGED, 0.0, 0, 0.0, 0.0
-    time = impulse_time(model.phases.damping[phase], h)
     for growth in range(GROWTH_ROUNDS + 1):
         nc = gather_problem(bodies, contacts, laws, state, work, problem, time)
         soften(bodies, contacts, state, work, problem, nc, (before, after, time), growth == 0)
@@ -91,6 +92,9 @@ def step(context):
     fastest, spin = fastest_body(bodies, state.v), fastest_spin(state.v)
     stored = compress(contacts, work, problem, nc, after, time)
     created, lost = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
+    if bilateral.yielding.shape[0] > 0:
+        start, system = work.start.v, problem.bilateral
+        lost += finish_bushings(bilateral, bushings, state, work.bilateral, system, start, h, theta)
 
     # the rest of the displacement, the projection of the positions, and twists consistent with the joints at the new
     # pose
@@ -101,7 +105,7 @@ def step(context):
     )
     braked, energy = 0.0, created + stored + lifted
     if not plain:
-        braked = hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
+        braked = hold_joints(bodies, bilateral, bushings, state, work.bilateral, problem, state.v, (0.0, theta, 0.0))
     lost += braked - lifted
     braked = braked if np.any(work.bilateral.redundant) else 0.0
     errors = residual, penetration, contact, violation, widest

@@ -3,10 +3,12 @@
 import numpy as np
 
 from engine.friction.complementarity import natural_mismatch
-from engine.jit import inner
+from engine.jit import inner, not_inlined
 from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, aim_centred, contact_velocity, press, whitened_rows
+
+STANDS = 1e-4  # share of the speed that friction takes in a step; the solver leaves less of a contact that sticks
 
 
 @inner
@@ -70,6 +72,25 @@ def look_at_active_contacts(contacts, state, work):
             work.broad_phase.budget[i] = 0.0
 
 
+@not_inlined
+def friction_in_step(contacts, laws, state, work, problem, i, n):
+    """Return the coefficient of contact i, contact n of the problem, in a step: that of one that sticks, or slides.
+
+    It sticks if it stands at the start of the step: to a share of the speed that friction takes in it.
+    """
+    load, u = work.start.r[i, 0], work.start.u[i]
+    if not load > 0.0:  # it closes, or the run begins
+        contact_velocity(contacts, state.x, state.R, work.sites, work.start.v, i, work.u)
+        u = work.u[i]
+    normal, along = 0.0, 0.0
+    for k in range(problem.rows.G.shape[2]):
+        normal += problem.rows.G[n, 0, k] ** 2
+        along += 0.5 * (problem.rows.G[n, 1, k] ** 2 + problem.rows.G[n, 2, k] ** 2)
+    pressed = load + (max(-u[0], 0.0) / normal if normal > 0.0 else 0.0)
+    stands = np.sqrt(u[1] ** 2 + u[2] ** 2) <= STANDS * laws.sticking[i] * pressed * along
+    return laws.sticking[i] if stands else laws.mu[i]
+
+
 @inner
 def gather_problem(bodies, contacts, laws, state, work, problem, time):
     """Write the friction problem of the active contacts, starting from the last impulses; return their number.
@@ -82,6 +103,8 @@ def gather_problem(bodies, contacts, laws, state, work, problem, time):
             work.chosen[n] = i
             whitened_rows(bodies, contacts, state.x, state.R, work.sites, i, problem.rows, n)
             problem.mu[n] = laws.mu[i]
+            if laws.sticking.shape[0] > 0:
+                problem.mu[n] = friction_in_step(contacts, laws, state, work, problem, i, n)
             for k in range(3):
                 problem.q[n, k] = work.q[i, k]
                 problem.r[n, k] = state.r[i, k]

@@ -66,7 +66,8 @@ class Tensor(Components):
 class Each:
     """A lower limit of each number in a list, checked by the reader of the list."""
 
-    gt: float
+    gt: float | None = None
+    ge: float | None = None
 
 
 def written(value: Any) -> Any:
@@ -98,7 +99,7 @@ def limits(field: FieldInfo | None) -> dict[str, float]:
     found: dict[str, float] = {}
     for mark in _metadata(field) if field else ():
         for relation in ("gt", "ge", "lt", "le"):
-            if hasattr(mark, relation):
+            if getattr(mark, relation, None) is not None:
                 found.setdefault(relation, getattr(mark, relation))
     return found
 
@@ -342,9 +343,18 @@ class PairLaw(TableModel):
     friction: Annotated[Friction | None, Quantity("number")] = optional(
         "the coefficient of friction, instead of the material's"
     )
+    static_friction: Annotated[Friction | None, Quantity("number")] = added(
+        "the coefficient of friction until it slides, at least friction; default: the material's, unless friction is "
+        "given; else friction"
+    )
     restitution: Annotated[Restitution | None, Quantity("number")] = optional(
         "the coefficient of restitution, instead of the material's"
     )
+
+    @model_validator(mode="after")
+    def _static_holds_more(self) -> Self:
+        check_static(self.static_friction, self.friction or 0.0)
+        return self
 
     @property
     def spring(self) -> tuple[float, float]:
@@ -364,6 +374,13 @@ def check_spring(table: Any) -> None:
     if (table.stiffness is not None or hertz is not None) and table.restitution:
         text = "a contact with a stiffness bounces by itself; allowed: one of the two; remove it, and let damping take "
         raise refuse(f"{text}the energy, or remove the stiffness", key="restitution", value=table.restitution)
+
+
+def check_static(static: float | None, sliding: float) -> None:
+    """Refuse a coefficient of friction of a contact that sticks below that of one that slides."""
+    if static is not None and static < sliding:
+        text = f"what sticks would hold less than the friction with which it slides, {sliding:g}; allowed: >= "
+        raise refuse(f"{text}friction; raise it, or lower friction", key="static_friction", value=static)
 
 
 def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:

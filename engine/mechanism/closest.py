@@ -70,9 +70,11 @@ RECIPES = {
     "An end stop that bounces": "limit stop range",
     "A hook on a hook, a tooth on a tooth": "hook claw pawl latch",
     "A press fit": "press_fit interference",
+    "Stick and slip": "static stick kinetic stribeck",
+    "A bushing": "bushing mount rubber silent_block grommet",
+    "A leaf spring": "beam leaf flex cantilever rod_spring",
     "The effort, stroke and energy of a push-button": "effort stroke actuation operating_force",
-    "What there is none of yet, and what to do instead": "mesh stl universal cardan hooke snap beam leaf flex"
-    " bushing rolling bearing",
+    "What there is none of yet, and what to do instead": "mesh stl universal cardan hooke snap rolling bearing",
 }
 """The titles of recipes, and what in the name of a key or type asks for one."""
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from html import escape
 from typing import Annotated, Any, Literal, Self
@@ -39,12 +39,14 @@ from engine.mechanism.base import (
     Vector,
     added,
     are_numbers,
+    check_static,
     is_number,
     optional,
     refuse,
     unless_none,
     with_numbers,
 )
+from engine.mechanism.bushings import Beam, Bushing
 from engine.mechanism.contacts import Contact
 from engine.mechanism.couplings import Coupling
 from engine.mechanism.expression import ExpressionFault, parse
@@ -134,7 +136,9 @@ def _outline(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(x) for x in (*c, 0.0)[:3]) for c in corners)
 
 
-AnyJoint = Annotated[Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar, Field(discriminator="type")]
+AnyJoint = Annotated[
+    Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar | Bushing | Beam, Field(discriminator="type")
+]
 
 
 class Body(TableModel):
@@ -334,7 +338,15 @@ class Material(TableModel):
         "contact between them names a pair, this one holds"
     )
     friction: Friction = Field(description="the coefficient of friction, a number >= 0")
+    static_friction: Friction | None = added(
+        "the coefficient of friction until the contact slides, a number >= friction; default: friction"
+    )
     restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
+
+    @model_validator(mode="after")
+    def _static_holds_more(self) -> Self:
+        check_static(self.static_friction, self.friction)
+        return self
 
 
 class Mechanism(TableModel):
@@ -476,6 +488,16 @@ class Mechanism(TableModel):
             raise PydanticCustomError("references", "references", {"faults": faults})
         return self
 
+    def static_friction_faults(self) -> Iterator[Fault]:
+        """Yield the contacts and joints that stick with less friction than that with which they slide."""
+        for table in ("joints", "contacts"):
+            for name, pair in getattr(self, table).items():
+                if pair.static_friction is not None and not getattr(pair, "ideal", False):
+                    try:
+                        check_static(pair.static_friction, self.contact_law(pair)[0])
+                    except PydanticCustomError as error:
+                        yield Fault((table, name, "static_friction"), str(error), pair.static_friction)
+
     def response_units(self) -> dict[str, str]:
         """Return the unit of every response, by name."""
         return {name: self._quantity(name).unit(self.units) for name in self.responses}
@@ -534,14 +556,24 @@ class Mechanism(TableModel):
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution): its own; else of the pair it names; else of the pair of its bodies."""
-        bodies = [self.bodies[side.body].material for side in pair.sides]
-        pairs = {name: material.between for name, material in self.materials.items()}
-        name = pair.material or pair_between(bodies, pairs)
-        material = self.materials[name] if name else Material(friction=0.0)
+        material = self._material_of(pair)
         return (
             material.friction if pair.friction is None else pair.friction,
             (0.0 if pair.spring[0] else material.restitution) if pair.restitution is None else pair.restitution,
         )
+
+    def static_friction(self, pair: Joint | Contact) -> float:
+        """Return the coefficient of friction of a contact that sticks, at least that of one that slides."""
+        given = pair.static_friction
+        if given is None and pair.friction is None:
+            given = self._material_of(pair).static_friction
+        return max(self.contact_law(pair)[0], given or 0.0)
+
+    def _material_of(self, pair: Joint | Contact) -> Material:
+        """Return the pair of materials that it names, or that of its bodies; one without friction if there is none."""
+        bodies = [self.bodies[side.body].material for side in pair.sides]
+        name = pair.material or pair_between(bodies, {n: material.between for n, material in self.materials.items()})
+        return self.materials[name] if name else Material(friction=0.0)
 
     def stretch(self, body: str) -> float:
         """Return the factor of all lengths of a body: 1 at 20 degC without growth (ISO 1)."""
@@ -662,7 +694,7 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
         raise refused(source, faults + references, count + len(references)) from None
     formulas = dict(formulas_in(Place(mechanism), data))
     mechanism = mechanism.with_tables({}, formulas)
-    if faults := [*mechanism.parameter_faults(), *mechanism.quantity_faults()]:
+    if faults := [*mechanism.parameter_faults(), *mechanism.quantity_faults(), *mechanism.static_friction_faults()]:
         raise refused(source, faults, len(faults))
     return mechanism
 

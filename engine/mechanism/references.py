@@ -47,12 +47,16 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
 
 
 def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield each stiffness of a contact, a stop or teeth that the plain scheme does not compute."""
+    """Yield each stiffness of a contact, a joint, a stop or teeth that the plain scheme does not compute."""
     if sub_table(data, "simulation").get("scheme") != "moreau_jean":
         return
     contacts = [("contacts", name, entry) for name, entry in named_tables(data, "contacts").items()]
     stops = [("joints", name, sub_table(entry, "limits")) for name, entry in named_tables(data, "joints").items()]
     gears = [("couplings", name, entry) for name, entry in named_tables(data, "couplings").items()]
+    for name, entry in named_tables(data, "joints").items():
+        if entry.get("type") in ("bushing", "beam"):
+            text = "the scheme moreau_jean has rigid joints only; allowed: fixed; make it one, or remove the scheme"
+            yield Fault(("joints", name, "type"), text, entry["type"])
     for table, name, entry in (*contacts, *stops, *gears):
         for word in ("stiffness", "hertz_stiffness"):
             if entry.get(word) is not None:

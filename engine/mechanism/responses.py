@@ -377,12 +377,23 @@ class ContactForce(Force):
 
 
 class JointForce(Force):
-    """The resultant of all contact forces of a joint with clearance, on its second side, such as the journal."""
+    """The resultant of all contact forces of a joint with clearance, or the force of a bushing, on its second side."""
 
     type: Literal["joint_force"] = Field(description="the kind of response")
-    joint: Name = Field(description="the joint, one with clearance")
+    joint: Name = Field(description="the joint, one with clearance, a bushing or beam")
     direction: ResponseDirection | None = optional(
         "the component along { vector } or { body, vector }; default: the magnitude"
+    )
+
+
+class JointTorque(Force):
+    """The torque of a bushing or beam on its body b, about its point or its middle."""
+
+    measures = Quantity("torque")
+    type: Literal["joint_torque"] = Field(description="the kind of response")
+    joint: Name = Field(description="the joint, a bushing or beam")
+    direction: ResponseDirection | None = optional(
+        "the component about { vector } or { body, vector }; default: the magnitude"
     )
 
 
@@ -510,6 +521,7 @@ Response = Annotated[
     | ContactImpulse
     | ContactForce
     | JointForce
+    | JointTorque
     | SpringForce
     | SpringTorque
     | MotionTravel

@@ -296,6 +296,7 @@ def _groups(model: Model, loaded: Chosen) -> Iterator[Chosen]:
             ends[between],
             np.stack([driven, np.full_like(driven, ground)], axis=1),
             loads.spring_body[loads.spring_law[:, 4] <= 0.0],
+            loads.bushings.body[(loads.bushings.law[:, :3] > 0.0).any(axis=1)],
             np.stack([contacts.a, contacts.b], axis=1)[loaded],
         ]
     )

@@ -19,6 +19,7 @@ from engine.kernels.bilateral import REDUNDANT, row_violations, whitened_bilater
 from engine.kernels.model import State
 from engine.kernels.responses import measure
 from engine.mechanism import Mechanism, get_value, unit_of
+from engine.mechanism.bushings import Yielding
 from engine.mechanism.couplings import GearPair
 from engine.not_at_rest.diagnosis import motion_words
 from engine.platform.linear_algebra import one_thread
@@ -253,11 +254,13 @@ def _linked(mechanism: Mechanism) -> list[set[str]]:
 
 
 def _dissipates(mechanism: Mechanism, body: str) -> bool:
-    """Return whether a contact, a joint with play or friction, or a damper acts on a body."""
+    """Return whether a contact, a joint with play, friction or damping, or a damper acts on a body."""
     for pair in (*mechanism.joints.values(), *mechanism.contacts.values()):
         smooth = getattr(pair, "ideal", False) and not any(
             getattr(pair, key, None) for key in ("friction_force", "friction_torque")
         )
+        if isinstance(pair, Yielding):
+            smooth = not any(pair.springs(1.0)[1])
         if not smooth and body in {side.body for side in pair.sides}:
             return True
     damped = [link for link in mechanism.springs.values() if link.damping] + [*mechanism.dampers.values()]
@@ -280,11 +283,13 @@ RELAXED: dict[str, dict[str, tuple[str, ...]]] = {
 
 def closed_loop_cautions(mechanism: Mechanism, assembly: Assembly) -> Iterator[Caution]:
     """Yield a caution for each group of ideal joints that hold motions more than once at the start pose."""
-    names = [name for name, law in zip(assembly.row_names, assembly.model.bilateral.law, strict=True) if law < 0]
-    if not assembly.model.bilateral.closed[0] or len(names) > MOST_ROWS:
+    rows = assembly.model.bilateral
+    of_joints = (rows.law < 0) & rows.phase[:, 0]  # bushings hold in no phase
+    names = [name for name, holds in zip(assembly.row_names, of_joints, strict=True) if holds]
+    if not rows.closed[0] or len(names) > MOST_ROWS:
         return
     with one_thread():
-        J = _rows(assembly)[assembly.model.bilateral.law < 0]
+        J = _rows(assembly)[of_joints]
         for joints in _groups(J, [name.rpartition(".")[0] for name in names]):
             inside = [i for i, name in enumerate(names) if name.rpartition(".")[0] in joints]
             rows, of = J[inside], [names[i] for i in inside]

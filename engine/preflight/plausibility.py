@@ -71,6 +71,12 @@ def implausible_numbers(mechanism: Mechanism) -> Iterator[Caution]:
     for name, body in mechanism.bodies.items():
         if body.mass is not None and body.inertia is not None:
             yield from _implausible_mass(mechanism, name, body.mass, body.inertia)
+    for name, joint in mechanism.joints.items():
+        for key, custom in (("stiffness", STIFFNESS), ("torsional_stiffness", TORSION)):
+            for axis, value in zip("xyz", getattr(joint, key, None) or (), strict=False):
+                if value:
+                    where = f"joints.{name}.{key}.{axis}"
+                    yield from _out_of_range(mechanism, where, value, key.replace("_", " "), custom)
     for name, spring in mechanism.springs.items():
         kind, custom = ("stiffness", STIFFNESS) if spring.type == "linear" else ("torsional stiffness", TORSION)
         if spring.stiffness is not None:

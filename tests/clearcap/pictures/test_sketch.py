@@ -11,6 +11,7 @@ from clearcap.pictures.view import choose_view
 from engine import load_mechanism
 from tests.each import each
 from tests.engine.small import block_on_floor, made
+from tests.engine.test_bushings import hung, leaf
 from tests.engine.test_couplings import wheels
 
 
@@ -87,6 +88,19 @@ def test_a_reference_far_away_does_not_shrink_the_mechanism():
     sketch = sketch_mechanism(made(data))
     width = [max(x for x, _ in s.areas[0][0]) - min(x for x, _ in s.areas[0][0]) for s in (plain, sketch)]
     assert width[1] > 0.4 * width[0]
+
+
+def test_a_beam_is_drawn_from_end_to_end_and_a_bushing_as_a_dot():
+    """A thick line as long as the beam on the canvas, and one dot more than without the bushing."""
+    beam = sketch_mechanism(made(leaf(responses={})))
+    (line,) = [stroke for stroke in beam.strokes if stroke.style == "thick"]
+    assert np.hypot(*np.subtract(*line.points)) > 10.0
+    data = hung()
+    sketch = sketch_mechanism(made(data))
+    (turn,) = [each.value for each in sketch.legend if each.name == "torque"]
+    assert "torque on load" in turn
+    bare = sketch_mechanism(made({**data, "responses": {}}))
+    assert len(bare.dots) == 1
 
 
 def test_a_coupling_is_drawn_from_joint_to_joint():
