@@ -10,6 +10,9 @@ AUDIT  := deploy/audit.lock
 # The ends of what pyproject.toml allows: versions of Python, or paths to one
 OLDEST ?= 3.11
 NEWEST ?= 3.13
+# Wheels with compiled kernels are for one Python each
+RELEASED := 3.11 3.12 3.13
+PYTHONS ?= $(PYTHON)
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 # Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
@@ -23,7 +26,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve docs test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock release bench clean
+.PHONY: help run serve docs test gate full everything on-s3 kernels storms attacks lint audit oldest newest lock wheel release bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -118,12 +121,19 @@ lock: $(TOOLS)/uv ## lock the newest versions of all packages: those that a clus
 	$(COMPILE) --no-annotate --extra dev --constraint $(LOCK) --output-file $(DEV) pyproject.toml
 	$(COMPILE) --no-annotate --output-file $(AUDIT) deploy/audit.in
 
-release: $(TOOLS)/uv ## VERSION=1.2.3: set it, write the notes, build wheel, source distribution and list of packages into dist/
+wheel: $(TOOLS)/uv ## into dist/: source distribution, plain wheel, one with compiled kernels for this Python, or PYTHONS="3.11 3.12"
+	rm -rf dist
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(TOOLS)/uv build --quiet --out-dir dist
+	for python in $(PYTHONS); do \
+		$(TOOLS)/uv venv --quiet --clear --python $$python build/wheel && \
+		$(TOOLS)/uv pip install --quiet --python build/wheel/bin/python --constraint $(DEV) dist/*-none-any.whl && \
+		build/wheel/bin/python deploy/compiled_wheel.py dist/*-none-any.whl || exit 1; done
+
+release: $(TOOLS)/uv ## VERSION=1.2.3: set it, write the notes, build wheels, source distribution and list of packages into dist/
 	test -n "$(VERSION)"
 	$(TOOLS)/uv version --quiet --frozen "$(VERSION)"
 	$(TOOLS)/towncrier build --yes --version "$(VERSION)"
-	rm -rf dist
-	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(TOOLS)/uv build --quiet --out-dir dist
+	$(MAKE) wheel PYTHONS="$(RELEASED)"
 	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file dist/clearcap-$(VERSION).sbom.json
 	@ls -l dist; printf '\nRead CHANGELOG.md, then: git commit --all --message "clearcap $(VERSION)" && git tag v$(VERSION)\n'
 

@@ -21,10 +21,8 @@ from functools import update_wrapper
 from pathlib import Path
 from typing import Any
 
-from llvmlite import binding
-
 from engine.errors import FolderError
-from engine.jit.numba_internals import INNER_OPTIONS, KERNEL_OPTIONS, NOT_INLINED_OPTIONS, keep_on_disk
+from engine.jit.numba_internals import INNER_OPTIONS, KERNEL_OPTIONS, NOT_INLINED_OPTIONS, keep_on_disk, processor
 from engine.platform.build import build_id
 from engine.platform.private_folder import private_folder, user_cache
 
@@ -64,10 +62,7 @@ def _folder_name() -> str:
 
     Otherwise machines of two types that share a folder and compile at the same time could run each other's code.
     """
-    name = numba.config.CPU_NAME or binding.get_host_cpu_name()  # type: ignore[attr-defined]
-    features = numba.config.CPU_FEATURES  # type: ignore[attr-defined]
-    features = binding.get_host_cpu_features().flatten() if features is None else features
-    return f"{build_id()}-{hashlib.sha256(f'{name} {features}'.encode()).hexdigest()[:8]}"
+    return f"{build_id()}-{hashlib.sha256(' '.join(processor()).encode()).hexdigest()[:8]}"
 
 
 def _writable(folder: Path) -> Path:

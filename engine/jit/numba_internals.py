@@ -20,6 +20,8 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | machine code on disk | `UserProvidedCacheLocator`, `get_suitable_cache_subpath`, `CACHE_LOCATOR_CLASSES` |
 | machine code from disk without Numba's own functions | `load_overload`, `_load_overload`, |
 | | `_guard_against_spurious_io_errors`, `initialize`, `ensure_blas`, `_HAVE_BLAS` |
+| machine code that came with the package | `_index_key`, `_impl`, `filename_base`, `locator`, `rebuild`, `load`, |
+| | `magic_tuple` |
 | knowing which machine code is on disk | `_cache`, `_cache_file`, `_index_path`, `_load_index` |
 """
 
@@ -35,9 +37,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-from llvmlite import ir
+from llvmlite import binding, ir
 
 from engine.errors import UnsupportedNumbaError
+from engine.jit import shipped
 
 # Numba reads settings from this file in the current folder, where anybody may have put it; they even include the
 # processor's instruction set. So Numba is imported from another folder, and never looks for the file again.
@@ -70,6 +73,7 @@ CALLEES = "the callees of a kernel are compiled one by one"
 TUPLES = "kernels pass tuples of arrays by value"
 KEPT = "compiled code is not kept on disk: each process compiles for a minute"
 ALONE = "each process loads what Numba compiles with, and SciPy's linear algebra, whether or not it compiles"
+SHIPPED = "compiled code that came with the package is not used: the first command compiles"
 INDEX = "each process loads all compiled code when it starts, whether or not it needs it"
 SAVINGS = {
     LEAN: (
@@ -123,6 +127,14 @@ SAVINGS = {
         "numba.core.caching:FunctionCache._guard_against_spurious_io_errors",
         "numba.core.runtime.nrt:rtsys.initialize",
         "numba.np.linalg:ensure_blas",
+    ),
+    SHIPPED: (
+        "numba.core.caching:FunctionCache._index_key",
+        "numba.core.caching:CompileResultCacheImpl.filename_base",
+        "numba.core.caching:CompileResultCacheImpl.locator",
+        "numba.core.caching:CompileResultCacheImpl.rebuild",
+        "numba.core.caching:IndexDataCacheFile.load",
+        "numba.core.codegen:CPUCodegen.magic_tuple",
     ),
 }
 # Only a kernel whose code is kept on disk has these.
@@ -343,6 +355,10 @@ if KEEPS_CODE:
     class BuildLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         """Where Numba keeps a kernel: in the folder by module name, so that all installations of a build share it."""
 
+        def __init__(self, py_func: Any, py_file: str) -> None:
+            super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
+            self._source, self.subfolder = py_file, self.get_suitable_cache_subpath(py_file)
+
         @classmethod
         def get_suitable_cache_subpath(cls, py_file: str) -> str:
             """Return the folder for a source file's kernels; outside the engine as Numba does, by its full path."""
@@ -350,6 +366,24 @@ if KEEPS_CODE:
             if folder.is_relative_to(engine):
                 return str(folder.relative_to(engine.parent))
             return str(super().get_suitable_cache_subpath(py_file))  # type: ignore[no-untyped-call]
+
+        def get_source_stamp(self) -> bytes:
+            """Return the digest of a kernel's source file: Numba 0.66 goes by times, which an installation changes."""
+            return _digest_of(self._source)
+
+
+@cache
+def _digest_of(file: str) -> bytes:
+    return hashlib.sha256(Path(file).read_bytes()).digest()
+
+
+def processor() -> tuple[str, str]:
+    """Return name and features of the processor for which Numba compiles: this one, or that of NUMBA_CPU_NAME."""
+    name, features = config.CPU_NAME, config.CPU_FEATURES  # type: ignore[attr-defined]
+    return (
+        name or binding.get_host_cpu_name(),
+        binding.get_host_cpu_features().flatten() if features is None else features,
+    )
 
 
 _loads_alone = KEEPS_CODE and _has(ALONE)
@@ -378,18 +412,56 @@ if _loads_alone:
                 return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
+@cache
+def _layers() -> list[shipped.Layer]:
+    """Return the machine code of the package that may run here: none with NUMBA_CPU_NAME, but of that very level."""
+    name, features = config.CPU_NAME, config.CPU_FEATURES  # type: ignore[attr-defined]
+    if features or (name is None) != (features is None):
+        return []
+    return shipped.layers(binding.get_host_cpu_features(), name)
+
+
+_finds_shipped = _loads_alone and _has(SHIPPED)
+
+if _finds_shipped:
+    from numba.core.caching import IndexDataCacheFile
+
+    class LayeredCache(KernelCache):
+        """The same, found in the user's folder, or else among what came with the package."""
+
+        def _load_overload(self, sig: Any, target_context: Any) -> Any:
+            data = super()._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            if data is not None:
+                return data
+            signature, (system, *_), sources = self._index_key(sig, target_context.codegen())  # type: ignore[no-untyped-call]
+            name, stamp = self._impl.filename_base, self._impl.locator.get_source_stamp()
+            for level, folder in self.shipped():
+                file = IndexDataCacheFile(str(folder), name, stamp)  # type: ignore[no-untyped-call]
+                kept = file.load((signature, (system, level, ""), sources))  # type: ignore[no-untyped-call]
+                if kept is not None:
+                    return self._impl.rebuild(target_context, kept)
+            return None
+
+        def shipped(self) -> Iterator[tuple[str, Path]]:
+            """Yield the levels for which this kernel's code came with the package, the best first, and its folder."""
+            for layer in _layers():
+                if folder := layer.folder_of(f"{self._impl.locator.subfolder}/{self._impl.filename_base}"):
+                    yield layer.level, folder
+
+
 def keep_on_disk(compiled: Any) -> None:
     """Keep the code of a kernel on disk, and load it from there."""
     if not KEEPS_CODE:
         return
     if _loads_alone and hasattr(compiled, "_cache"):
-        compiled._cache = KernelCache(compiled.py_func)  # type: ignore[no-untyped-call]
+        kind = LayeredCache if _finds_shipped and _layers() else KernelCache
+        compiled._cache = kind(compiled.py_func)  # type: ignore[no-untyped-call]
     else:
         compiled.enable_caching()
 
 
 def index_file(compiled: Any) -> tuple[str, bool] | None:
-    """Return the index file of a kernel's code on disk, and whether it lists this source's code; None: unknown."""
+    """Return the index file of a kernel's code on disk, and whether code of this source is there; None: unknown."""
     if not KEEPS_CODE:
         return None
     try:
@@ -397,7 +469,8 @@ def index_file(compiled: Any) -> tuple[str, bool] | None:
     except AttributeError as error:
         _lost(INDEX, f":{error.name}")
         return None
-    return path, bool(load())
+    came = compiled._cache.shipped() if _finds_shipped and isinstance(compiled._cache, LayeredCache) else ()
+    return path, bool(load()) or any(True for _ in came)
 
 
 # -- eight numbers at a time -----------------------------------------------------------------------------------------
