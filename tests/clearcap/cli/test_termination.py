@@ -180,3 +180,14 @@ def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
     again = clearcap("resume", "--store", "runs", "--no-report", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert store.survey(store.plan(campaign_id), verify=True).missing == []
+
+
+def test_the_end_searches_nothing():
+    """When a command ends, all that it has imported is out of the garbage collector's sight."""
+    code = (
+        "import atexit, gc, sys; atexit.register(lambda: print(len(gc.get_objects()), gc.get_freeze_count()));"
+        " sys.argv = ['clearcap', '--version']; from clearcap.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+    seen, frozen = map(int, done.stdout.splitlines()[-1].split())
+    assert seen < 100 < frozen
