@@ -116,7 +116,7 @@ def test_an_unknown_sampler_is_refused_everywhere(campaign, plan, tmp_path):
 def test_every_sampler_says_what_it_is(name):
     """In the documentation, in the schema of the campaign file, and in the report."""
     sampler = sampler_named(name)
-    assert f"| `{name}` |" in DOCS
+    assert f"- `{name}`: " in DOCS
     assert sampler.report.endswith(".")
     assert (
         sampler.production
