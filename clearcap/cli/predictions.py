@@ -69,6 +69,10 @@ def whatif(
         say(words)
     for note in dict.fromkeys(note for answer in answers.values() for note in answer.notes):
         say(f"{', '.join(name for name, answer in answers.items() if note in answer.notes)}: {note}")
+    for reason in dict.fromkeys(answer.emulated for answer in answers.values() if answer.emulated):
+        names = [name for name, answer in answers.items() if answer.emulated == reason]
+        runs = max(answers[name].runs for name in names)
+        say(f"{', '.join(names)}: emulated, as {reason}; {runs} new runs with these distributions would make it sure")
     refused = refusals(answers)
     for each in refused:
         of = "any response" if len(each.responses) == len(answers) > 1 else ", ".join(each.responses)
@@ -340,7 +344,7 @@ def _print_calibration(found: "Calibration", units: "dict[str, str]") -> None:
         (labelled(f.response, units[f.response]), f.specimen, *map(number, (f.value, f.predicted)), number(f.std, 3))
         for f in found.fitted
     ]
-    heads = ("response", "specimen", "measured", "explained", "sigma of the difference")
+    heads = ("response", "specimen", "measured", "explained", "sigma")
     print_table("measurements", heads, measured, texts=2)
     for name, quality in found.quality.items():
         print_text(

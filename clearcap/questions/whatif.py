@@ -18,8 +18,9 @@ from campaign.inputs.distributions import DISTRIBUTIONS, Constant, Distribution
 from campaign.inputs.distributions.bounded import Triangular, Uniform
 from campaign.inputs.distributions.normal import TruncatedNormal
 from campaign.inputs.distributions.skewed import Exponential
-from campaign.inputs.sampling import SAMPLERS, sampler_named
+from campaign.inputs.sampling import SAMPLERS, draw, sampler_named
 from campaign.inputs.sampling.inverse_transform import matrix
+from campaign.inputs.sampling.sampler import varied
 from campaign.plan import Plan, dump_spec
 from campaign.samples import SampleColumns, independent_samples, limits_of, lots_of
 from campaign.spec.campaign_file import CampaignSpec
@@ -29,6 +30,7 @@ from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from engine.platform.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability
+from reporting.emulation.emulated_what_if import NEW_SAMPLES, emulated_what_if
 from reporting.shape.histogram import histogram
 from reporting.tolerance.reweighting import Change, Weights, weights
 from reporting.tolerance.whatif import WhatIf, what_if_all
@@ -50,14 +52,32 @@ def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, What
     return what_if_from(plan, independent_samples(store, plan), settings)
 
 
-def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> dict[str, WhatIf]:
-    """Return every response under changed distributions; for the settings see `changed_variables`."""
-    change = change_of(plan, columns, settings)
+def what_if_from(
+    plan: Plan, columns: SampleColumns, settings: Sequence[str], *, emulates: bool = True
+) -> dict[str, WhatIf]:
+    """Return every response under changed distributions; for the settings see `changed_variables`.
+
+    Where the weights of the samples carry no answer, an emulator of the rows gives one if it predicts well, unless it
+    would take too long.
+    """
+    change, lots = change_of(plan, columns, settings), lots_of(plan, columns.number)
     responses = {name: columns.values[name] for name in plan.mechanism.responses}
     try:
-        return what_if_all(responses, change, limits_of(plan), lots=lots_of(plan, columns.number))
+        answers = what_if_all(responses, change, limits_of(plan), lots=lots)
     except ReportError as error:
         raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
+    refused = [name for name, answer in answers.items() if answer.refusal]
+    if not refused or not emulates or lots is not None:  # lots share a shift: few, however many samples are emulated
+        return answers
+    names = [name for name in varied(plan.spec) if np.ptp(columns.values[name]) > 0]
+    variables = {**plan.spec.variables, **changed_variables(plan.spec, settings).variables}
+    spec = plan.spec.model_copy(update={"variables": variables, "sampler": "random", "samples": NEW_SAMPLES})
+    new, old = draw(spec, 0, NEW_SAMPLES), {name: columns.values[name] for name in names}
+    limits = limits_of(plan)
+    return answers | {
+        name: emulated_what_if(responses[name], old, {v: new[v] for v in names}, limits[name], answers[name])
+        for name in refused
+    }
 
 
 def change_of(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> Change:

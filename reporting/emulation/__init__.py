@@ -1,1 +1,1 @@
-"""Emulators: cheap predictions of what new runs would give, with their own error; calibration on them."""
+"""Emulators: cheap predictions of what new runs would give, with their own error; calibration and what-ifs on them."""

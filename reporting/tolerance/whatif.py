@@ -77,6 +77,7 @@ class WhatIf:
     ppm_expected: float | None = None  # out of limits, of a normal distribution with the new mean and sigma
     missing: float | None = None  # weighted share of rows without a value: the failures under the new distributions
     refusal: str = ""  # why there are no numbers; empty if there are
+    emulated: str = ""  # why an emulator of the rows gives the numbers, and not their weights; empty if they do
     notes: tuple[str, ...] = ()
 
 

@@ -71,7 +71,7 @@ def what_if_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -> d
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
     url, plan, columns, mark = _asked(rows, settings, preview)
-    answers = what_if_from(plan, columns, settings)
+    answers = what_if_from(plan, columns, settings, emulates=not preview)  # a slider asks many times a second
     return what_if_document(plan, url, settings, answers) | mark
 
 

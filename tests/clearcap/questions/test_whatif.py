@@ -1,6 +1,7 @@
 """Questions to samples without new runs, and the verbs that ask them."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 
 from campaign.errors import CampaignError, SpecError
 from campaign.plan import make_plan
+from campaign.samples import independent_samples
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
@@ -16,7 +18,7 @@ from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.cli import app
 from clearcap.cli.predictions import _cell
 from clearcap.questions.tolerances import advice_of
-from clearcap.questions.whatif import what_if
+from clearcap.questions.whatif import what_if, what_if_from
 from reporting.tolerance.whatif import Estimate
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
@@ -59,13 +61,31 @@ def test_the_verbs_say_it_in_json_and_in_words(filled):
     assert set(content["responses"]) == set(plan.mechanism.responses)
     assert content["set"] == ["J1.std=0.016"]
     assert "FC-1" in run.invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.016", *place]).stdout
-    refused = run.invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.0001", "--json", *place])
+    refused = run.invoke(app, ["whatif", plan.campaign_id, "--set", "preload.upper=1.5", "--json", *place])
     assert refused.exit_code == 1
     assert json.loads(refused.stdout)["responses"]["FC-1"]["refusal"]
     assert isinstance(run.invoke(app, ["whatif", plan.campaign_id, *place]).exception, SpecError)
     advised = json.loads(run.invoke(app, ["advise", plan.campaign_id, "--json", *place]).stdout)
     assert [each["variable"] for each in advised["advice"]] == ["J1", "preload"]
     assert advised["below"] == {}
+
+
+def test_what_weights_do_not_carry_is_emulated(filled):
+    """The rows of the stand-in are linear, so sigma follows from those of the variables; the answer is labelled."""
+    store, plan = filled
+    words = ["whatif", plan.campaign_id, "--set", "J1.std=0.001", "--store", store.url]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 0
+    assert re.search(r"FC-1.*: emulated, as .* are needed; \d+ new runs with these distributions", told.stderr)
+    answers = what_if(store, plan, ["J1.std=0.001"])
+    assert all(answer.emulated and not answer.refusal for answer in answers.values())
+    rows = store.table(plan.campaign_id).to_pandas()
+    slopes = np.linalg.lstsq(np.column_stack([rows.J1, rows.preload, np.ones(400)]), rows["FC-1"], rcond=None)[0]
+    sigma = np.hypot(slopes[0] * 0.001, slopes[1] * 0.1 / np.sqrt(12))
+    low, high = answers["FC-1"].std.interval
+    assert low < sigma < high
+    previewed = what_if_from(plan, independent_samples(store, plan), ["J1.std=0.001"], emulates=False)
+    assert all(answer.refusal for answer in previewed.values())
 
 
 @pytest.mark.slow

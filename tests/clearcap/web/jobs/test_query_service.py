@@ -35,6 +35,7 @@ from tests.clearcap.web.running import until_true
 pytestmark = pytest.mark.bits
 
 NARROWER = ["J1.std=0.016"]
+BEYOND = "preload.upper=1.5"
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
 
@@ -80,13 +81,13 @@ def test_refusals_and_advice_are_those_of_the_command(filled, asked, tmp_path):
 
     async def ask(answers):
         return [
-            await answers.ask("u", what_if_answer, [name], ["J1.std=0.0001"], False),
+            await answers.ask("u", what_if_answer, [name], [BEYOND], False),
             await answers.ask("u", advice_answer, [name]),
             await answers.ask("u", allocation_answer, [name], COSTS),
         ]
 
     refused, advised, allocated = (json.loads(each) for each in asked(store, ask))
-    assert refused == said("whatif", name, "--set", "J1.std=0.0001", *place)
+    assert refused == said("whatif", name, "--set", BEYOND, *place)
     assert refused["refused"][0]["runs"] > 100
     assert set(refused["refused"][0]["responses"]) == set(plan.mechanism.responses)
     assert advised == said("advise", name, *place)

@@ -49,17 +49,17 @@ def test_form_leads_to_the_address_of_its_question(visit, home, computing_servic
 
 def test_what_samples_do_not_carry_is_grey(visit, home, explored, computing_service):
     """With the reason, and for engineers a button to the form of a campaign that tells: Cpk of 1.33 to 5 %."""
-    path = f"{home}/whatif?set=J1.std%3D0.05"
+    path = f"{home}/whatif?set=preload.upper%3D1.5"
     text = visit(path).text
     assert 'class="card refused"' in text
     link = re.search(r'href="(/campaigns/new\?[^"]+)"', text)[1].replace("&amp;", "&")
     runs = re.search(r"needs ([\d\u202f]+) runs", text)[1].replace("\u202f", "")
-    assert link == f"/campaigns/new?from={explored[1]}&set=J1.std%3D0.05&samples={runs}"
+    assert link == f"/campaigns/new?from={explored[1]}&set=preload.upper%3D1.5&samples={runs}"
     assert cpk_half_width(1.33, int(runs), 0.95) / 1.33 == pytest.approx(0.05, rel=1e-3)
-    words = ["whatif", explored[1], "--set", "J1.std=0.05", "--store", computing_service[0].store.url, "--json"]
+    words = ["whatif", explored[1], "--set", "preload.upper=1.5", "--store", computing_service[0].store.url, "--json"]
     assert int(runs) == json.loads(CliRunner().invoke(app, words).stdout)["refused"][0]["runs"]
     begun = visit(link).text
-    assert "std = 0.05" in begun
+    assert "upper = 1.5" in begun
     assert f"samples = {runs}" in begun
     assert "/campaigns/new?from" not in visit(path, "viewer").text
 
