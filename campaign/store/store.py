@@ -22,6 +22,7 @@ from campaign.store.layout import (
     HEARTBEAT,
     LOG,
     PLAN,
+    POOLED,
     REPEATS,
     REPORT,
     STOPPED,
@@ -321,10 +322,18 @@ def report_folder(campaign_id: str, against: str | None = None) -> str:
 
 def comparisons(store: Store, campaign_id: str) -> dict[str, list[str]]:
     """Return the names of the files of a campaign's comparisons, by the id of the other campaign, deleted or not."""
-    others = store.files.names(f"{campaign_id}/{COMPARISONS}")
-    written = {other: store.files.names(report_folder(campaign_id, other)) for other in others}
-    whole = {other: [name for name in names if not name.endswith(TEMPORARY)] for other, names in written.items()}
-    return {other: names for other, names in whole.items() if names}
+    return _reports_below(store, f"{campaign_id}/{COMPARISONS}")
+
+
+def pools(store: Store, campaign_id: str) -> dict[str, list[str]]:
+    """Return the names of the files of the reports in which a campaign comes first of several, by their folders."""
+    return _reports_below(store, f"{campaign_id}/{POOLED}")
+
+
+def _reports_below(store: Store, folder: str) -> dict[str, list[str]]:
+    written = {name: store.files.names(f"{folder}/{name}") for name in store.files.names(folder)}
+    whole = {each: [name for name in names if not name.endswith(TEMPORARY)] for each, names in written.items()}
+    return {each: names for each, names in whole.items() if names}
 
 
 # -- changes -----------------------------------------------------------------------------------------------------------

@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from campaign.errors import SpecError
+from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.plan import Plan
 from campaign.row_build import UNKNOWN
-from campaign.store import Store
+from campaign.store import Store, open_store
+from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import POOLED
 from clearcap.questions.plan_differences import plan_differences, shortened
 from clearcap.questions.report import (
@@ -81,9 +82,7 @@ def pooled(members: Sequence[Member]) -> Pool:
     if len(members) < 2:
         raise SpecError("pool: one campaign alone is given; name another one of the same plan with another seed")
     (store, first), spec = members[0], members[0][1].spec
-    if reason := sampler_named(spec.sampler).not_poolable:
-        allowed = ", ".join(sampler.name for sampler in SAMPLERS.values() if not sampler.not_poolable)
-        raise SpecError(f'pool: {first.campaign_id} has sampler = "{spec.sampler}"; allowed: {allowed}: {reason}')
+    _check_sampler(first)
     for there, other in members[1:]:
         _check_alike(store, first, there, other)
     for (_, one), (_, other) in combinations(members, 2):
@@ -102,6 +101,14 @@ def pooled(members: Sequence[Member]) -> Pool:
             "which the next campaign could begin; give all variables batches of one size"
         )
     return Pool(tuple(members), tuple(firsts))
+
+
+def _check_sampler(plan: Plan) -> None:
+    """Raise SpecError unless sets of samples with several seeds are one sample."""
+    sampler = plan.spec.sampler
+    if reason := sampler_named(sampler).not_poolable:
+        allowed = ", ".join(each.name for each in SAMPLERS.values() if not each.not_poolable)
+        raise SpecError(f'pool: {plan.campaign_id} has sampler = "{sampler}"; allowed: {allowed}: {reason}')
 
 
 def _check_alike(store: Store, plan: Plan, there: Store, other: Plan) -> None:
@@ -206,6 +213,37 @@ def pooled_folder(ids: Sequence[str]) -> str:
     if len(name) > LONGEST:
         name = f"{len(others)}-others-{hashlib.sha256(name.encode()).hexdigest()[:10]}"
     return f"{own}/{POOLED}/{name}"
+
+
+def written_pool(store: str, campaigns: Sequence[str]) -> dict[str, str]:
+    """Write the report of several campaigns as `pooled_report` does, as a job, which gets the address of the store."""
+    opened = open_store(store, QUICK)
+    return pooled_report([(opened, opened.plan(each)) for each in campaigns])
+
+
+def possible_members(store: str, campaign: str, others: Sequence[str]) -> dict[str, Any]:
+    """Return, as a job, ``seed`` of a campaign, why nothing is pooled with it (``refusal``), and ``others``.
+
+    Of each there are ``campaign``, ``seed``, ``samples`` and ``refusal``.
+    """
+    opened = open_store(store, QUICK)
+    own, found = (opened, opened.plan(campaign)), []
+    seed = own[1].spec.seed
+    try:
+        _check_sampler(own[1])
+    except SpecError as error:
+        return {"seed": seed, "refusal": str(error).removeprefix("pool: "), "others": []}
+    for other in others:
+        try:
+            plan = opened.plan(other)
+            told = {"campaign": other, "seed": plan.spec.seed, "samples": plan.spec.samples, "refusal": ""}
+            pooled([own, (opened, plan)])
+        except SpecError as error:
+            told["refusal"] = str(error).removeprefix("pool: ")
+        except CampaignError:  # deleted or broken meanwhile: the list says so
+            continue
+        found.append(told)
+    return {"seed": seed, "refusal": "", "others": found}
 
 
 def _beside_rows(pool: Pool) -> dict[str, Any]:

@@ -170,9 +170,11 @@ each.delete(_CAMPAIGN, status_code=204, responses=_404_409)(campaigns.delete)
 each = _ROUTERS["reports"]
 each.get(f"{_CAMPAIGN}/reports/own/{{name}}", **_FILE)(campaigns.report_file)
 each.get(f"{_CAMPAIGN}/reports/against/{{other}}/{{name}}", **_FILE)(campaigns.comparison_file)
+each.get(f"{_CAMPAIGN}/reports/pooled/{{pool}}/{{name}}", **_FILE)(campaigns.pooled_file)
 each.get(f"{_CAMPAIGN}/reports", responses=_404)(campaigns.report_files)
 each.post(f"{_CAMPAIGN}/report", responses=_404_409)(campaigns.write_report)
 each.post(f"{_CAMPAIGN}/comparisons/{{other}}", responses=_404_409)(campaigns.write_comparison)
+each.post(f"{_CAMPAIGN}/pools", responses=_404_409)(campaigns.write_pool)
 
 each = _ROUTERS["questions"]
 each.get(f"{_CAMPAIGN}/whatif", **_document(_JSON, schema=_DATA, example=_WHAT_IF))(samples.ask_what_if)

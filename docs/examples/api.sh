@@ -67,11 +67,13 @@ curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/advice"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/allocation" --json '{"costs": "[variables.J1]\ncost = 1.0\n"}'
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/comparisons/$OTHER"
 curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/comparisons/$OTHER"
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/pools" --json '{"others": ["'$OTHER'"]}'
 curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/report"
 
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/reports"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/reports/own/report.html" -o report.html
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/reports/against/$OTHER/report.html" -o comparison.html
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/reports/pooled/$OTHER/report.html" -o pooled.html
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/rows?format=parquet" -o rows.parquet
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/rows?format=csv&columns=sample&columns=FC-1&status=ok&last=999"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples?sort=margin&limit=20"

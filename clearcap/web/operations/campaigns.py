@@ -20,11 +20,13 @@ from campaign.coordinator.submit import assign_coordinator
 from campaign.errors import FailedStatus, SpecError
 from campaign.store.files.files import TEMPORARY
 from campaign.store.labels import LabelChange, change_labels, read_labels
-from campaign.store.layout import CAMPAIGN_FILE, CANCEL
-from campaign.store.store import comparisons, report_folder
+from campaign.store.layout import CAMPAIGN_FILE, CANCEL, POOLED
+from campaign.store.store import comparisons, pools, report_folder
+from clearcap.questions.pooling import pooled_folder, written_pool
 from clearcap.questions.report import written_report
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import (
+    CAMPAIGN_ID,
     Authenticated,
     Engineer,
     OtherCampaign,
@@ -43,6 +45,7 @@ from clearcap.web.operations.submissions import check_user, place_in_queue
 from clearcap.web.web_service import Service
 
 LONGEST_CURSOR = 2000  # characters
+MOST_POOLED = 50  # other campaigns
 _LONGEST_WORD = 200  # characters of a text that are compared
 Key = tuple[float, str]
 Listed = TypeVar("Listed", bound=tuple[CampaignEntry, object])
@@ -364,14 +367,22 @@ class ReportFiles(BaseModel):
 
     files: list[str] = Field(description="Of its own report; empty if none is written", examples=[["report.html"]])
     comparisons: dict[str, list[str]] = Field(description="Of its comparisons, by the id of the other campaign")
+    pools: dict[str, list[str]] = Field(
+        {},
+        description="Of its reports as one with other campaigns, by the part of the address that stands for these",
+        examples=[{"c60-5e6f7a8b9c": ["report.html"]}],
+    )
 
 
 def report_files(service: TheService, campaign: TheCampaign, who: Authenticated) -> ReportFiles:
-    """List the files of a campaign's report and of its comparisons with campaigns that you may see."""
+    """List the files of a campaign's report, and of its reports with other campaigns that you may see."""
     names = service.store.files.names(report_folder(campaign))
     others = comparisons(service.store, campaign)
     seen = {other: _written(files) for other, files in others.items() if who.may_see(other)}
-    return ReportFiles(files=_written(names), comparisons=seen)
+    together = {} if who.campaign else pools(service.store, campaign)  # a shared link shows one campaign only
+    return ReportFiles(
+        files=_written(names), comparisons=seen, pools={pool: _written(files) for pool, files in together.items()}
+    )
 
 
 async def write_report(service: TheService, campaign: TheCampaign, who: Engineer) -> ReportFiles:
@@ -390,6 +401,34 @@ async def write_comparison(
     await the_campaign(service, who, other)
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign, other)
     return await run_in_threadpool(report_files, service, campaign, who)
+
+
+class PoolRequest(Sent):
+    """The campaigns that are one report with another one."""
+
+    others: list[Annotated[str, Field(pattern=CAMPAIGN_ID)]] = Field(
+        max_length=MOST_POOLED,
+        description="Ids of campaigns that differ only in seed and number of samples",
+        examples=[["c60-5e6f7a8b9c"]],
+    )
+
+
+class PooledReport(BaseModel):
+    """The report of several campaigns as one."""
+
+    pool: str = Field(description="Stands for the others in the address of the files", examples=["c60-5e6f7a8b9c"])
+    files: list[str] = Field(examples=[["report.html"]])
+
+
+async def write_pool(service: TheService, campaign: TheCampaign, who: Engineer, wanted: PoolRequest) -> PooledReport:
+    """Write one report of the samples of a campaign and of others that differ only in seed and number of samples."""
+    for other in wanted.others:
+        await the_campaign(service, who, other)
+    campaigns = [campaign, *wanted.others]
+    await service.pool.data(who.name, written_pool, service.store.files.full_url, campaigns)
+    folder = pooled_folder(campaigns)
+    files = await run_in_threadpool(service.store.files.names, folder)
+    return PooledReport(pool=folder.rpartition("/")[2], files=_written(files))
 
 
 def _written(names: list[str]) -> list[str]:
@@ -414,6 +453,14 @@ REPORT_POLICY = (
     " form-action 'none'; frame-ancestors 'self'"
 )
 FileName = Annotated[str, Path(pattern=FILE_NAME, examples=["report.html"])]
+PoolName = Annotated[
+    str,
+    Path(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_+-]{0,199}$",
+        description="`pool` of the answer that wrote it",
+        examples=["c60-5e6f7a8b9c"],
+    ),
+]
 
 
 async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
@@ -433,6 +480,13 @@ async def comparison_file(
     if not who.may_see(other):
         raise Refusal(404, f"no campaign {other} in the store")
     return await file_answer(request, service, report_folder(campaign, other), name)
+
+
+async def pooled_file(
+    request: Request, service: TheService, campaign: TheCampaign, _: Viewer, pool: PoolName, name: FileName
+) -> Response:
+    """Return a file of the report of several campaigns as one, whole or in parts."""
+    return await file_answer(request, service, f"{campaign}/{POOLED}/{pool}", name)
 
 
 async def file_answer(request: Request, service: Service, folder: str, name: str) -> Response:

@@ -1,5 +1,6 @@
 """The list of campaigns, and the pages of each: progress, report and actions; shared links; sign-offs."""
 
+import json
 import time
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -10,9 +11,11 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.heartbeat import observe
+from clearcap.questions.pooling import possible_members
 from clearcap.questions.signing import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import (
+    CAMPAIGN_ID,
     Approver,
     Authenticated,
     Engineer,
@@ -87,6 +90,45 @@ async def report_form(service: TheService, campaign: TheCampaign, who: Engineer)
     """Write the report of a campaign again."""
     await campaigns.write_report(service, campaign, who)
     return RedirectResponse(f"/campaigns/{quote(campaign)}/report", 303)
+
+
+@router.get("/campaigns/{campaign}/pool")
+async def pool_page(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Viewer,
+    shown: Annotated[str, Query(max_length=200)] = "",
+) -> Response:
+    """Show the campaigns that are one sample with this one, and their reports."""
+    await service.watcher.list_first()
+    name = campaign.rpartition("-")[0]  # plans that differ only in the seed have one name, with which their ids begin
+    named = [pair for pair in service.watcher.index.entries() if pair[0].campaign.rpartition("-")[0] == name]
+    alike = {entry.campaign: entry for entry, _ in campaigns.in_order(named, "newest")}
+    others = [each for each in alike if each != campaign][: campaigns.MOST_POOLED]
+    job = service.answers.made(who.name, possible_members, service.store.files.full_url, campaign, tuple(others))
+    found = json.loads(await job)
+    refused: dict[str, list[str]] = {}
+    for each in found["others"]:
+        if each["refusal"]:
+            refused.setdefault(each["refusal"], []).append(each["campaign"])
+    files = await run_in_threadpool(campaigns.report_files, service, campaign, who)
+    values: dict[str, Any] = {"possible": [each for each in found["others"] if not each["refusal"]], "refused": refused}
+    values |= {"entries": alike, "pools": files.pools, "shown": shown if shown in files.pools else ""}
+    values |= {"reason": found["refusal"], "seed": 1 + max(each["seed"] for each in (found, *found["others"]))}
+    return page(request, "pool", **values, **await frame(request, service, campaign, who))
+
+
+@router.post("/campaigns/{campaign}/pool")
+async def pool_form(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    others: Annotated[list[Annotated[str, Field(pattern=CAMPAIGN_ID)]], Form(max_length=campaigns.MOST_POOLED)] = [],  # noqa: B006
+) -> Response:
+    """Write the report of several campaigns as one."""
+    made = await campaigns.write_pool(service, campaign, who, campaigns.PoolRequest(others=others))
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/pool?shown={quote(made.pool, safe='')}", 303)
 
 
 @router.post("/campaigns/{campaign}/cancel")

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.responses import RedirectResponse, Response
@@ -33,10 +33,11 @@ from clearcap.questions.whatif import changed_variables
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
 from clearcap.web.http.responses import Refusal, faults_of, refusal_of
+from clearcap.web.jobs.queries import MOST_SETTINGS
 from clearcap.web.operations import submissions
 from clearcap.web.operations.drawings import campaign_of, the_draft
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
-from clearcap.web.operations.samples import WhatIfSettings
+from clearcap.web.operations.samples import Setting
 from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
 from engine import EngineError
@@ -122,7 +123,9 @@ def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
     return {key: value for key, value in result.items() if value != {} or key == "variables"}
 
 
-def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None) -> Tables:
+def started_from(
+    store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None, seed: int | None = None
+) -> Tables:
     """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign."""
     import tomli_w
 
@@ -130,6 +133,7 @@ def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), sam
     plan = opened.plan(campaign_id)
     changed = changed_variables(plan.spec, settings).variables if settings else {}
     update = {"variables": {**plan.spec.variables, **changed}, "samples": samples or plan.spec.samples}
+    update |= {} if seed is None else {"seed": seed}
     tables, name = dump_spec(plan.spec.model_copy(update=update)), plan.spec.mechanism
     if name in library_names() or read_mechanism(opened, name) is not None:
         return {"text": campaign_text(tables), "files": {}}
@@ -367,28 +371,33 @@ class Draft:
         return submissions.CampaignRequest(text=self.text, files=files, owner=self.owner or None, tags=tags)
 
 
+class Beginning(BaseModel):
+    """What a new campaign begins with: a mechanism, a draft from a drawing, or another campaign with changes."""
+
+    start: str = Field("", alias="from", pattern=CAMPAIGN_ID + "|^$")
+    mechanism: str = Field(FIRST_MECHANISM, max_length=64)
+    drawing: str = Field("", max_length=64)
+    set: list[Setting] = Field([], max_length=MOST_SETTINGS)
+    samples: int | None = Field(None, ge=1, lt=2**53)
+    seed: int | None = Field(None, ge=0, lt=2**63)
+
+
 @router.get("/campaigns/new")
 async def new_campaign_page(
-    request: Request,
-    service: TheService,
-    who: Engineer,
-    start: Annotated[str, Query(alias="from", pattern=CAMPAIGN_ID + "|^$")] = "",
-    mechanism: Annotated[str, Query(max_length=64)] = FIRST_MECHANISM,
-    drawing: Annotated[str, Query(max_length=64)] = "",
-    set: WhatIfSettings = [],  # noqa: B006  # FastAPI copies it
-    samples: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
+    request: Request, service: TheService, who: Engineer, asked: Annotated[Beginning, Query()]
 ) -> Response:
     """Show the form of a new campaign, which may begin as a copy of another one with some distributions changed."""
-    text = campaign_of(await the_draft(service, drawing)) if drawing else ""
-    draft = Draft(text or first_text(drawing or mechanism), owner=who.name)
-    if start:
-        if not await run_in_threadpool(service.store.files.exists, f"{start}/{PLAN}"):
-            raise Refusal(404, f"no campaign {start} in the store")
+    text = campaign_of(await the_draft(service, asked.drawing)) if asked.drawing else ""
+    draft = Draft(text or first_text(asked.drawing or asked.mechanism), owner=who.name)
+    if asked.start:
+        if not await run_in_threadpool(service.store.files.exists, f"{asked.start}/{PLAN}"):
+            raise Refusal(404, f"no campaign {asked.start} in the store")
+        changes = tuple(asked.set), asked.samples, asked.seed
         url = service.store.files.full_url
-        begun = await service.pool.data(who.name, started_from, url, start, tuple(set), samples)
+        begun = await service.pool.data(who.name, started_from, url, asked.start, *changes)
         draft = replace(draft, text=begun["text"], files=begun["files"])
     found = await service.pool.data(who.name, composed, submissions.source_of_request(service, draft.request()))
-    if not start:
+    if not asked.start:
         found |= {"faults": [], "detail": ""}  # the user has not written anything yet
     return await _shown(request, service, draft, found)
 

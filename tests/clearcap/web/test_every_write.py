@@ -75,9 +75,12 @@ class World:
         return SPEC.replace('"demo"', f'"demo{next(self._numbers)}"')
 
     def _loaded(self, samples=25):
+        return load_campaign(self._file(), samples=samples)
+
+    def _file(self):
         file = self._folder / f"{next(self._numbers)}.toml"
         file.write_text(self.spec())
-        return load_campaign(str(file), samples=samples)
+        return str(file)
 
     def campaign(self, state="completed"):
         """Return the id of a new campaign without rows, in a state."""
@@ -104,6 +107,14 @@ class World:
         campaign = self.computed(fake_engine.simulate)
         write_real_report(self.service, campaign)
         return campaign
+
+    @cached_property
+    def seeds(self):
+        """The ids of two campaigns with rows that differ in their seeds."""
+        file = self._file()
+        each = [computed(self.service.settings.store, load_campaign(file, seed=seed), 10) for seed in (1, 2)]
+        self.service.watcher.hurry()
+        return [plan.campaign_id for _, plan in each]
 
     @cached_property
     def real(self):
@@ -186,6 +197,11 @@ def world(tmp_path_factory):
 def of_finished(w, **sent):
     """Return a call about the finished campaign."""
     return Call({"campaign": w.finished}, sent)
+
+
+def pooled(w, **sent):
+    """Return the request for one report of two campaigns."""
+    return Call({"campaign": w.seeds[0]}, sent)
 
 
 def of_new(state, w, **sent):
@@ -276,6 +292,7 @@ HOW = {
     "DELETE /api/v1/campaigns/{campaign}": lambda w: deleted(w, form=False),
     "POST /api/v1/campaigns/{campaign}/report": of_finished,
     "POST /api/v1/campaigns/{campaign}/comparisons/{other}": lambda w: Call({"campaign": w.finished, "other": w.other}),
+    "POST /api/v1/campaigns/{campaign}/pools": lambda w: pooled(w, json={"others": w.seeds[1:]}),
     "POST /api/v1/campaigns/{campaign}/whatif": lambda w: of_finished(w, json={"set": ["J1.std=0.015"]}),
     "POST /api/v1/campaigns/{campaign}/allocation": lambda w: of_finished(w, json={"costs": COSTS}),
     "POST /api/v1/campaigns/{campaign}/samples/{sample}/replay": lambda w: Call({"campaign": w.real, "sample": 0}),
@@ -319,6 +336,7 @@ HOW = {
     "POST /campaigns/{campaign}/delete": lambda w: deleted(w, form=True),
     "POST /campaigns/{campaign}/samples/{sample}/replay": lambda w: Call({"campaign": w.real, "sample": 0}),
     "POST /campaigns/{campaign}/compare": lambda w: of_finished(w, data={"with": w.other}),
+    "POST /campaigns/{campaign}/pool": lambda w: pooled(w, data={"others": w.seeds[1:]}),
     "POST /campaigns/{campaign}/share": lambda w: of_new("queued", w, data={"days": "7"}),
     "POST /campaigns/{campaign}/share/{share}/revoke": lambda w: Call(w.shared()),
     "POST /campaigns/{campaign}/signoff": lambda w: signed(w, "data"),

@@ -137,7 +137,8 @@ def test_campaign_whose_file_was_removed(client, as_user, at, store, plan):
 def test_report_file_cannot_run_scripts(client, as_user, at, store, plan):
     store.files.write(f"{plan.campaign_id}/report/report.html", b"<script>alert(1)</script>")
     headers = as_user("viewer")
-    assert client.get(f"{at}/reports", headers=headers).json() == {"files": ["report.html"], "comparisons": {}}
+    listed = client.get(f"{at}/reports", headers=headers).json()
+    assert listed == {"files": ["report.html"], "comparisons": {}, "pools": {}}
     answer = client.get(f"{at}/reports/own/report.html", headers=headers)
     assert answer.headers["content-security-policy"].startswith("sandbox allow-popups; default-src 'none';")
     assert client.get(f"{at}/reports/own/other.html", headers=headers).status_code == 404

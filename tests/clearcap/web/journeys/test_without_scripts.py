@@ -68,6 +68,7 @@ def test_pages_show_their_content(unscripted, finished):
         (f"{home}/samples/3?pictures=true", "max_residual"),
         (f"{home}/whatif?set=J1.std%3D0.015", "ppm out of limits"),
         (f"/campaigns/{finished.wider}/compare?with={finished.first}", "Difference = this minus the other"),
+        (f"{home}/pool", "New campaign with another seed"),
         (f"{home}/export", "curl -H"),
         (f"{home}/signoff", "Sign plan, rows and report as ada"),
         (f"{home}/share", "Make a link"),
