@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from clearcap.web.pages import admin, campaigns, login, measured, mechanisms, new_campaign, rows
+from clearcap.web.pages import admin, campaigns, login, measured, mechanisms, new_campaign, rows, whatif
 
 STATIC = Path(__file__).parent / "static"
 

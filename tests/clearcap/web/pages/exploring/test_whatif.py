@@ -2,12 +2,14 @@
 
 import json
 import re
+from html import unescape
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from typer.testing import CliRunner
 
 from clearcap.cli import app
-from clearcap.web.pages.rows import other_settings, settings_of, variable_fields
+from clearcap.web.pages.whatif import other_settings, replaced, settings_of, variable_fields
 from reporting import format_numbers
 from reporting.capability.intervals import cpk_half_width
 from tests.clearcap.web.pages.forms import Page
@@ -77,6 +79,32 @@ def test_advice_and_costs(visit, home):
     assert Page(text).form(f"{home}/whatif")["advice"] == "true"  # the form of sliders keeps what else was asked
     text = visit(f"{home}/whatif", params={"costs": "not toml"}).text
     assert "costs:" in text
+
+
+def test_advice_is_applied_to_the_sliders(visit, home):
+    """By an address that keeps the other settings and the advice, which then stands in the fields."""
+    text = visit(f"{home}/whatif", params={"advice": "true", "set": ["J1.std=0.021", "preload.upper=0.999"]}).text
+    links = [unescape(link) for link in re.findall(r'class="button quiet" href="([^"]+)" aria-label="Apply', text)]
+    assert links
+    asked = parse_qs(urlsplit(next(link for link in links if "J1.std" in link)).query)
+    assert asked["advice"] == ["true"]
+    settings = dict(each.split("=") for each in asked["set"])
+    assert len(settings) == len(asked["set"])
+    form = Page(visit(next(link for link in links if "J1.std" in link)).text).form(f"{home}/whatif")
+    assert {key: form[f"v.{key}"] for key in settings} == settings
+
+
+def test_summary_has_the_worst_first(visit, home):
+    """What stays in sight on a telephone: Cpk as it is and as it would be."""
+    text = visit(f"{home}/whatif", params={"set": "J1.std=0.018"}).text
+    summary = text.partition('id="summary"')[2].partition("</ul>")[0]
+    shown = re.search(r'data-cpk="FC-1">([^<]+)<', text)[1]
+    assert f"→ <strong>{shown}</strong>" in summary
+
+
+def test_settings_of_an_advice_replace_those_of_their_keys():
+    asked = ["J1.std=0.02", "J2.std=0.01"]
+    assert replaced(asked, ["J1.std=0.03", "J3.std=1"]) == ["J2.std=0.01", "J1.std=0.03", "J3.std=1"]
 
 
 def test_settings_of_a_form(computing_service, explored):
