@@ -34,7 +34,12 @@ def plan_keys(store: Store, campaign: str) -> dict[str, Any]:
 def plan_differences(store: Store, campaign: str, other_store: Store, other: str) -> list[PlanDifference]:
     """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest."""
     plans = (_plan(*each) for each in ((store, campaign), (other_store, other)))
-    here, there = map(_told, plans)
+    return table_differences(*map(_told, plans))
+
+
+def table_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[PlanDifference]:
+    """Return what differs between two campaign files as tables, as `plan_differences`."""
+    here, there = _flat(one), _flat(other)
     keys = [key for key in dict.fromkeys((*here, *there)) if here.get(key) != there.get(key)]
     irrelevant = set(IRRELEVANT)
     found = [PlanDifference(key, here.get(key), there.get(key), key.split(".")[0] not in irrelevant) for key in keys]
@@ -52,9 +57,9 @@ def _plan(store: Store, campaign: str) -> dict[str, Any]:
 
 
 def _told(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a plan says by dotted key: its campaign file before its mechanism, which may be long."""
+    """Return what a plan says: its campaign file before its mechanism, which may be long."""
     spec = {key: value for key, value in plan["spec"].items() if key != "mechanism"}
-    return _flat({**spec, "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")})
+    return {**spec, "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")}
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:

@@ -11,5 +11,5 @@ STATIC = Path(__file__).parent / "static"
 
 def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
-    every = (login, admin, mechanisms, new_campaign, campaigns, rows, measured)
+    every = (login, admin, mechanisms, new_campaign, campaigns, rows, whatif, measured)
     return [each.router for each in every]

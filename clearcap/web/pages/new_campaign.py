@@ -4,6 +4,7 @@ The form has the keys that most campaigns need. All other keys, such as correlat
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -11,221 +12,60 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.responses import RedirectResponse, Response
 
-from campaign.errors import CampaignError, SpecError
-from campaign.inputs.distributions import DISTRIBUTIONS, Distribution, Variable
+from campaign.errors import CampaignError
+from campaign.inputs.distributions import DISTRIBUTIONS
 from campaign.inputs.sampling import SAMPLERS
-from campaign.plan import dump_spec
-from campaign.spec import campaign_file
-from campaign.spec.campaign_file import campaign_text
-from campaign.spec.named_files import MOST_FILES, GivenFiles
-from campaign.store import Store, open_store
-from campaign.store.files.retry_policy import QUICK
+from campaign.spec.named_files import MOST_FILES, campaign_names
 from campaign.store.labels import MOST_TAGS
 from campaign.store.layout import PLAN
-from campaign.store.mechanism_library import read_mechanism, saved_mechanisms
-from clearcap.questions.submissions import CampaignSource, check_campaign_text
-from clearcap.questions.whatif import changed_variables
+from campaign.store.mechanism_library import saved_mechanisms
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import CAMPAIGN_ID, Engineer, TheService
-from clearcap.web.http.responses import Refusal, faults_of, refusal_of
+from clearcap.web.http.responses import Refusal, refusal_of
 from clearcap.web.jobs.queries import MOST_SETTINGS
 from clearcap.web.operations import submissions
 from clearcap.web.operations.drawings import campaign_of, the_draft
 from clearcap.web.operations.mechanisms import LONGEST_TEXT
 from clearcap.web.operations.samples import Setting
+from clearcap.web.pages.campaign_draft import (
+    DEFAULT,
+    DRAWN_LIMITS,
+    LIMITS,
+    PARAMETERS,
+    RARE,
+    SHOWN_KEYS,
+    STATISTICS,
+    STOP_NUMBERS,
+    TOP_KEYS,
+    USUAL_LIMITS,
+    Tables,
+    Wanted,
+    composed,
+    excluded,
+    first_text,
+    shipped_campaign,
+    started_from,
+    way_of,
+    ways_of,
+)
 from clearcap.web.pages.rendering import fault_line, marked_lines, page, unix_lines, uploaded_text
 from clearcap.web.web_service import Service
-from engine import EngineError
 from engine.mechanism import library_names
-from engine.mechanism.keys.values import settable_numbers
-from engine.platform.toml_file import UnfitToml, parse_toml, text_bytes
 
-Tables = dict[str, Any]
-TOP_KEYS = ("name", "title", "mechanism", "bench", "preset", "samples", "seed", "sampler")
-MOST_KEYS = 2000  # largest number of keys that a field proposes
-WIDTH, HEIGHT, POINTS = 120.0, 32.0, 61  # size of the picture of a density, and number of its points
-_VARIABLE: TypeAdapter[Distribution] = TypeAdapter(Variable)
-
-
-def _numbers(schema: Mapping[str, Any]) -> dict[str, str]:
-    """Return the numeric keys of a table, each with its description; the bounds come last."""
-    found = {}
-    for key, each in schema["properties"].items():
-        kinds = {one.get("type") for one in (each, *each.get("anyOf", ()))}
-        if kinds & {"number", "integer"} and "array" not in kinds:
-            found[key] = str(each.get("description", ""))
-    return dict(sorted(found.items(), key=lambda pair: pair[0] in ("lower", "upper")))
-
-
-PARAMETERS = {name: _numbers(model.model_json_schema()) for name, model in DISTRIBUTIONS.items()}
-LIMITS = _numbers(campaign_file.Response.model_json_schema())
-_STOP = campaign_file.Stop.model_json_schema()
-STOP_NUMBERS, STATISTICS = _numbers(_STOP), [str(each) for each in _STOP["properties"]["statistic"]["enum"]]
-
-
-def composed(source: CampaignSource, form: Tables | None = None, tries_runs: bool = False) -> Tables:
-    """Return the text and the form of a campaign, one derived from the other, and their faults.
-
-    A `form` overrides the text; `tries_runs` estimates the cost from some runs. ``form`` is None for no TOML,
-    ``mechanism`` if it is faulty, ``checked`` if the check failed; ``faults`` and ``detail`` are empty if it passed.
-    """
-    store = open_store(source.store, QUICK)
-    try:
-        tables = parse_toml(text_bytes(source.text))
-    except UnfitToml as error:
-        fault: Tables = {"keys": [], "text": str(error), "value": None, "line": error.line, "file": None}
-        nothing: Tables = {"form": None, "mechanism": None, "densities": {}, "checked": None}
-        return {"text": source.text, **nothing, "faults": [fault], "detail": str(error)}
-    if form is not None:
-        tables = merged(tables, form)
-        source = replace(source, text=campaign_text(tables))
-    found: Tables = {"text": source.text, "form": form_tables(tables), "checked": None, "faults": [], "detail": ""}
-    try:
-        found["checked"] = check_campaign_text(source, tries_runs)
-    except (CampaignError, EngineError) as error:
-        found |= {"faults": faults_of(error), "detail": str(error)}
-    variables = tables.get("variables")
-    shown = variables if isinstance(variables, dict) else {}
-    densities = {name: density for name, table in shown.items() if (density := _density(table))}
-    return {**found, "mechanism": _mechanism(store, source, tables), "densities": densities}
-
-
-def form_tables(tables: Mapping[str, Any]) -> Tables:
-    """Return the parts of a campaign's tables that the form shows, as plain data."""
-    shown: Tables = {key: tables[key] for key in TOP_KEYS if key in tables}
-    for key in ("variables", "responses"):
-        given = tables.get(key)
-        shown[key] = {}
-        for name, table in given.items() if isinstance(given, dict) else ():
-            shown[key][name] = _scalars(table)
-    shown["stop"] = _scalars(tables.get("stop"))
-    plain: Tables = json.loads(json.dumps(shown, default=str))
-    return plain
-
-
-def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
-    """Return a campaign's tables, overridden by the content of the form."""
-    result: Tables = {"format": 1, **tables}
-    for key in TOP_KEYS:
-        _set(result, key, form.get(key))
-    for key, owned in (("variables", None), ("responses", LIMITS)):
-        old = tables.get(key)
-        before = old if isinstance(old, dict) else {}
-        result[key] = {name: _table(before.get(name), table, owned) for name, table in form.get(key, {}).items()}
-    result["responses"] = {name: table for name, table in result["responses"].items() if table}
-    stop = _table(tables.get("stop"), form.get("stop", {}), {**STOP_NUMBERS, "response": "", "statistic": ""})
-    _set(result, "stop", stop if form.get("stop") else None)
-    return {key: value for key, value in result.items() if value != {} or key == "variables"}
-
-
-def started_from(
-    store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None, seed: int | None = None
-) -> Tables:
-    """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign."""
-    import tomli_w
-
-    opened = open_store(store, QUICK)
-    plan = opened.plan(campaign_id)
-    changed = changed_variables(plan.spec, settings).variables if settings else {}
-    update = {"variables": {**plan.spec.variables, **changed}, "samples": samples or plan.spec.samples}
-    update |= {} if seed is None else {"seed": seed}
-    tables, name = dump_spec(plan.spec.model_copy(update=update)), plan.spec.mechanism
-    if name in library_names() or read_mechanism(opened, name) is not None:
-        return {"text": campaign_text(tables), "files": {}}
-    # the plan contains the mechanism with bench and preset already applied
-    tables = {key: value for key, value in tables.items() if key not in ("bench", "preset")}
-    tables["mechanism"] = "mechanism.toml"
-    document = json.loads(plan.mechanism.model_dump_json(by_alias=True, exclude_none=True))
-    return {"text": campaign_text(tables), "files": {"mechanism.toml": tomli_w.dumps(document)}}
-
-
-def first_text(mechanism: str, samples: int = 1000) -> str:
-    """Return the text that a new campaign begins with."""
-    name = "".join(c if c.isalnum() and c.isascii() else "-" for c in mechanism)[:50].strip("-") or "campaign"
-    return campaign_text({"format": 1, "name": name, "mechanism": mechanism, "samples": samples, "variables": {}})
-
-
-def _scalars(table: Any) -> Tables:
-    """Return the strings and numbers of a table."""
-    given = table if isinstance(table, dict) else {}
-    return {key: value for key, value in given.items() if isinstance(value, str | int | float)}
-
-
-def _set(table: Tables, key: str, value: Any) -> None:
-    """Set a key, or remove it if the form has no value; an equal number keeps its type in the table."""
-    if value is None or value == "":
-        table.pop(key, None)
-    elif table.get(key) != value or isinstance(table.get(key), bool):
-        table[key] = value
-
-
-def _table(old: Any, new: Tables, owned: Mapping[str, str] | None) -> Tables:
-    """Return a table with the form's values and the old keys that the form does not own (None: of a distribution)."""
-    before = old if isinstance(old, dict) else {}
-    if owned is None:
-        has = before.get("distribution", DEFAULT)
-        same = new.get("distribution", DEFAULT) == has
-        owned = {**PARAMETERS.get(str(has), {}), "distribution": "", "target": ""}
-        before = before if same else {}
-    result = {key: value for key, value in before.items() if key not in owned or key in new}
-    for key, value in new.items():
-        _set(result, key, value)
-    return result
-
-
-def _density(table: Any) -> Tables | None:
-    """Return the curve of a density as points of a polyline, its ends, and its description; None if a key is wrong."""
-    try:
-        distribution = _VARIABLE.validate_python(table)
-        points = distribution.density_points(POINTS)
-        low, high = distribution.ends()
-    except (ValidationError, SpecError, ValueError, ArithmeticError, OSError):
-        return None
-    top = max((y for _, y in points), default=0.0)
-    if not points or not high > low or not 0.0 < top < float("inf"):
-        return {"points": "", "low": low, "high": high, "text": distribution.text()}
-    scaled = (((x - low) / (high - low) * WIDTH, HEIGHT - 2.0 - y / top * (HEIGHT - 4.0)) for x, y in points)
-    drawn = [(0.0, HEIGHT - 2.0), *scaled, (WIDTH, HEIGHT - 2.0)]
-    return {"points": " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn), "low": low, "high": high,
-            "text": distribution.text()}  # fmt: skip
-
-
-def _mechanism(store: Store, source: CampaignSource, tables: Tables) -> Tables | None:
-    """Return the data that the form needs of the campaign's mechanism; None if it is missing or has faults."""
-    name = tables.get("mechanism")
-    if not isinstance(name, str) or not name:
-        return None
-    try:
-        mechanism = GivenFiles(source.contents(store)).mechanism(name)
-        benches, presets = dict(mechanism.benches), dict(mechanism.presets)
-        bench = tables.get("bench")
-        mechanism = mechanism.on_bench(bench) if isinstance(bench, str) and bench else mechanism
-    except (CampaignError, EngineError):
-        return None
-    keys = [each.short or each.key for each in settable_numbers(mechanism) if each.varies]
-    units = mechanism.response_units()
-    return {
-        "responses": {key: {"title": r.title, "unit": units[key]} for key, r in mechanism.responses.items()},
-        "keys": sorted(keys, key=lambda key: "." in key)[:MOST_KEYS],
-        "benches": {key: bench.title for key, bench in benches.items()},
-        "presets": {key: preset.title for key, preset in presets.items()},
-    }
-
-
-DEFAULT = "truncated_normal"
-BLANK_ROWS = 2  # rows for further variables
+BLANK_ROWS = 1  # rows for further variables
 MOST_ROWS = 1000
-NO_MECHANISM: Tables = {"responses": {}, "keys": [], "benches": {}, "presets": {}}
+NO_MECHANISM: Tables = {"responses": {}, "keys": [], "picked": [], "matching": 0, "benches": {}, "presets": {}}
 _WHOLE = ("samples", "seed", "min_samples", "max_samples")
 _TEXTS = ("name", "title", "mechanism", "bench", "preset", "sampler", "distribution", "target", "response", "statistic")
 router = APIRouter(include_in_schema=False)
 FIRST_MECHANISM = "c60"
-ACTIONS = ("write", "read", "check", "try", "submit")
+ACTIONS = ("write", "read", "check", "try", "search", "add", "submit")
+ORIGIN = re.compile(r"(campaign|shipped):[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 BOTH_CHANGED = (
     "form and file have both changed since one was made from the other: press Write the file to take the form, or Read"
     " the file to take the file"
@@ -251,8 +91,12 @@ def tables_of(sent: Mapping[str, str]) -> Tables:
         for row in _rows(sent, letter):
             name = row.pop("name", "").strip()
             if name:
-                # a variable's row may still have fields of the distribution before
-                keys = {"distribution", "target", *PARAMETERS.get(row.get("distribution", DEFAULT), {})}
+                # a variable's row may still have fields of the distribution before, or of another way to give it
+                kind, way = row.get("distribution", DEFAULT), tuple(row.get("given", "").split())
+                for key, former in (("nominal", "mean"), ("mean", "nominal")):
+                    if key in way and former not in way and not row.get(key, "").strip():
+                        row[key] = row.get(former, "")
+                keys = {"distribution", "target", *PARAMETERS.get(kind, {})} - excluded(kind, way)
                 known = keys if letter == "v" else {*LIMITS}
                 values = {key: _typed(key, text) for key, text in row.items() if key in known and text.strip()}
                 tables[table][name] = values
@@ -270,9 +114,15 @@ def digest(content: Any) -> str:
 class CampaignForm:
     """The fields of a campaign's form, with the faults of each."""
 
-    def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        tables: Tables,
+        faults: Sequence[Mapping[str, Any]],
+        found: Mapping[str, Any],
+        ways: Mapping[str, tuple[str, ...]],
+    ) -> None:
         self._faults = [(tuple(each["keys"]), fault_line(each)) for each in faults if not each.get("file")]
-        self._tables, self._known = tables, found.get("mechanism") or NO_MECHANISM
+        self._tables, self._known, self._ways = tables, found.get("mechanism") or NO_MECHANISM, ways
         self.top = {key: self._field(key, (key,), tables.get(key)) for key in TOP_KEYS}
         self.variables = list(self._variables(found.get("densities") or {}))
         self.responses = list(self._responses())
@@ -288,17 +138,26 @@ class CampaignForm:
         for i, (name, table) in enumerate([*self._tables.get("variables", {}).items(), *blank]):
             kind = str(table.get("distribution", DEFAULT))
             keys = ("variables", name)
-            parameters = [
-                self._field(f"v{i}.{key}", (*keys, key), table.get(key), hint)
+            fields = {
+                key: self._field(f"v{i}.{key}", (*keys, key), table.get(key), hint)
                 for key, hint in PARAMETERS.get(kind, {}).items()
-            ]
+            }
+            ways, way = ways_of(kind), self._ways.get(name, ())
+            if way not in ways or excluded(kind, way) & table.keys():
+                way = way_of(kind, table)
+            # of another way only what is given, which is a fault then
+            others = excluded(kind, way)
+            parameters = [each for key, each in fields.items() if key not in {*others, *RARE} or each.value]
             named = {"distribution", "target", *PARAMETERS.get(kind, {})}
             rest = [text for at, text in self._faults if name and at[:2] == keys and (at[2:3] or ("",))[0] not in named]
             yield {
                 "name": FormField(f"v{i}.name", "name", name, tuple(rest)),
                 "distribution": self._field(f"v{i}.distribution", (*keys, "distribution"), kind),
                 "target": self._field(f"v{i}.target", (*keys, "target"), table.get("target")),
+                "given": FormField(f"v{i}.given", "given", " ".join(way)),
+                "ways": {" ".join(each): ", ".join(each) for each in ways},
                 "parameters": parameters,
+                "rare": [each for key, each in fields.items() if key in RARE - others and not each.value],
                 "density": densities.get(name) if name else None,
             }
 
@@ -307,10 +166,13 @@ class CampaignForm:
         given, known = self._tables.get("responses", {}), self._known["responses"]
         for i, name in enumerate([*known, *(name for name in given if name not in known)]):
             keys, table = ("responses", name), given.get(name, {})
-            limits = [self._field(f"r{i}.{key}", (*keys, key), table.get(key), hint) for key, hint in LIMITS.items()]
+            every = [self._field(f"r{i}.{key}", (*keys, key), table.get(key), hint) for key, hint in LIMITS.items()]
+            usual = DRAWN_LIMITS if {"nominal", "tolerance"} & table.keys() else USUAL_LIMITS
+            limits = [each for each in every if each.key in usual or each.value or each.faults]
             own = tuple(text for at, text in self._faults if at[:2] == keys and (at[2:3] or ("",))[0] not in LIMITS)
             about = known.get(name, {"title": "", "unit": ""})
-            yield {"name": FormField(f"r{i}.name", "name", name, own), "limits": limits, **about}
+            rare = [each for each in every if each not in limits]
+            yield {"name": FormField(f"r{i}.name", "name", name, own), "limits": limits, "rare": rare, **about}
 
     def _field(self, name: str, keys: tuple[str, ...], value: Any, hint: str = "") -> FormField:
         """Return a field with the faults of its key."""
@@ -351,6 +213,9 @@ class Draft:
     files: dict[str, str] = field(default_factory=dict)  # texts of the files that the campaign names
     owner: str = ""
     tags: str = ""
+    origin: str = ""  # see `Wanted`
+    search: str = ""
+    ways: dict[str, tuple[str, ...]] = field(default_factory=dict)  # by variable, see `ways_of`
 
     @property
     def form_changed(self) -> bool:
@@ -372,7 +237,7 @@ class Draft:
 
 
 class Beginning(BaseModel):
-    """What a new campaign begins with: a mechanism, a draft from a drawing, or another campaign with changes."""
+    """What a new campaign begins with: a mechanism, a draft from a drawing, or a campaign, perhaps with changes."""
 
     start: str = Field("", alias="from", pattern=CAMPAIGN_ID + "|^$")
     mechanism: str = Field(FIRST_MECHANISM, max_length=64)
@@ -380,6 +245,7 @@ class Beginning(BaseModel):
     set: list[Setting] = Field([], max_length=MOST_SETTINGS)
     samples: int | None = Field(None, ge=1, lt=2**53)
     seed: int | None = Field(None, ge=0, lt=2**63)
+    shipped: str = Field("", max_length=64)
 
 
 @router.get("/campaigns/new")
@@ -388,7 +254,11 @@ async def new_campaign_page(
 ) -> Response:
     """Show the form of a new campaign, which may begin as a copy of another one with some distributions changed."""
     text = campaign_of(await the_draft(service, asked.drawing)) if asked.drawing else ""
-    draft = Draft(text or first_text(asked.drawing or asked.mechanism), owner=who.name)
+    if asked.shipped and asked.shipped not in campaign_names():
+        raise Refusal(404, f"no shipped campaign {asked.shipped}; there are: {', '.join(campaign_names())}")
+    text = shipped_campaign(asked.shipped) if asked.shipped else text
+    origin = f"campaign:{asked.start}" if asked.start else f"shipped:{asked.shipped}" if asked.shipped else ""
+    draft = Draft(text or first_text(asked.drawing or asked.mechanism), owner=who.name, origin=origin)
     if asked.start:
         if not await run_in_threadpool(service.store.files.exists, f"{asked.start}/{PLAN}"):
             raise Refusal(404, f"no campaign {asked.start} in the store")
@@ -396,8 +266,9 @@ async def new_campaign_page(
         url = service.store.files.full_url
         begun = await service.pool.data(who.name, started_from, url, asked.start, *changes)
         draft = replace(draft, text=begun["text"], files=begun["files"])
-    found = await service.pool.data(who.name, composed, submissions.source_of_request(service, draft.request()))
-    if not asked.start:
+    source = submissions.source_of_request(service, draft.request())
+    found = await service.pool.data(who.name, composed, source, None, Wanted(origin=origin))
+    if not origin:
         found |= {"faults": [], "detail": ""}  # the user has not written anything yet
     return await _shown(request, service, draft, found)
 
@@ -405,14 +276,15 @@ async def new_campaign_page(
 @router.post("/campaigns/new")
 async def new_campaign_form(request: Request, service: TheService, who: Engineer) -> Response:
     """Derive the form and the text from each other, check them, or submit the campaign."""
-    draft, action = await _sent(request)
+    draft, action, add = await _sent(request)
     if action not in ACTIONS:
         raise Refusal(422, f"action {action!r:.20}: allowed: {', '.join(ACTIONS)}")
     if draft.form_changed and draft.text_changed and action not in ("write", "read"):
         return await _looked_at(request, service, who, draft, Refusal(409, BOTH_CHANGED))
     written = draft.form if action == "write" or (draft.form_changed and action != "read") else None
     source = submissions.source_of_request(service, draft.request())
-    found = await service.pool.data(who.name, composed, source, written, action == "try")
+    wanted = Wanted(action == "try", add, draft.search, draft.origin)
+    found = await service.pool.data(who.name, composed, source, written, wanted)
     draft = replace(draft, text=found["text"])
     if action != "submit" or found["faults"] or found["detail"]:
         return await _shown(request, service, draft, found, 422 if action == "submit" else 200)
@@ -423,8 +295,8 @@ async def new_campaign_form(request: Request, service: TheService, who: Engineer
     return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
 
 
-async def _sent(request: Request) -> tuple[Draft, str]:
-    """Return the draft that a browser sent, and the action of the pressed button."""
+async def _sent(request: Request) -> tuple[Draft, str, str]:
+    """Return the draft that a browser sent, the action of the pressed button, and the key that it adds."""
     async with request.form() as form:
         sent = {key: value for key, value in form.multi_items() if isinstance(value, str)}
         files = dict(zip(form.getlist("file-name"), form.getlist("file-text"), strict=False))
@@ -436,7 +308,12 @@ async def _sent(request: Request) -> tuple[Draft, str]:
         raise Refusal(422, f"{len(kept)} files: allowed: up to {MOST_FILES}")
     was, text = (sent.get("form-was", ""), sent.get("text-was", "")), unix_lines(sent.get("text", ""))[:LONGEST_TEXT]
     draft = Draft(text, tables_of(sent), *was, kept, sent.get("owner", "")[:200], sent.get("tags", "")[:2000])
-    return draft, sent.get("action", "check")
+    origin = sent.get("origin", "")
+    origin = origin if ORIGIN.fullmatch(origin) else ""
+    add = sent.get("add", "")[:200]
+    ways = {row.get("name", "").strip(): tuple(row.get("given", "").split()) for row in _rows(sent, "v")}
+    draft = replace(draft, origin=origin, search=sent.get("search", "")[:200], ways=ways)
+    return draft, "add" if add else sent.get("action", "check"), add
 
 
 async def _looked_at(
@@ -444,7 +321,8 @@ async def _looked_at(
 ) -> Response:
     """Return the page with the draft as it was sent, and the reason why nothing was done."""
     assert refusal is not None
-    found = await service.pool.data(who.name, composed, submissions.source_of_request(service, draft.request()))
+    source = submissions.source_of_request(service, draft.request())
+    found = await service.pool.data(who.name, composed, source, None, Wanted(search=draft.search, origin=draft.origin))
     found |= {"faults": refusal.faults, "detail": refusal.detail, "checked": None, "sent": True}
     answer = await _shown(request, service, draft, found, refusal.status)
     answer.headers.update(refusal.headers)
@@ -457,10 +335,11 @@ async def _shown(
     """Return the page with form, text, faults and cost."""
     is_as_sent = "sent" in found
     tables: Tables = (draft.form if is_as_sent or found["form"] is None else found["form"]) or {}
-    form = CampaignForm(tables, found["faults"], found)
+    form = CampaignForm(tables, found["faults"], found, draft.ways)
     refusal = Refusal(status, found["detail"], found["faults"]) if found["detail"] else None
     saved = await run_in_threadpool(saved_mechanisms, service.store)
-    values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"]}
+    values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"], "differs": found["differs"]}
+    values |= {"shipped": campaign_names(), "shown_keys": SHOWN_KEYS}
     values["lines"] = marked_lines(draft.text, found["faults"])
     # of a draft that is shown as it was sent, form and text count as changed until one is derived from the other
     values["form_was"] = draft.form_was if is_as_sent else digest(_as_sent_again(form))
@@ -475,7 +354,7 @@ def _as_sent_again(form: CampaignForm) -> Tables:
     """Return the tables that `tables_of` returns if the form is sent back unchanged."""
     fields = [*form.top.values(), *form.stop.values()]
     for row in form.variables:
-        fields += [row["name"], row["distribution"], row["target"], *row["parameters"]]
+        fields += [row["name"], row["distribution"], row["target"], row["given"], *row["parameters"], *row["rare"]]
     for row in form.responses:
-        fields += [row["name"], *row["limits"]]
+        fields += [row["name"], *row["limits"], *row["rare"]]
     return tables_of({each.name: each.value for each in fields})

@@ -73,6 +73,7 @@ def test_pages_show_their_content(unscripted, finished):
         (f"{home}/signoff", "Sign plan, rows and report as ada"),
         (f"{home}/share", "Make a link"),
         ("/campaigns/new", "Write the file"),
+        ("/campaigns/new?shipped=c60_spring", "No difference to c60_spring"),
         ("/mechanisms", "Pendulum on a bolt with play"),
         ("/mechanisms/c60", "needle to pin, X"),
         ("/mechanisms/c60/edit", "Save as a version"),
@@ -95,6 +96,10 @@ def test_a_campaign_is_made_and_ended(unscripted):
     user.write("Campaign file, TOML", OWN, "textarea")
     user.go("Read the file", "button")
     assert user.browser.find_element("id", "v0.upper").get_attribute("value") == "0.0006"
+    user.press("Choose from the numbers of the mechanism", "summary")
+    user.write("Search", "friction")
+    user.go("Search", "button")
+    assert " numbers" in user.text
     user.go("Check", "button")
     assert "No faults" in user.text
     user.go("Submit", "button")

@@ -9,6 +9,7 @@ import pytest
 from clearcap.web.access import Role
 from clearcap.web.http.authentication import COOKIE, CSRF_FIELD
 from clearcap.web.operations.mechanisms import shipped_text
+from clearcap.web.pages.campaign_draft import shipped_campaign
 from clearcap.web.settings import Settings
 from tests.campaign.conftest import SPEC
 from tests.clearcap.web.conftest import URL, serving
@@ -34,7 +35,9 @@ def browser(tmp_path_factory):
 def fields_of(answer):
     """Return what a browser without scripts would send of a page, but for the choices and the texts."""
     text = answer.text
-    fields = dict(next(form for form in Page(text).forms if form["action"] == NEW)["fields"])
+    fields = dict(
+        next(form for form in Page(text).forms if form["method"] == "post" and form["action"] == NEW)["fields"]
+    )
     for name, inner in re.findall(r'<select id="[^"]*" name="([^"]+)"[^>]*>(.*?)</select>', text, re.DOTALL):
         chosen = re.search(r'<option value="([^"]*)" selected', inner)
         fields[name] = unescape(chosen[1]) if chosen else unescape(re.search(r'<option value="([^"]*)"', inner)[1])
@@ -119,6 +122,81 @@ def test_another_distribution_has_its_own_parameters(begun):
 
 
 @pytest.mark.processes
+def test_a_distribution_is_given_in_one_way(begun):
+    """Only its parameters are shown; another way takes over the middle, and leaves the parameters of the first out."""
+    client, fields, _ = begun
+    assert {"v0.mean", "v0.std", "v0.lower", "v0.upper"} <= fields.keys()
+    assert not {"v0.nominal", "v0.tolerance", "v0.cpk", "v0.inertia", "v0.shift"} & fields.keys()
+    assert fields["v0.given"] == "mean std"
+    assert "v1.given" not in fields  # a uniform distribution has bounds only
+    answer = send(client, fields, "write", **{"v0.given": "nominal tolerance cpk"})
+    shown = fields_of(answer)
+    assert {"v0.nominal", "v0.tolerance", "v0.cpk", "v0.shift"} <= shown.keys()
+    assert not {"v0.mean", "v0.std", "v0.inertia"} & shown.keys()
+    assert (shown["v0.nominal"], shown["v0.given"]) == ("0.07", "nominal tolerance cpk")
+    answer = send(client, shown, "write", **{"v0.tolerance": "0.05", "v0.cpk": "1.1", "v0.shift": "0.01"})
+    assert tomllib.loads(text_of(answer))["variables"]["J1"] == {
+        **{"distribution": "truncated_normal", "lower": 0.01, "upper": 0.13},
+        **{"nominal": 0.07, "tolerance": 0.05, "cpk": 1.1, "shift": 0.01},
+    }
+    assert "No faults" in answer.text
+    inertia = fields_of(send(client, fields_of(answer), "write", **{"v0.given": "nominal inertia"}))
+    assert (inertia["v0.inertia"], inertia["v0.shift"]) == ("", "0.01")
+    assert "v0.cpk" not in inertia
+    back = fields_of(send(client, inertia, "write", **{"v0.given": "mean std"}))
+    assert (back["v0.mean"], back["v0.std"]) == ("0.07", "")
+    assert "v0.shift" not in back
+
+
+@pytest.mark.processes
+def test_parameters_of_two_ways_are_a_fault_that_is_seen(begun):
+    """What a file gives beside the others has a field, so that one can empty it."""
+    client, fields, _ = begun
+    answer = send(client, fields, "read", text=fields["text"].replace("std = 0.0175", "std = 0.0175\ncpk = 1.33"))
+    assert fields_of(answer)["v0.cpk"] == "1.33"
+    assert "No faults" not in answer.text
+    assert "cpk" in fields["text"] or "cpk" in text_of(answer)
+
+
+@pytest.mark.processes
+def test_keys_are_picked(begun):
+    """By search in names and descriptions; a picked one is a variable around the value of the mechanism."""
+    client, fields, answer = begun
+    assert 'value="springs.A3.preload">' in answer.text  # the fields propose it, with its value
+    found = send(client, fields, "search", search="A3 PRELOAD")
+    picked = re.findall(r'name="add" value="([^"]+)"', found.text)
+    assert picked == ["springs.A3.preload"]
+    assert re.search(r"springs\.A3\.preload</code>.*?<td class=\"number\">([\d.]+)</td>", found.text, re.DOTALL)
+    assert text_of(found) == fields["text"]
+    assert 'name="add"' not in send(client, fields, "search", search="no such number").text
+    added = send(client, {**fields, "add": "springs.A3.stiffness"}, "check", samples="77")
+    tables = tomllib.loads(text_of(added))
+    new = tables["variables"]["A3_stiffness"]
+    assert (tables["samples"], new["target"], new["distribution"]) == (77, "springs.A3.stiffness", "truncated_normal")
+    assert fields_of(added)["v2.mean"] == str(new["mean"])
+    again = send(client, {**fields_of(added), "add": "J2"}, "check")
+    assert tomllib.loads(text_of(again))["variables"]["J2"].keys() == {"distribution", "mean"}
+    same = send(client, {**fields_of(again), "add": "J2"}, "check")
+    assert text_of(same) == text_of(again)
+
+
+@pytest.mark.processes
+def test_begun_with_a_shipped_campaign(begun):
+    """The file is the shipped one; what differs from it is shown, and whether rows change."""
+    client, _, _ = begun
+    start = client.get(f"{NEW}?shipped=c60_spring")
+    assert tomllib.loads(text_of(start)) == tomllib.loads(shipped_campaign("c60_spring"))
+    assert "No difference to c60_spring" in start.text
+    changed = send(client, fields_of(start), "check", samples="77", seed="123456")
+    assert "Differences to c60_spring: 2" in changed.text
+    rows = re.findall(r"<code>(samples|seed)</code></th><td>[^<]*</td><td>(\d+)</td><td>([^<]*)</td>", changed.text)
+    assert sorted(rows) == [("samples", "77", "the report only"), ("seed", "123456", "rows")]
+    assert client.get(f"{NEW}?shipped=none").status_code == 404
+    forged = send(client, {**fields_of(start), "origin": "campaign:../x"}, "check")
+    assert "ifference" not in forged.text
+
+
+@pytest.mark.processes
 def test_change_of_one_side_reaches_the_other(begun):
     """Check and submit take the side that changed; where both did, nobody's work is lost."""
     client, fields, _ = begun
@@ -175,6 +253,9 @@ def test_submitted_and_begun_from(browser, begun):
     start = client.get(f"{NEW}?from={campaign}")
     assert fields_of(start)["v1.target"] == "springs.A3.preload"
     assert "The store has this campaign already" in start.text
+    assert f"No difference to {campaign}" in start.text
+    other = client.get(f"{NEW}?from={campaign}&seed=9&set=J1.std%3D0.02")
+    assert f"Differences to {campaign}: 2" in other.text
     csrf = {CSRF_FIELD: fields["csrf"]}
     more = client.post(f"/campaigns/{campaign}/extend", data={**csrf, "samples": "60"})
     assert more.status_code == 303
