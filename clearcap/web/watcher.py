@@ -5,7 +5,7 @@ import json
 import logging
 import math
 import time
-from collections.abc import AsyncGenerator, Callable, Iterable
+from collections.abc import AsyncGenerator, Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -247,12 +247,12 @@ def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     )  # by which the beginnings of what it waits for count
     responses = {} if beat is None else beat.responses
     document["responses"] = {
-        name: response | {"cpk_interval": _interval(response)} for name, response in responses.items()
+        name: response | {"cpk_interval": preliminary_interval(response)} for name, response in responses.items()
     }
     return document | {"interval": PRELIMINARY}
 
 
-def _interval(response: dict[str, float | None]) -> tuple[float, float] | None:
+def preliminary_interval(response: Mapping[str, float | None]) -> tuple[float, float] | None:
     """Return the interval of a Cpk; None if there is no Cpk or there are fewer than three values."""
     cpk, n = response["cpk"], response["n"]
     return None if cpk is None or not n or n < 3 else cpk_interval(cpk, int(n), CONFIDENCE)

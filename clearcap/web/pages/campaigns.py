@@ -25,9 +25,12 @@ from clearcap.web.http.authentication import (
     Viewer,
     owner_of,
 )
+from clearcap.web.jobs import queries
+from clearcap.web.jobs.pool import Busy
 from clearcap.web.operations import campaigns, people, signoffs, submissions
-from clearcap.web.pages.rendering import Flag, page
-from clearcap.web.watcher import progress_of
+from clearcap.web.pages.histograms import histogram_figure
+from clearcap.web.pages.rendering import Flag, or_fault, page
+from clearcap.web.watcher import PRELIMINARY, preliminary_interval, progress_of
 from clearcap.web.web_service import Service
 from clearcap.web.webhooks import REPORT_WITHIN
 
@@ -76,6 +79,30 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
     seen = await run_in_threadpool(observe, service.store, campaign)
     shown = await frame(request, service, campaign, who)
     return page(request, "campaign", progress=progress_of(seen, is_served=service.watcher.is_served), **shown)
+
+
+@router.get("/campaigns/{campaign}/histograms")
+async def histograms_page(request: Request, service: TheService, campaign: TheCampaign, who: Authenticated) -> Response:
+    """Show the histograms of the rows so far, with limits and each Cpk; the page of the campaign has them as a part."""
+    try:
+        found, fault = await or_fault(service.answers.ask(who.name, queries.histograms_answer, [campaign], [], False))
+    except Busy as error:  # the page asks again by itself
+        found, fault = None, str(error)
+    shown = sorted(found["histograms"] if found else [], key=lambda each: each["lsl"] is None and each["usl"] is None)
+    for each in shown:
+        each |= {"n": sum(each["before"]), "figure": histogram_figure(each)}
+        each["interval"] = preliminary_interval({"n": each["n"], "cpk": each["cpk"]})
+    values: dict[str, Any] = {"histograms": shown, "fault": fault, "preliminary": PRELIMINARY}
+    return page(request, "histograms", **values, **await frame(request, service, campaign, who))
+
+
+@router.get("/work")
+async def work_page(request: Request, service: TheService, _: Viewer) -> Response:
+    """Show the campaigns that run and wait, with their workers."""
+    await service.look_at_work()
+    coordinate, followers = service.settings.coordinate, service.watcher.followers
+    values: dict[str, Any] = {"work": service.workload, "fault": service.store_fault}
+    return page(request, "work", coordinate=coordinate, followers=followers, **values)
 
 
 @router.get("/campaigns/{campaign}/report")

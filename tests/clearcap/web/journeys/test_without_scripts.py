@@ -63,6 +63,7 @@ def test_pages_show_their_content(unscripted, finished):
     for path, words in (
         ("/campaigns", "C-60 circuit breaker, ON position: seven joint clearances"),
         (home, "400 of 400"),
+        (f"{home}/histograms", "The intervals here are preliminary"),
         (f"{home}/report", "report.html"),
         (f"{home}/samples", "400 samples"),
         (f"{home}/samples/3?pictures=true", "max_residual"),
@@ -74,6 +75,7 @@ def test_pages_show_their_content(unscripted, finished):
         (f"{home}/share", "Make a link"),
         ("/campaigns/new", "Write the file"),
         ("/campaigns/new?shipped=c60_spring", "No difference to c60_spring"),
+        ("/work", "Workers that compute"),
         ("/mechanisms", "Pendulum on a bolt with play"),
         ("/mechanisms/c60", "needle to pin, X"),
         ("/mechanisms/c60/edit", "Save as a version"),

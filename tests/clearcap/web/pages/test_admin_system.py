@@ -60,6 +60,25 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
     assert "<dt>Workers that compute</dt><dd>0</dd>" in text
 
 
+def test_every_user_sees_queue_and_workers(client, browse, service, reported, settings):
+    """On a page of their own, which says nothing of other users' jobs and of how the server was started."""
+    store = open_store(settings.store)
+    with hold_lease(store, reported):
+        write_state(store, reported, "running")
+        beat = Heartbeat(reported, "running", 25, 10, 10, 0, 15, {"ok": 10}, 6.0, 3.0, 4)
+        store.write_json(reported, HEARTBEAT, beat.to_json())
+        service.watcher.hurry()
+        answer = client.get("/work", headers={**browse("viewer"), "Accept": "text/html"})
+    assert answer.status_code == 200
+    assert Page(answer.text).faults == []
+    running = answer.text.partition("Campaigns that run")[2].partition("Campaigns that wait")[0]
+    assert f'href="/campaigns/{reported}"' in running
+    for cell in (">4<", ">15<", ">6.00<", ">1.50<", ">3 s<"):
+        assert cell in running
+    assert "Started by this server" not in answer.text
+    assert "Jobs of pages" not in answer.text
+
+
 def test_jobs_by_user(show, monkeypatch):
     monkeypatch.setattr(FairQueue, "by_user", {"eva": (1, 2), "bob": (1, 0)})
     text = show()
