@@ -78,6 +78,7 @@ curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/rows?format=parquet" -o rows.parquet
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/rows?format=csv&columns=sample&columns=FC-1&status=ok&last=999"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples?sort=margin&limit=20"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples?sort=sample&status=failed"
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples?sort=-FC-1&range=J1:0.06:"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples/3"
 curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/samples/3/replay"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/samples/3/plot.svg" -o plot.svg

@@ -22,7 +22,7 @@ from campaign.samples import SampleColumns
 from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import MANIFEST, PLAN, STOPPED
-from clearcap.questions.samples import list_samples
+from clearcap.questions.samples import list_samples, sample_cloud
 from clearcap.questions.tolerances import advice_document, advice_from, allocation_document, cheapest_from, costs_of
 from clearcap.questions.whatif import histograms, what_if_document, what_if_from
 from clearcap.web.jobs.column_cache import ColumnCache
@@ -117,10 +117,18 @@ def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:
     return comparison_document(store, store.plan(rows.campaign), store.plan(other.campaign))
 
 
-def samples_answer(rows: AskedRows, sort: str, status: str | None, cursor: int, count: int) -> dict[str, Any]:
+def samples_answer(
+    rows: AskedRows, sort: str, status: str | None, cursor: int, count: int, ranges: Sequence[str]
+) -> dict[str, Any]:
     """Return a page of the samples."""
     store = open_store(rows.store, QUICK)
-    return list_samples(store, store.plan(rows.campaign), sort, status, cursor, count).model_dump()
+    return list_samples(store, store.plan(rows.campaign), sort, status, cursor, count, ranges).model_dump()
+
+
+def cloud_answer(rows: AskedRows, ranges: Sequence[str]) -> dict[str, Any]:
+    """Return the samples within ranges for a drawing; see `clearcap.questions.samples.sample_cloud`."""
+    _, plan, columns = _opened(rows)
+    return sample_cloud(plan, columns, ranges)
 
 
 _OVERHEAD = 500  # bytes of the key and its entry

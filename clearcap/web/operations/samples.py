@@ -43,7 +43,15 @@ class RowsQuestion(BaseModel):
 class SampleQuestion(BaseModel):
     """The filter, order and page of a list of samples."""
 
-    sort: str = Field("margin", pattern="^(margin|sample)$", description="`margin`: the worst first")
+    sort: str = Field(
+        "margin",
+        min_length=1,
+        max_length=200,
+        description="`margin` (the worst first), `sample`, or a column; with `-` before it the largest first",
+    )
+    range: list[Annotated[str, Field(max_length=300)]] = Field(
+        [], max_length=MOST_COLUMNS, description="COLUMN:LEAST:MOST; an end may be empty", examples=[["J1:0.06:"]]
+    )
     status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one failed status", examples=["ok"])
     cursor: int = Field(0, ge=0, le=10**9, description="From the page before")
     limit: int = Field(ON_A_PAGE, ge=1, le=MOST_ON_A_PAGE)
@@ -101,7 +109,7 @@ async def list_samples(
     request: Request, service: TheService, campaign: TheCampaign, who: Authenticated, question: SampleQuery
 ) -> Response:
     """List samples, by default with the smallest distance of a response from its limit first."""
-    asked = (question.sort, question.status or None, question.cursor, question.limit)
+    asked = (question.sort, question.status or None, question.cursor, question.limit, question.range)
     return etag_response(request, await service.answers.ask(who.name, queries.samples_answer, [campaign], *asked), JSON)
 
 

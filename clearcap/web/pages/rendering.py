@@ -29,6 +29,7 @@ Flag = Annotated[bool, Query()]
 AROUND = 2  # lines shown before and after one with a fault
 _templates = page_environment("clearcap.web.pages")
 _templates.filters["briefly"] = shortened
+_templates.filters["combined"] = lambda table, **more: {**table, **more}
 _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 
 

@@ -1,8 +1,9 @@
 """Pages for the rows of a campaign: samples, comparison with another campaign, and exports."""
 
 import json
+from collections.abc import Mapping
 from typing import Annotated, Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from fastapi import APIRouter, Form, Query, Request
 from pydantic import BaseModel, Field
@@ -26,6 +27,7 @@ from clearcap.web.http.responses import refusal_of
 from clearcap.web.jobs import queries
 from clearcap.web.operations import campaigns, samples
 from clearcap.web.pages.campaigns import frame
+from clearcap.web.pages.clouds import dots_figure, parallel_figure
 from clearcap.web.pages.rendering import Flag, or_fault, page
 from clearcap.web.settings import PREFIX
 from clearcap.web.web_service import Service
@@ -36,22 +38,59 @@ READERS = {  # Python imports and expression that read each format from an open 
     "parquet": ("import io\n\nimport pyarrow.parquet as pq", "pq.read_table(io.BytesIO(answer.read()))"),
     "csv": ("import pyarrow.csv", "pyarrow.csv.read_csv(answer)"),
 }
+LEAST, MOST = "least.", "most."  # prefixes of the names of the fields of a range, before the column
 MOST_OFFERED = 500  # campaigns to choose from
 router = APIRouter(include_in_schema=False)
 
 
+class SamplesShown(samples.SampleQuestion):
+    """The samples of a page, and the columns over which they are drawn as dots."""
+
+    x: str = Field("", max_length=200)
+    y: str = Field("", max_length=200)
+
+
+ShownSamples = Annotated[SamplesShown, Query()]
+
+
 @router.get("/campaigns/{campaign}/samples")
 async def samples_page(
-    request: Request, service: TheService, campaign: TheCampaign, who: Authenticated, question: samples.SampleQuery
+    request: Request, service: TheService, campaign: TheCampaign, who: Authenticated, question: ShownSamples
 ) -> Response:
-    """Show samples in a table, by default the worst first."""
-    asked = (question.sort, question.status or None, question.cursor, question.limit)
-    found = json.loads(await service.answers.ask(who.name, queries.samples_answer, [campaign], *asked))
-    kept = {
-        key: value for key, value in question.model_dump(exclude_defaults=True).items() if key != "cursor" and value
+    """Show samples in a table, by default the worst first, and drawn over their columns; a sent form is redirected."""
+    sent = request.query_params
+    names = list(dict.fromkeys(key.partition(".")[2] for key in sent if key.startswith((LEAST, MOST))))
+    kept = {key: value for key, value in question.model_dump(exclude_defaults=True).items() if value}
+    is_part = request.headers.get("hx-request") == "true"
+    home = f"/campaigns/{quote(campaign)}/samples"
+    if names:
+        ends = [(name, sent.get(LEAST + name, "").strip(), sent.get(MOST + name, "").strip()) for name in names]
+        kept["range"] = [f"{name}:{low}:{high}" for name, low, high in ends[: samples.MOST_COLUMNS] if low or high]
+        if not is_part:
+            return RedirectResponse(_address(home, kept), 303)
+    ranges = [each[:300] for each in kept.get("range", [])]
+    asked = (question.sort, question.status or None, question.cursor, question.limit, ranges)
+    ask = service.answers.ask
+    found, fault = await or_fault(ask(who.name, queries.samples_answer, [campaign], *asked))
+    cloud, _ = await or_fault(ask(who.name, queries.cloud_answer, [campaign], ranges))
+    ends_of = {name: (low, high) for name, low, high in (text.rsplit(":", 2) for text in ranges if text.count(":") > 1)}
+    kept = {key: value for key, value in kept.items() if key != "cursor" and value}
+    values: dict[str, Any] = {"question": question, "found": found, "fault": fault, "kept": kept, "ends": ends_of}
+    values |= {"sorts": SORTS, "statuses": STATUSES, "cloud": cloud, "least": LEAST, "most": MOST}
+    values |= {
+        "lines": cloud and parallel_figure(cloud, ends_of),
+        "dots": cloud and dots_figure(cloud, question.x, question.y),
     }
-    values: dict[str, Any] = {"question": question, "found": found, "kept": kept, "sorts": SORTS, "statuses": STATUSES}
-    return page(request, "samples", **values, **await frame(request, service, campaign, who))
+    answer = page(request, "samples", **values, **await frame(request, service, campaign, who))
+    if is_part:
+        answer.headers["HX-Replace-Url"] = _address(home, kept)
+    return answer
+
+
+def _address(home: str, asked: Mapping[str, Any]) -> str:
+    """Return the address of a question without what is empty."""
+    query = urlencode(asked, doseq=True)
+    return f"{home}?{query}" if query else home
 
 
 @router.get("/campaigns/{campaign}/samples/{sample}")

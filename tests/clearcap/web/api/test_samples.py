@@ -100,6 +100,20 @@ def test_samples_by_status(get):
     assert get("samples", sort="odd").status_code == 422
 
 
+def test_samples_by_columns(get, stored):
+    """In the order of any column, those without a value last, and within ranges that have their ends."""
+    j1, fc = (stored[name].to_numpy() for name in ("J1", "FC-1"))
+    for sort, key in (("J1", j1), ("-J1", -j1), ("FC-1", fc), ("-FC-1", -fc), ("-sample", -np.arange(25))):
+        listed = [each["sample"] for each in get("samples", sort=sort).json()["samples"]]
+        assert listed == np.argsort(key, kind="stable").tolist(), sort
+    middle = float(np.median(j1))
+    found = get("samples", sort="sample", range=[f"J1:{middle!r}:", "FC-1::12.5"]).json()
+    assert [each["sample"] for each in found["samples"]] == np.flatnonzero((j1 >= middle) & (fc <= 12.5)).tolist()
+    assert found["samples"][0]["variables"]["J1"] == j1[found["samples"][0]["sample"]]
+    for odd in ("J1", "J1:1", "none:1:2", "J1:nan:", "J1:x:", ":::", "status:1:2"):
+        assert get("samples", range=odd).status_code == 422, odd
+
+
 def test_sample(get, stored):
     shown = get("samples/7").json()
     row = stored.slice(7, 1).to_pylist()[0]

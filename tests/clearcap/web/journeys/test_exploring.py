@@ -1,6 +1,7 @@
 """What a user asks of finished rows: what-if, samples, comparison, export; by keyboard, in a wide window and not."""
 
 import pytest
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import needs_axe, needs_chromium
@@ -8,6 +9,9 @@ from tests.chromium import needs_axe, needs_chromium
 pytestmark = [pytest.mark.slow, pytest.mark.processes, needs_chromium, needs_axe]
 CPK = "return document.querySelector('[data-cpk=\"FC-6\"]')?.textContent"
 CARD = "return document.querySelector('#answer article[aria-label=\"FC-6\"]').innerText"
+IN_SIGHT = """const r = document.getElementById('summary').getBoundingClientRect();
+return r.height > 0 && r.top >= 0 && r.bottom <= innerHeight"""
+BRUSH = "return Number(document.querySelector('.parallel .brush').getAttribute('height'))"
 GREY = "return getComputedStyle(document.querySelector('.card.refused h3')).filter"
 
 
@@ -41,6 +45,8 @@ def test_an_answer_follows_a_slider(user, finished):
     user.look()
     shown = user.browser.execute_script(CARD)
     assert "ppm out of limits" in shown
+    summary = user.browser.execute_script(IN_SIGHT)
+    assert summary == (user.width < 900), "on a telephone the results are in sight wherever the sliders are"
     user.open(user.path)
     assert user.browser.execute_script(CARD) == shown
     assert user.browser.find_element("css selector", "[data-for='v.J1.std']").get_attribute("value") == "0.0119"
@@ -95,6 +101,40 @@ def test_a_sample_is_replayed(user, finished):
     user.press("Pause", "button")
     user.tab_to("Time", "input").send_keys("\ue011")  # Home
     assert user.browser.execute_script(slider) == 0
+
+
+def test_samples_are_brushed(user, finished):
+    """A drag along an axis is a range of the form, table and drawings follow; a dot leads to the motion."""
+    _ask(user, finished.first, "Samples")
+    grip = user.browser.find_element("css selector", ".parallel .grip")
+    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center', inline: 'nearest'})", grip)
+    drawn = len(user.browser.find_elements("css selector", ".dots circle"))
+    half = int(grip.size["height"] / 2)
+    drag = ActionChains(user.browser).move_to_element(grip).click_and_hold().move_by_offset(0, 1 - half)
+    drag.perform()
+    assert user.browser.find_elements("css selector", ".dots .off")
+    drag.release().perform()
+    user.until(lambda: "range=J1%3A" in user.path, "the range in the address")
+    user.until(lambda: len(user.browser.find_elements("css selector", ".dots circle")) < drawn, "fewer dots")
+    assert user.browser.execute_script(BRUSH) == pytest.approx(half, abs=4)
+    assert not user.browser.find_elements("css selector", ".dots .off")
+    user.look()
+    user.open(user.path)
+    dot = user.browser.find_elements("css selector", ".dots a")[-1]
+    name = dot.get_attribute("aria-label")
+    user.browser.execute_script("arguments[0].dispatchEvent(new MouseEvent('click', {bubbles: true}))", dot)
+    user.until(lambda: "?pictures=true" in user.path, "the sample")
+    user.until_drawn()
+    assert name in user.text
+    assert user.browser.find_elements("css selector", ".player input")
+
+
+def test_what_can_be_pooled_is_said(user, finished):
+    _ask(user, finished.first, "Pool")
+    assert "The store has no campaign that can be pooled with this one" in user.text
+    user.go("New campaign with another seed", "a")
+    assert "Differences to" in user.text
+    user.look()
 
 
 def test_two_campaigns_are_compared(user, finished):
