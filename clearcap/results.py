@@ -402,7 +402,8 @@ def run_campaign(
         Where to compute instead of on this machine: it has workers of its own.
     progress : bool or callable
         Write a line to `sys.stderr` every ten seconds; or a function, called here with each `Heartbeat`, every two
-        seconds. What it raises ends the run.
+        seconds. What it raises ends the run. If it has a method ``rows``, that is called with tables of finished rows,
+        as in `Results.rows`, each row once, those of an earlier run too.
     decide : bool
         Compute further runs for verdicts that the samples leave open, as many as the campaign's ``decide`` allows.
 

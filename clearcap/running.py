@@ -10,7 +10,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable
 from threading import Lock, Thread
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from campaign.coordinator.heartbeat import Heartbeat, Observation, observe
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL
@@ -31,15 +31,28 @@ ENDS_WITHIN = 60.0  # s, time for an interrupted coordinator to release its leas
 _ERRORS: dict[int, type[CampaignError]] = {2: SpecError, 4: UnreachableError}
 _PREFIX = "clearcap: "
 
-Progress = bool | Callable[[Heartbeat], None]
 Rows = Callable[["pd.DataFrame"], None]
+
+
+class Follows(Protocol):
+    """What follows a campaign: it is called with each new heartbeat, and its `rows` with finished rows."""
+
+    def __call__(self, beat: Heartbeat, /) -> None:
+        """Take a heartbeat."""
+
+    def rows(self, rows: "pd.DataFrame", /) -> None:
+        """Take a table of finished rows."""
+
+
+Progress = bool | Callable[[Heartbeat], None] | Follows
 
 
 class Follower:
     """Tells functions how far a campaign is, at each new heartbeat, and its finished rows, each once."""
 
     def __init__(self, store: Store, plan: Plan, progress: Progress = False, rows: Rows | None = None) -> None:
-        self._store, self._plan, self._rows = store, plan, rows
+        self._store, self._plan = store, plan
+        self._rows: Rows | None = rows or getattr(progress, "rows", None)
         self._show = progress if callable(progress) else None
         self._beat: Heartbeat | None = None
         self._read: set[int] = set()  # batches

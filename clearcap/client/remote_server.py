@@ -366,6 +366,33 @@ class RemoteServer:
             for name in names
         }
 
+    def pool(self, campaign_id: str, others: Iterable[str], folder: str | Path) -> dict[str, Path]:
+        """Write one report of campaigns that differ only in their seeds, and download its files into a folder.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign.
+        others : iterable of str
+            Full ids of the others.
+        folder : str or Path
+            It is created if it is missing.
+
+        Returns
+        -------
+        dict of str to Path
+            Path of each file by name.
+
+        Raises
+        ------
+        SpecError
+            If they differ in anything else, or the folder cannot be written.
+        """
+        made = self._document(_path(campaign_id, "pools"), "POST", json={"others": list(others)})
+        below = _path(campaign_id, f"reports/pooled/{quote(made['pool'], safe='')}")
+        names = [name for name in made["files"] if _FILE.fullmatch(name)]  # a server must not choose a path
+        return {name: download(self.connection, f"{below}/{name}", Path(folder) / name) for name in names}
+
     def what_if(self, campaign_id: str, *settings: str) -> dict[str, Any]:
         """Return the results under other distributions, the document of ``clearcap whatif --json``.
 
@@ -377,6 +404,40 @@ class RemoteServer:
             Changes of distributions, each ``VARIABLE.KEY=VALUE``, such as ``J1.std=0.01``.
         """
         return self._document(_path(campaign_id, "whatif"), "POST", repeats=True, json={"set": list(settings)})
+
+    def signable(self, campaign_id: str) -> dict[str, Any]:
+        """Return what an approver would sign now.
+
+        Returns
+        -------
+        dict
+            ``content``, the digest of all of it, for `sign`; the digests of ``plan``, ``rows`` and ``report``; the
+            number of ``files``; ``submitted_by``, and whether that is the token's user, ``is_submitter``.
+        """
+        return self._document(_path(campaign_id, "signoffs/content"))
+
+    def sign(self, campaign_id: str, content: str, comment: str = "") -> dict[str, Any]:
+        """Sign plan, rows and report of a completed campaign, as an approver; return the signed document.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign.
+        content : str
+            Digest of what is signed, from `signable`. Ask for it before you read the report: if anything has changed
+            since, nothing is signed.
+        comment : str
+
+        Raises
+        ------
+        SpecError
+            If the token's user may not sign it.
+        CampaignError
+            If the campaign is not completed or has no report, the content has changed, or the report, made again from
+            the rows, is another one.
+        """
+        wanted = {"content": content, "comment": comment}
+        return self._document(_path(campaign_id, "signoffs"), "POST", json=wanted)
 
     # -- mechanisms -------------------------------------------------------------------------------------------------
 

@@ -51,6 +51,14 @@ def read(rows: pd.DataFrame) -> None:
     print(rows["slide"].max())
 
 
+class Follows:
+    def __call__(self, beat: clearcap.Heartbeat) -> None:
+        print(beat.left)
+
+    def rows(self, rows: pd.DataFrame) -> None:
+        print(rows["slide"].max())
+
+
 async def awaited() -> clearcap.Results:
     running: clearcap.RunningCampaign = clearcap.submit_campaign("c60", seed=3, progress=told, rows=read, workers=2)
     print(running.id, running.heartbeat, running.results.statuses)
@@ -63,6 +71,10 @@ run: clearcap.Run = clearcap.simulate(clearcap.load_mechanism_text(text), {"mate
 print(run.responses["slide"], repr(run))
 campaign = {"format": 1, "name": "slope", "mechanism": mechanism, "samples": 4, "variables": {}}
 results: clearcap.Results = clearcap.run_campaign(campaign, progress=told, cluster=Client("tls://head:8786"))
+clearcap.run_campaign(campaign, progress=Follows())
+with clearcap.connect("https://clearcap.example") as server:
+    seen = server.signable(results.id)
+    print(server.sign(results.id, seen["content"], "as drawn")["signer"], server.pool(results.id, ["x"], "pooled"))
 later = [asyncio.run(awaited()), clearcap.RunningCampaign(results, progress=told, rows=read).wait()]
 clearcap.submit_campaign(campaign).cancel()
 other = clearcap.open_campaign("slope-0123456789").repeat(0.5, workers=2, progress=False)

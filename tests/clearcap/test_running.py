@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
 from distributed import Client, LocalCluster
 
@@ -111,6 +112,40 @@ def test_a_mechanism_built_in_code_is_run_as_its_file(store, tmp_path):
     repeated = built.repeat(1.0, workers=1, progress=False)
     assert clearcap.open_store(str(store)).survey(repeated.plan).statuses == {"ok": 4}
     assert built.replay(2).same
+
+
+class Follows:
+    """A progress that takes rows, too."""
+
+    def __init__(self):
+        self.beats, self.tables = [], []
+
+    def __call__(self, beat):
+        """Keep a heartbeat."""
+        self.beats.append(beat)
+
+    def rows(self, rows):
+        """Keep a table."""
+        self.tables.append(rows)
+
+
+def test_rows_are_told_while_they_are_computed(store):
+    """Each once, as in the results, those of an earlier run too; what is raised ends the run."""
+    seen, again = Follows(), Follows()
+    results = clearcap.run_campaign(SLOPE, store=store, workers=1, progress=seen)
+    told = pd.concat(seen.tables).sort_index()
+    assert told.index.tolist() == [0, 1, 2, 3]
+    pd.testing.assert_frame_equal(told, results.rows)
+    assert seen.beats[-1].done == 4
+    clearcap.run_campaign(SLOPE, store=store, workers=1, progress=again)
+    assert sorted(n for table in again.tables for n in table.index) == [0, 1, 2, 3]
+    again.rows = _refuse
+    with pytest.raises(RuntimeError, match="rows"):
+        clearcap.run_campaign(SLOPE, samples=6, store=store, workers=1, progress=again)
+
+
+def _refuse(rows):
+    raise RuntimeError(f"{len(rows)} rows")
 
 
 def test_a_progress_function_that_raises_ends_the_run(store):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import clearcap
+from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from clearcap.client.remote_server import RemoteServer
@@ -17,9 +18,16 @@ from engine.mechanism import library_names
 from tests.campaign.commands import clearcap_here
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
+from tests.clearcap.web.conftest import write_real_report
 
 SETTING = "J1.std=0.015"
 VALUES = {"J1": 0.05}
+
+
+def spec_file(folder):
+    """Return the path of the finished campaign's file."""
+    (folder / "demo.toml").write_text(SPEC)
+    return str(folder / "demo.toml")
 
 
 @pytest.fixture
@@ -128,6 +136,32 @@ def check_label(server, finished, store, tmp_path):
     assert (sorted(entry["tags"]), entry["note"], entry["owner"]) == (["new", "old"], "seen", "engineer")
 
 
+def approver(server, live_server):
+    """Return a client of another user, who may sign."""
+    _, secret = live_server[0].tokens.add("approver", "test", Role.APPROVER, 3600.0)
+    return clearcap.connect(server.address, secret)
+
+
+def check_signable(server, finished, store, tmp_path):
+    with pytest.raises(clearcap.SpecError, match="role"):
+        server.signable(finished)
+
+
+def check_sign(server, finished, store, tmp_path):
+    with pytest.raises(clearcap.SpecError, match="role"):
+        server.sign(finished, "0f" * 32)
+
+
+def check_pool(server, finished, store, tmp_path):
+    there = computed(store.url, load_campaign(spec_file(tmp_path), seed=8), 10)[1].campaign_id
+    files = server.pool(finished, [there], tmp_path / "pooled")
+    for name, file in files.items():
+        assert file.read_bytes() == Path(store.url, finished, "pooled", there, name).read_bytes()
+    assert "report.html" in files
+    with pytest.raises(clearcap.SpecError, match="seed = 7"):
+        server.pool(finished, [finished], tmp_path)
+
+
 def check_close(server, finished, store, tmp_path):
     server.close()
     with pytest.raises(RuntimeError, match="closed"):
@@ -147,6 +181,27 @@ def test_every_method_is_checked():
 @pytest.mark.parametrize("name", CHECKS)
 def test_method(name, server, finished, store, tmp_path):
     CHECKS[name](server, finished, store, tmp_path)
+
+
+@pytest.mark.processes
+def test_an_approver_signs_what_he_has_read(server, live_server, store, tmp_path):
+    """What is signed is the content that was shown; with another report nothing is signed."""
+    service, _ = live_server
+    _, plan = computed(store.url, load_campaign(spec_file(tmp_path), seed=9), 10)
+    write_state(store, plan.campaign_id, "completed")
+    with approver(server, live_server) as signer:
+        with pytest.raises(clearcap.CampaignError):
+            signer.signable(plan.campaign_id)  # it has no report
+        write_real_report(service, plan.campaign_id)
+        seen = signer.signable(plan.campaign_id)
+        with pytest.raises(clearcap.CampaignError):
+            signer.sign(plan.campaign_id, "0f" * 32)
+        signed = signer.sign(plan.campaign_id, seen["content"], "as drawn")
+    assert (signed["signer"], signed["comment"]) == ("approver", "as drawn")
+    assert {key: signed[key] for key in ("plan", "rows", "report")} == {
+        key: seen[key] for key in ("plan", "rows", "report")
+    }
+    assert service.signing_service.is_signed(plan.campaign_id)
 
 
 @pytest.mark.processes

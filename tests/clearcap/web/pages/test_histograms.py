@@ -24,9 +24,10 @@ def test_areas_are_counts():
 
 def test_axis_and_limits_are_to_scale():
     """A number, an edge and a limit of one value have one place; the outline has the places of the bars."""
-    found = figure(lsl=1.0, usl=2.0, after=[2.0, 2.0, 4.0])
-    ticks = {words: x for x, words in found.ticks}
-    assert [each.x for each in found.limits] == [ticks["1"], ticks["2"]] == [x for x, *_ in found.bars[1:]]
+    found = figure(lsl=2.0, usl=4.0, after=[2.0, 2.0, 4.0])
+    ticks = {float(words): x for x, words in found.ticks}
+    left, _, wide, _ = found.bars[2]
+    assert [each.x for each in found.limits] == [ticks[2.0], ticks[4.0]] == pytest.approx([left, left + wide], abs=0.02)
     corners = [tuple(map(float, pair.split(","))) for pair in found.after.split()]
     assert [x for x, _ in corners[1:-1:2]] == [x for x, *_ in found.bars]
 

