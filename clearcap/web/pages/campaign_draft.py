@@ -32,11 +32,11 @@ DEFAULT = "truncated_normal"
 TOP_KEYS = ("name", "title", "mechanism", "bench", "preset", "samples", "seed", "sampler")
 MOST_KEYS = 2000  # largest number of keys that a field proposes
 SHOWN_KEYS = 30  # keys that the picker shows at once
-ALTERNATIVES = (  # parameters by one set of which a distribution is given, without others
+ALTERNATIVES: tuple[tuple[str, ...], ...] = (  # parameters by one set of which a distribution is given, without others
     *(("mean", "std"), ("nominal", "tolerance", "cpk"), ("nominal", "inertia")),
     *(("alpha", "beta"), ("shape", "scale"), ("log_mean", "log_std")),
 )
-_EXPONENTIAL = (("mean",), ("std",), ("scale",))
+_EXPONENTIAL: tuple[tuple[str, ...], ...] = (("mean",), ("std",), ("scale",))
 RARE = {"shift", "sigma_shift", "inflation"}  # parameters that few distributions are given
 WIDTH, HEIGHT, POINTS = 120.0, 32.0, 61  # size of the picture of a density, and number of its points
 _VARIABLE: TypeAdapter[Distribution] = TypeAdapter(Variable)
@@ -60,7 +60,8 @@ USUAL_LIMITS, DRAWN_LIMITS = ("lsl", "usl", "target"), ("nominal", "tolerance", 
 def ways_of(kind: str) -> list[tuple[str, ...]]:
     """Return the sets of parameters by one of which a distribution is given; empty if there is no choice."""
     keys = PARAMETERS.get(kind, {}).keys()
-    found = list(_EXPONENTIAL) if kind == "exponential" else [way for way in ALTERNATIVES if keys >= set(way)]
+    ways = _EXPONENTIAL if kind == "exponential" else ALTERNATIVES
+    found = [way for way in ways if keys >= set(way)]
     return found if len(found) > 1 else []
 
 

@@ -129,8 +129,9 @@ def _strongest(axes: Sequence[Mapping[str, Any]], other: int) -> int:
     if known.shape[1] < 3:
         return min(wanted)
     ranks = known.argsort(axis=1).argsort(axis=1)
-    together = np.abs(np.asarray(np.corrcoef(ranks), float)[other]).tolist()
-    return max(sorted(wanted), key=lambda i: together[i])
+    together: list[float] = np.abs(np.asarray(np.corrcoef(ranks), float)[other]).tolist()
+    best: int = max(sorted(wanted), key=together.__getitem__)
+    return best
 
 
 def _brush(axis: Mapping[str, Any], least: str, most: str) -> tuple[float, float]:
