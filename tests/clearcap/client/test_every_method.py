@@ -190,8 +190,8 @@ def test_an_approver_signs_what_he_has_read(server, live_server, store, tmp_path
     _, plan = computed(store.url, load_campaign(spec_file(tmp_path), seed=9), 10)
     write_state(store, plan.campaign_id, "completed")
     with approver(server, live_server) as signer:
-        with pytest.raises(clearcap.CampaignError):
-            signer.signable(plan.campaign_id)  # it has no report
+        with pytest.raises(clearcap.CampaignError, match="no report"):
+            signer.sign(plan.campaign_id, signer.signable(plan.campaign_id)["content"])
         write_real_report(service, plan.campaign_id)
         seen = signer.signable(plan.campaign_id)
         with pytest.raises(clearcap.CampaignError):
