@@ -144,6 +144,8 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
         half = (getattr(primitive, "half_length", None) or primitive.radius) * np.array(primitive.axis)
         ends = [np.array(primitive.point) + side * half for side in (-1, 1)]
         return [np.array(ends), *(circle(end, primitive.axis, primitive.radius) for end in ends)]
+    if kind == "box":
+        return _box(primitive)
     if kind in ("turned", "capsule"):
         return _turned(primitive, facing)
     if kind == "extruded":
@@ -162,6 +164,14 @@ def _turned(primitive: Any, facing: Array) -> list[Array]:
     halves = [place + side * p.real[:, None] * aside + p.imag[:, None] * axis for side in (-1, 1) for p in lines]
     corners = {corner for piece in primitive.curve for corner in (piece.start, piece.end) if corner.real > 0}
     return [*halves, *(circle(place + corner.imag * axis, axis, corner.real) for corner in sorted(corners, key=abs))]
+
+
+def _box(primitive: Any) -> list[Array]:
+    """Return the two faces across the box's third side, and the edges between them."""
+    along, normal = np.array(primitive.along), np.array(primitive.normal)
+    axes = np.array([along, np.cross(normal, along), normal]) * np.array(primitive.half_lengths)[:, None]
+    bottom, top = (square(primitive.centre + side * axes[2], axes[0], axes[1]) for side in (-1, 1))
+    return [bottom, top, *(np.array(ends) for ends in zip(bottom[:4], top[:4], strict=True))]
 
 
 def _extruded(primitive: Any) -> list[Array]:

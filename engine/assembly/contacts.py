@@ -17,6 +17,7 @@ from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.assembly.table_cache import cached
 from engine.kernels.model import (
     ARC_PLANE,
+    BOXES,
     CYLINDER_PLANE,
     GEOMETRY,
     ON_BALL,
@@ -56,6 +57,7 @@ _SOLIDS = {
     "extruded": ON_EXTRUDED,
     "surface": ON_SURFACE,
     "capsule": ON_TURNED,
+    "box": ON_RECTANGLE,
 }
 _PLANES = {"point": POINT_PLANE, "sphere": POINT_PLANE, "arc": ARC_PLANE, "cylinder": CYLINDER_PLANE}
 
@@ -213,7 +215,7 @@ def contact_arrays(
         geometry_a=np.array([pair.geometry_a for pair in pairs]).reshape(-1, GEOMETRY),
         geometry_b=np.array([pair.geometry_b for pair in pairs]).reshape(-1, GEOMETRY),
         clearance=np.array([pair.clearance for pair in pairs], float),
-        reach=np.array([reach(p.geometry_a) + (p.geometry_a[10] if p.kind == ROUNDS else 0.0) for p in pairs], float),
+        reach=np.array([reach(pair.geometry_a) + _half_length(pair) for pair in pairs], float),
         pair=block,
         profile=np.array(profile, np.int64).reshape(-1, 2),
         piece=np.concatenate([NO_PIECES, *blocks.values()]),
@@ -238,6 +240,12 @@ def reach(geometry: Array) -> float:
     """Return the largest distance of side a's point, arc or axis from its body's centre of mass, without skins."""
     with np.errstate(over="ignore"):  # an infinite reach is a valid bound: that contact is always near
         return float(np.linalg.norm(geometry[:3]) + geometry[9])
+
+
+def _half_length(pair: Pair) -> float:
+    """Return how much farther side a reaches than its radius: the row of a line or a box has its middle."""
+    row = pair.geometry_a
+    return float(row[10] if pair.kind == ROUNDS else np.linalg.norm(row[9:12]) if pair.kind == BOXES else 0.0)
 
 
 def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Array, Array, float]:
@@ -293,6 +301,9 @@ def row_b(side: Side, frame: BodyFrame) -> Array:
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else scale * shape.half_length
         return geometry_row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
     n = frame.direction(shape.normal)
+    if side.kind == "box":
+        x, y, z = (scale * half for half in shape.half_lengths)
+        return geometry_row(frame.point(shape.centre), n, _across(n, frame.direction(shape.along)), x, y, -z, z)
     if side.kind == "plane":
         return plane_row(frame.point(shape.point), n)
     if side.kind == "disc":

@@ -7,13 +7,17 @@ lies with its two ends on a plane, and two parallel rollers touch at both ends o
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
 
 from engine.arrays import Array
 from engine.assembly.contacts import KINDS, NO_PIECES, Pair, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.table_cache import cached
+from engine.kernels.contact_geometry.boxes import CORNERS
 from engine.kernels.contact_geometry.rounds import CROSSING, LAST, LOWER
-from engine.kernels.model import ROUNDS
+from engine.kernels.model import BOXES, ROUNDS
 from engine.mechanism.contacts import OUTLINES, SEVERAL, Side
 from engine.mechanism.models import Mechanism
 
@@ -50,6 +54,7 @@ def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[
                 geometry_b=feature.rows[1],
                 clearance=-feature.skin - offset,
                 law=law,
+                sticking=mechanism.static_friction(contact),
                 pieces=feature.pieces,
             )
 
@@ -61,6 +66,7 @@ def _features(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, l
         name: [
             *(f for way in WAYS for f in _on_solid(way, {"a": contact.a, "b": contact.b}, frames)),
             *_of_lines(contact.a, contact.b, frames),
+            *_of_boxes(contact.a, contact.b, frames),
         ]
         for name, contact in mechanism.contacts.items()
         if contact.kind in SEVERAL and contact.kind != OUTLINES
@@ -68,9 +74,11 @@ def _features(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, l
 
 
 def _on_solid(way: tuple[str, str], sides: dict[str, Side], frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
-    """Yield the ends of a capsule and the rims of a cylinder against the other side."""
+    """Yield the ends of a capsule, the rims of a cylinder, and corners and edges of a box against the other side."""
     one, other = (sides[key] for key in way)
     frame, shape, first = frames[one.body], one.primitive, way[0]
+    if one.kind == "box" and other.kind != "box":
+        yield from _of_box(way, one, other, frames)
     if one.kind not in ("capsule", "cylinder") or shape.half_length is None:
         return
     ends, solid = (-1.0, 1.0), row_b(other, frames[other.body])
@@ -80,13 +88,17 @@ def _on_solid(way: tuple[str, str], sides: dict[str, Side], frames: dict[str, Bo
     for i, end in enumerate(ends):
         centre = middle + end * half * axis
         if one.kind == "capsule":
-            row, skin, what, kind = geometry_row(centre), radius, f"end_{first}{i}", KINDS[f"sphere-{other.kind}"]
-        else:
-            row, skin, what = geometry_row(centre, end * axis, tangent(axis), radius, math.pi), 0.0, f"rim_{first}{i}"
-            kind = KINDS[f"arc-{other.kind}"]
-            if other.kind == "cylinder":
-                row[11] = SHALLOW * radius
-        yield _Feature(what, kind, way, (row, solid), skin, pieces)
+            kind, row = KINDS[f"sphere-{other.kind}"], geometry_row(centre)
+            yield _Feature(f"end_{first}{i}", kind, way, (row, solid), radius, pieces)
+            continue
+        parts = 3 if other.kind == "box" else 1  # a face of a box holds an end at three points
+        for part in range(parts):
+            turn = 2.0 * math.pi * part / parts
+            middle_of_arc = math.cos(turn) * tangent(axis) + math.sin(turn) * np.cross(axis, tangent(axis))
+            row = geometry_row(centre, end * axis, middle_of_arc, radius, math.pi / parts)
+            row[11] = 0.0 if other.kind == "capsule" else SHALLOW * radius
+            name, kind = f"rim_{first}{parts * i + part}", KINDS[f"arc-{other.kind}"]
+            yield _Feature(name, kind, way, (row, solid), 0.0, pieces)
 
 
 def _of_lines(a: Side, b: Side, frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
@@ -101,6 +113,41 @@ def _of_lines(a: Side, b: Side, frames: dict[str, BodyFrame]) -> Iterator[_Featu
         row = rows[0].copy()
         row[11:] = 2.0 * both, feature
         yield _Feature(names[feature], ROUNDS, ("a", "b"), (row, rows[1]), both, NO_PIECES)
+
+
+def _of_box(way: tuple[str, str], one: Side, other: Side, frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
+    """Yield the corners of a box against the other side, and its edges against the line of a capsule or cylinder."""
+    frame, first, solid = frames[one.body], way[0], row_b(other, frames[other.body])
+    pieces, box = profile_pieces(other, frames[other.body].scale), row_b(one, frame)
+    place, axes = box[:3], np.array([box[6:9], np.cross(box[3:6], box[6:9]), box[3:6]])
+    arms = axes * box[[9, 10, 12], None]
+    for i, corner in enumerate(product((-1.0, 1.0), repeat=3)):
+        row = geometry_row(place + np.array(corner) @ arms)
+        yield _Feature(f"corner_{first}{i}", KINDS[f"point-{other.kind}"], way, (row, solid), 0.0, pieces)
+    if other.kind not in ("capsule", "cylinder"):
+        return
+    line = _line(other, frames[other.body])
+    radius = float(line[9])
+    for i, (k, *signs) in enumerate(product(range(3), (-1.0, 1.0), (-1.0, 1.0))):
+        j, m = (k + 1) % 3, (k + 2) % 3
+        row = geometry_row(place + signs[0] * arms[j] + signs[1] * arms[m], axes[k], axes[j], 0.0, box[[9, 10, 12]][k])
+        row[11:] = 2.0 * radius, CROSSING
+        yield _Feature(f"edge_{first}{i}", ROUNDS, way, (row, line), radius, NO_PIECES)
+
+
+def _of_boxes(a: Side, b: Side, frames: dict[str, BodyFrame]) -> Iterator[_Feature]:
+    """Yield the nearest points of two boxes, and the corners of what their faces have in common."""
+    if not a.kind == b.kind == "box":
+        return
+    rows = []
+    for side in (a, b):
+        row = row_b(side, frames[side.body])
+        row[11:] = row[12], 0.0
+        rows.append(row)
+    for feature in range(CORNERS + 1):
+        row = rows[0].copy()
+        row[12] = feature
+        yield _Feature(f"corner{feature}" if feature else "nearest", BOXES, ("a", "b"), (row, rows[1]), 0.0, NO_PIECES)
 
 
 def _line(side: Side, frame: BodyFrame) -> Array:

@@ -13,9 +13,8 @@ from engine.jit import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
-GEARS, ROUNDS, COUPLED, JOINT_FRICTION, ONE_WAY = range(
-    11, 16
-)  # the last three of ideal joints, the last two always closed
+GEARS, ROUNDS, BOXES = range(11, 14)
+COUPLED, JOINT_FRICTION, ONE_WAY = range(14, 17)  # of ideal joints, the last two always closed
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
 MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK, BUSHING_FORCE, BUSHING_TORQUE = range(9, 17)
 # impulses of a whole step, divided by its length

@@ -36,6 +36,12 @@ from engine.mechanism.surfaces.surface import FreeFormSurface
 _TWO_SIZES = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 2, "maxItems": 2}
 
 
+_THREE_SIZES = {**_TWO_SIZES, "minItems": 3, "maxItems": 3}
+_three_sizes = numbers_or(
+    "not three half sides; allowed: three finite numbers > 0; write half the length, the width and the height",
+    3,
+    lambda sizes: min(sizes) > 0,
+)
 _two_sizes = numbers_or(
     "not two half sides; allowed: two finite numbers > 0; write half the length and half the width",
     2,
@@ -122,6 +128,26 @@ class Capsule(TableModel):
         return Piece(-h - 1j * r, r - h, -h), Piece(r - h, r + h), Piece(r + h, h + 1j * r, h)
 
 
+class Box(TableModel):
+    """A box; its first side is along ``along``, its third along ``normal``, the second across both."""
+
+    centre: Point = Field(description="the centre of the box, in the body frame")
+    along: Direction = Field(default=(1.0, 0.0, 0.0), description="the direction of the first side")
+    normal: Direction = Field(default=(0.0, 0.0, 1.0), description="the direction of the third side")
+    half_lengths: Annotated[
+        tuple[float, float, float],
+        BeforeValidator(_three_sizes),
+        WithJsonSchema(_THREE_SIZES),
+        Quantity("length"),
+        Each(gt=0.0),
+    ] = Field(description="half the three sides, along `along`, across, and along `normal`, three numbers > 0")
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        check_perpendicular(self.normal, self.along, ("normal", "along"))
+        return self
+
+
 class Plane(TableModel):
     """A plane; its normal points to the free side."""
 
@@ -162,10 +188,10 @@ class Rectangle(TableModel):
 
 PRIMITIVES = (
     *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
-    *("turned", "extruded", "surface", "capsule"),
+    *("turned", "extruded", "surface", "capsule", "box"),
 )
 
-SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface", "capsule")
+SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface", "capsule", "box")
 FLATS = ("plane", "disc", "rectangle")
 _PARTNERS = {
     "point": (*FLATS, *SOLIDS),
@@ -177,7 +203,10 @@ _PARTNERS = {
 PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for second in seconds)
 """The pairs with a gap function: side a of the kernels, then side b."""
 OUTLINES = "extruded-extruded"
-SEVERAL = (OUTLINES, "capsule-plane", "capsule-capsule", "capsule-cylinder", "cylinder-cylinder")
+SEVERAL = (
+    *(OUTLINES, "capsule-plane", "capsule-capsule", "capsule-cylinder", "cylinder-cylinder"),
+    *("box-plane", "box-box", "capsule-box", "cylinder-box"),
+)
 """The pairs that touch at several points at once; in a run each is a contact of its own."""
 
 
@@ -200,6 +229,7 @@ class Side(TableModel):
     extruded: Extruded | None = added("an extruded solid: { point, axis, along, start, profile, ... }")
     surface: FreeFormSurface | None = added("faces of any shape: { patches } or a B-spline surface")
     capsule: Capsule | None = added("a pin with round ends: { point, axis, half_length, radius }")
+    box: Box | None = added("a box: { centre, half_lengths, ... }")
 
     @cached_property
     def kind(self) -> str:

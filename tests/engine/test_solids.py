@@ -1,4 +1,4 @@
-"""Mechanisms of capsules and cylinders that touch each other: what rolls, what is pressed, what lies and what tips."""
+"""Mechanisms of capsules, cylinders and boxes: what rolls, what is pressed, what lies, slides and tips."""
 
 import numpy as np
 import pytest
@@ -176,3 +176,102 @@ def test_a_disc_tips_over_the_rim_of_another():
     run = simulate(made(data), full_horizon=True)
     d2 = 0.001**2 + 0.005**2
     assert run.responses["tilt"] == pytest.approx(0.5 * 0.1 * GRAVITY * 0.001 / (1e-5 + 0.1 * d2) * 0.02**2, rel=0.05)
+
+
+HALF = (0.03, 0.02, 0.04)
+
+
+def on_a_slope(slope, friction, under):
+    """Lay a box of 60 x 40 x 80 mm on a plane or on a large box, with gravity inclined towards x."""
+    box, (a, b, c) = {"centre": [0, 0, 0], "half_lengths": list(HALF)}, np.square(HALF)
+    floor = {"plane": FLOOR} if under == "plane" else {"box": {"centre": [0, 0, -0.5], "half_lengths": [2, 2, 0.5]}}
+    return small(
+        gravity=[GRAVITY * np.sin(slope), 0, -GRAVITY * np.cos(slope)],
+        simulation={"step": 1e-3, "horizon": 0.3},
+        bodies={
+            "ground": {"fixed": True},
+            "block": {"mass": 0.6, "inertia": [0.2 * (b + c), 0.2 * (a + c), 0.2 * (a + b)], "origin": [0, 0, HALF[2]]},
+        },
+        contacts={"lies": {"a": {"body": "block", "box": box}, "b": {"body": "ground", **floor}, "friction": friction}},
+        responses={
+            **coordinates("block"),
+            "force": {"type": "contact_force", "contact": "lies"},
+            "tilt": {"type": "angle", "body": "block", "axis": [0, 1, 0]},
+        },
+    )
+
+
+@pytest.mark.parametrize("under", ["plane", "box"])
+def test_a_box_slides_down_a_slope(under):
+    """Twice as steep as friction: g (sin - mu cos) t^2 / 2, flat, and with its weight across the slope."""
+    run = simulate(made(on_a_slope(0.4, 0.2, under)), full_horizon=True)
+    expected = 0.5 * GRAVITY * (np.sin(0.4) - 0.2 * np.cos(0.4)) * 0.3**2
+    assert run.responses["x"] == pytest.approx(expected, rel=5e-3)
+    assert run.responses["force"] == pytest.approx(0.6 * GRAVITY * np.cos(0.4), rel=1e-6)
+    assert run.responses["tilt"] == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("under", ["plane", "box"])
+def test_a_box_tips_over_its_edge_where_its_weight_is_beyond(under):
+    """It rests up to a slope of 30 / 40; then m g (h sin - b cos) turns it about the edge: 4/3 m (b^2 + h^2)."""
+    rests = simulate(made(on_a_slope(np.arctan(0.74), 2.0, under)))
+    assert rests.status == "ok", rests.message
+    assert abs(rests.responses["tilt"]) < 1e-6
+    slope, (b, _, h) = np.arctan(0.9), HALF
+    tips = simulate(made(on_a_slope(slope, 2.0, under)), step=2e-4, horizon=0.06, full_horizon=True)
+    torque = GRAVITY * (h * np.sin(slope) - b * np.cos(slope))
+    assert tips.responses["tilt"] == pytest.approx(torque / (b**2 + h**2) * 0.75 * 0.5 * 0.06**2, rel=0.05)
+
+
+def piled(turn, upper):
+    """Lay two boxes on a fixed one of 60 x 40 x 20 mm, the upper ones turned about z."""
+    box = {"centre": [0, 0, 0], "half_lengths": [0.03, 0.02, 0.01]}
+    body = {"mass": 0.2, "inertia": [4e-5, 7e-5, 9e-5], "axis": [0, 0, 1]}
+    other = {"centre": [0, 0, 0], "half_lengths": upper}
+    return small(
+        gravity=[0, 0, -GRAVITY],
+        simulation={"step": 1e-3, "horizon": 0.5},
+        bodies={
+            "ground": {"fixed": True},
+            "one": {**body, "origin": [0, 0, 0.02], "angle": turn},
+            "two": {**body, "origin": [0, 0, 0.04], "angle": 2 * turn},
+        },
+        contacts={
+            "lower": {"a": {"body": "one", "box": box}, "b": {"body": "ground", "box": box}, "friction": 0.4},
+            "upper": {"a": {"body": "one", "box": box}, "b": {"body": "two", "box": other}, "friction": 0.4},
+        },
+        responses={
+            **coordinates("two"),
+            **{name: {"type": "contact_force", "contact": name} for name in ("lower", "upper")},
+            "tilt": {"type": "angle", "body": "two", "axis": [0, 1, 0]},
+        },
+    )
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.5 * np.pi])
+@pytest.mark.parametrize("upper", [[0.03, 0.02, 0.01], [0.05, 0.005, 0.01]])
+def test_boxes_that_lie_on_each_other_stay(turn, upper):
+    """Of the same size, or a bar on top; in line, turned and across: each carries what is above it."""
+    run = simulate(made(piled(turn, upper)))
+    assert run.status == "ok", run.message
+    assert run.responses["z"] == pytest.approx(0.04, abs=1e-7)
+    assert run.responses["tilt"] == pytest.approx(0.0, abs=1e-7)
+    assert run.responses["upper"] == pytest.approx(0.2 * GRAVITY, rel=1e-5)
+    assert run.responses["lower"] == pytest.approx(0.4 * GRAVITY, rel=1e-5)
+
+
+def test_the_half_lengths_of_a_box_are_variables():
+    data = on_a_slope(0.0, 0.4, "box")
+    data["bodies"]["block"]["origin"][2] += 0.001
+    longer = set_values(made(data), {"contacts.lies.a.box.half_lengths.2": 0.0405})
+    assert simulate(longer).responses["z"] == pytest.approx(0.0405, abs=1e-7)
+
+
+@pytest.mark.parametrize("under", ["plane", "box"])
+def test_static_friction_holds_a_box(under):
+    """On a slope of 0.3 a coefficient of 0.2 lets it slide, with 0.4 as long as it sticks it stays."""
+    data = on_a_slope(np.arctan(0.3), 0.2, under)
+    data["contacts"]["lies"]["static_friction"] = 0.4
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["x"] == pytest.approx(0.0, abs=1e-6)

@@ -16,6 +16,7 @@ ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6,
 ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
 ROUNDS          a straight line: middle (0:3), direction (3:6), tangent (6:9), radius (9), half length (10)
+BOXES           a box: middle (0:3), third axis (3:6), first axis (6:9), half sides (9:12)
 GEARS           gear or ring: point of its axis (0:3), axis (3:6), mark (6:9), base radius, < 0 for a ring (9)
 COUPLED         nothing: its terms are in ``contacts.terms``, see `kernels.couplings`
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
@@ -24,12 +25,12 @@ ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10); of GEARS, mark (3:6), base radius (9), base pitch (10); of ROUNDS, as side b, a
-depth (11) and the number of its feature (12). For the solids (seven kinds) a point is an arc of radius 0. One of the
-outline of a profile has the direction out of its material (3:6), a depth (11), > 0, and the cosine of an angle (12): on
-the other profile, or no deeper in it, it presses only against a face that is opposite to such a direction to within
-this angle. Otherwise it would catch where a corner slides past another. Then the frame is zero, and the gap larger by
-this depth. The same holds for the rim of a cylinder that has a depth, see `rounds.rim_passes_by`.
+(6:9), radius (9), half angle (10); of GEARS, mark (3:6), base radius (9), base pitch (10); of ROUNDS and BOXES, as side
+b, with the number of a feature (12), and of ROUNDS a depth (11). For the solids (seven kinds) a point is an arc of
+radius 0. One of the outline of a profile has the direction out of its material (3:6), a depth (11), > 0, and the cosine
+of an angle (12): on the other profile, or no deeper in it, it presses only against a face that is opposite to such a
+direction to within this angle. Otherwise it would catch where a corner slides past another. Then the frame is zero, and
+the gap larger by this depth. The same holds for the rim of a cylinder that has a depth, see `rounds.rim_passes_by`.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins and are subtracted there). It changes by no more than the features move
@@ -43,12 +44,14 @@ import numpy as np
 from engine.jit import inner, kernel, not_inlined
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
 from engine.kernels.contact_geometry.arcs_on_solids import on_profile, on_surface, pass_by
+from engine.kernels.contact_geometry.boxes import of_boxes
 from engine.kernels.contact_geometry.gears import on_flank
 from engine.kernels.contact_geometry.rounds import beside, rim_passes_by
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.couplings import coupled_gap
 from engine.kernels.model import (
     ARC_PLANE,
+    BOXES,
     COUPLED,
     CYLINDER_PLANE,
     GEARS,
@@ -105,6 +108,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return on_flank(contacts, x, R, i, point[i], frame[i])
     if kind == ROUNDS:
         return beside(contacts, x, R, i, point[i], frame[i])
+    if kind == BOXES:
+        return of_boxes(contacts, x, R, i, point[i], frame[i])
     if kind >= COUPLED:
         return of_joints(contacts, x, R, i, kind, point[i], frame[i])
     gap = on_solid(contacts, x, R, i, kind, point[i], frame[i])

@@ -35,12 +35,18 @@ def test_outline_of_the_file_comes_first():
     assert all(np.ptp(line, axis=0).max() < 5 for line in contact.lines)  # not the whole cylinder of C7, 10.4 wide
 
 
-def test_a_capsule_is_drawn_as_long_and_as_wide_as_it_is():
+@pytest.mark.parametrize(
+    "solid",
+    [
+        {"capsule": {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 0.2}},
+        {"box": {"centre": [0, 0, 0], "half_lengths": [0.3, 0.1, 0.1]}},
+    ],
+)
+def test_a_solid_is_drawn_as_long_as_it_is(solid):
     data = shipped("clearance_pendulum")
-    capsule = {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 0.2}
     data["contacts"] = {
         "lies": {
-            "a": {"body": "link", "capsule": capsule},
+            "a": {"body": "link", **solid},
             "b": {"body": next(iter(data["bodies"])), "plane": {"point": [0, 0, -9], "normal": [0, 0, 1]}},
             "friction": 0.1,
         }

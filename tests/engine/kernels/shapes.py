@@ -62,6 +62,9 @@ def drawn_second(kind: str, rng: np.random.Generator) -> dict[str, Any]:
         return {kind: {"point": p, "axis": n.tolist(), "radius": size, **ends}}
     if kind == "capsule":
         return {kind: {"point": p, "axis": n.tolist(), "radius": size, "half_length": float(rng.uniform(0.3, 1.5))}}
+    if kind == "box":
+        box = {"centre": p, "normal": n.tolist(), "along": across(n, rng).tolist()}
+        return {kind: {**box, "half_lengths": [size, *rng.uniform(0.3, 1.6, 2).tolist()]}}
     if kind == "plane":
         return {"plane": {"point": p, "normal": n.tolist()}}
     if kind == "turned":
@@ -156,6 +159,10 @@ def distance(contact: Contact, p: Array) -> Array:
         half = shape.half_length or inf
         inner, outer = (-inf, shape.radius) if side.kind == "cylinder" else (shape.radius, inf)
         return round_distance(rho, z, inner, outer, -half, half)
+    if side.kind == "box":
+        y = np.cross(n, shape.along)
+        half = np.array(shape.half_lengths)
+        return box_distance(np.stack([w @ np.array(shape.along), w @ y, z], axis=-1), -half, half)
     if side.kind == "disc":
         return round_distance(rho, z, -inf, shape.radius, -(shape.depth or shape.radius), 0)
     a, b = shape.half_lengths

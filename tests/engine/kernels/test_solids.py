@@ -12,11 +12,11 @@ from engine.errors import MechanismError
 from tests.counts import many
 from tests.each import each
 from tests.engine.kernels.convex import bounds, found, scattered, two
-from tests.engine.kernels.shapes import unit
+from tests.engine.kernels.shapes import across, unit
 from tests.engine.small import made
 
 Array = np.ndarray
-KINDS = ("capsule-capsule", "capsule-cylinder", "cylinder-cylinder")
+KINDS = ("capsule-capsule", "capsule-cylinder", "cylinder-cylinder", "box-box", "capsule-box", "cylinder-box")
 UPRIGHT = {"point": [0, 0, 0], "axis": [0, 0, 1]}
 
 
@@ -24,6 +24,10 @@ def drawn(kind: str, rng: np.random.Generator) -> dict[str, Any]:
     """Draw a solid near the origin of its body."""
     size, half = rng.uniform(0.2, 1.0, 2).tolist()
     place = (0.3 * rng.normal(size=3)).tolist()
+    if kind == "box":
+        n = unit(rng.normal(size=3))
+        sides = {"half_lengths": rng.uniform(0.2, 1.0, 3).tolist()}
+        return {kind: {"centre": place, "normal": n.tolist(), "along": across(n, rng).tolist(), **sides}}
     return {
         kind: {"point": place, "axis": unit(rng.normal(size=3)).tolist(), "radius": 0.6 * size, "half_length": half}
     }
@@ -66,7 +70,10 @@ def test_gaps_change_no_faster_than_the_bodies_move(kind, seed):
     R[:, 0] = R[:, 0] @ Rotation.from_rotvec(turn).as_matrix()
     after = found(data, x, R)[0].min(axis=1)
     ((_, shape),) = a.items()
-    reach = np.linalg.norm(shape["point"]) + shape["half_length"] + shape["radius"]
+    if "half_lengths" in shape:
+        reach = np.linalg.norm(shape["centre"]) + np.linalg.norm(shape["half_lengths"])
+    else:
+        reach = np.linalg.norm(shape["point"]) + shape["half_length"] + shape["radius"]
     moved = np.linalg.norm(shift, axis=1) + reach * np.linalg.norm(turn, axis=1)
     counts = np.minimum(before, after) > -0.02
     assert np.all((np.abs(after - before) <= moved + 1e-12)[counts])
@@ -100,7 +107,7 @@ def touching(a: dict[str, Any], b: dict[str, Any], *place: float) -> tuple[Array
     """Return the different points in which two bodies touch, sorted, and the normals towards a."""
     gap, point, frame, names = found(two(a, b), *at(*place))
     near = np.flatnonzero((gap[0] < 1e-6) & frame[0, :, 0].any(axis=1))
-    up = np.array([-1.0 if names[i].partition(".")[2].partition("_")[2].startswith("b") else 1.0 for i in near])
+    up = np.array([-1.0 if "_b" in names[i] else 1.0 for i in near])
     normals = frame[0, near, 0] * up[:, None]
     points, first = np.unique(point[0, near].round(6) + 0.0, axis=0, return_index=True)
     return points, normals[first]
@@ -135,6 +142,77 @@ def test_parallel_capsules_touch_at_both_ends_of_what_they_have_in_common():
     points, normals = touching(a, b, 0.2, 0.0, 0.4)
     np.testing.assert_allclose(points, [[0.1, 0, 0.1], [0.1, 0, 0.5]], atol=1e-6)
     np.testing.assert_allclose(normals, [[1, 0, 0]] * 2, atol=1e-12)
+
+
+def corners(x: Any, y: Any, z: float) -> Array:
+    """Return the corners of a rectangle, sorted."""
+    return np.array([[i, j, z] for i in sorted(x) for j in sorted(y)])
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-9, -1e-9])
+@each(
+    ("half", "place", "expected"),
+    [
+        ([0.3, 0.2, 0.1], (0, 0, 0.2), corners((-0.3, 0.3), (-0.2, 0.2), 0.1)),
+        ([0.2, 0.1, 0.1], (0.05, 0, 0.2), corners((-0.15, 0.25), (-0.1, 0.1), 0.1)),
+        ([0.1, 0.5, 0.1], (0, 0, 0.2), corners((-0.1, 0.1), (-0.2, 0.2), 0.1)),
+        ([0.3, 0.2, 0.1], (0.3, 0.2, 0.2), corners((0, 0.3), (0, 0.2), 0.1)),
+    ],
+)
+def test_a_box_lies_on_a_box_at_the_corners_of_what_both_have_in_common(half, place, expected, depth):
+    """Of the same size, smaller, a beam across it, and beyond its edges; whatever rounding leaves of the overlap."""
+    a, b = ({"box": {"centre": [0, 0, 0], "half_lengths": h}} for h in (half, [0.3, 0.2, 0.1]))
+    points, normals = touching(a, b, *(np.array(place) - [0, 0, depth]))
+    np.testing.assert_allclose(points, expected, atol=1e-6)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 4, atol=1e-12)
+
+
+def test_a_box_stands_on_its_edge_or_corner_on_another():
+    """At 45 degrees on two points of an edge; on its corner at one; two edges across each other at one."""
+    b = {"box": {"centre": [0, 0, 0], "half_lengths": [1, 1, 1]}}
+    edge = {"box": {"centre": [0, 0, 0], "half_lengths": [0.1, 0.2, 0.1], "normal": [1, 0, 1], "along": [1, 0, -1]}}
+    gap, point, frame, _ = found(two(edge, b), *at(0, 0, 1 + 0.1 * np.sqrt(2)))
+    near = (gap[0] < 1e-9) & frame[0, :, 0].any(axis=1)
+    assert near.any()
+    np.testing.assert_allclose(point[0, near][:, [0, 2]], [[0, 1]] * near.sum(), atol=1e-9)
+    tip = {"box": {"centre": [0, 0, 0], "half_lengths": [0.1] * 3, "normal": [1, 1, 1], "along": [1, -1, 0]}}
+    gap, point, frame, _ = found(two(tip, b), *at(0, 0, 1.2))
+    assert gap.min() > 0.0
+    ridge = {"box": {"centre": [0, 0, 0], "half_lengths": [1, 1, 1], "normal": [0, 1, 1], "along": [1, 0, 0]}}
+    roof = {"box": {"centre": [0, 0, 0], "half_lengths": [1, 1, 1], "normal": [1, 0, 1], "along": [0, 1, 0]}}
+    gap, point, frame, names = found(two(ridge, roof), *at(0.3, 0.2, 2 * np.sqrt(2) + 0.01))
+    first = names.index("touch.nearest")
+    assert gap[0, first] == pytest.approx(0.01, abs=1e-12)
+    np.testing.assert_allclose(point[0, first], [0, 0.2, np.sqrt(2)], atol=1e-12)
+    np.testing.assert_allclose(frame[0, first, 0], [0, 0, 1], atol=1e-12)
+
+
+@each("kind", ("capsule", "cylinder"))
+def test_a_round_solid_lies_across_the_edges_of_a_box(kind):
+    a = {kind: {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 1.0}}
+    points, normals = touching(a, {"box": {"centre": [0, 0, 0], "half_lengths": [0.3, 0.2, 0.1]}}, 0.0, 0.0, 0.2)
+    np.testing.assert_allclose(points, [[-0.3, 0, 0.1], [0.3, 0, 0.1]], atol=1e-12)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 2, atol=1e-12)
+
+
+def test_a_cylinder_lies_and_stands_on_a_box():
+    """At both ends; on three points of its rim."""
+    b = {"box": {"centre": [0, 0, 0], "half_lengths": [0.3, 0.2, 0.1]}}
+    lying = {"cylinder": {"point": [0, 0, 0], "axis": [1, 0, 0], "radius": 0.1, "half_length": 0.25}}
+    points, normals = touching(lying, b, 0.0, 0.0, 0.2)
+    np.testing.assert_allclose(points, [[-0.25, 0, 0.1], [0.25, 0, 0.1]], atol=1e-9)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 2, atol=1e-9)
+    points, normals = touching({"cylinder": {**UPRIGHT, "radius": 0.1, "half_length": 0.25}}, b, 0.0, 0.0, 0.35)
+    assert len(points) == 3
+    np.testing.assert_allclose(points.mean(axis=0), [0, 0, 0.1], atol=1e-6)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 3, atol=1e-9)
+
+
+def test_a_box_lies_on_a_plane_with_four_corners():
+    box, plane = {"centre": [0, 0, 0], "half_lengths": [0.3, 0.2, 0.1]}, {"point": [0, 0, 0], "normal": [0, 0, 1]}
+    points, normals = touching({"box": box}, {"plane": plane}, 0.0, 0.0, 0.1)
+    np.testing.assert_allclose(points, corners((-0.3, 0.3), (-0.2, 0.2), 0.0), atol=1e-12)
+    np.testing.assert_allclose(normals, [[0, 0, 1]] * 4, atol=1e-12)
 
 
 def test_a_capsule_lies_on_a_plane_with_both_ends():

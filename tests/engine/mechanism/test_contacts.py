@@ -31,6 +31,7 @@ SHAPES: dict[str, Any] = {
         **{"start": [1, 0], "profile": [{"to": [1, 0], "centre": [0, 0], "turn": "left"}]},
     },
     "capsule": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.4, "half_length": 1},
+    "box": {"centre": [0, 0, 0], "half_lengths": [0.4, 0.3, 0.2]},
     "surface": {"patches": [[[[x, y, 0] for y in range(4)] for x in range(4)]]},
 }
 
