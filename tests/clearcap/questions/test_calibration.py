@@ -160,4 +160,4 @@ def test_the_button_of_the_docs(tmp_path):
     assert all(words.startswith("The data tell") for words in found.told)
     alone = {**example, "measurements": example["measurements"][:1], "discrepancy": {"actuation": {"sigma": 0.0}}}
     told = calibrated(store, plan, load_measurements(alone)).told
-    assert "cannot tell" in told[1] or "do not tell friction" in told[1]
+    assert told[1].startswith("The data do not tell friction")  # of which much less was assumed than of the peak
