@@ -26,6 +26,7 @@ SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
 STAGES_OF_STEP = {
     **dict.fromkeys(("save_start", "move", "apply_loads", "free_twist", "damp", "impulse_time"), LOADS),
     **dict.fromkeys(("row_targets", "find_redundant_rows", "hold_joints", "add_contact_part"), JOINTS),
+    **dict.fromkeys(("finish_bushings",), JOINTS),
     **dict.fromkeys(("consume_budget", "body_speeds", "find_near_contacts", "free_relative_velocities"), CONTACTS),
     **dict.fromkeys(("first_active_set", "look_at_active_contacts", "gather_problem", "soften", "bend"), CONTACTS),
     **dict.fromkeys(("compress", "apply_impulses", "grow_active_set", "fastest_body", "fastest_spin"), CONTACTS),

@@ -96,8 +96,7 @@ class RequestLimits:
 
     def _largest_body(self, path: str, kind: bytes) -> int:
         """Return the largest size that the body of a request may have [bytes]."""
-        takes_files = path in UPLOADS or _UPLOAD.fullmatch(path)
-        if takes_files and kind.lower().startswith(b"multipart/form-data"):  # its files go to the disk
+        if takes_files(path) and kind.lower().startswith(b"multipart/form-data"):  # its files go to the disk
             return self._limits.body
         return min(self._limits.body, LARGEST_OPEN_FORM if path in OPEN_FORMS else LARGEST_DOCUMENT)
 
@@ -144,6 +143,11 @@ class _Body:
         self._arrived[self._place] -= self.size
         if not self._arrived[self._place]:
             del self._arrived[self._place]
+
+
+def takes_files(path: str) -> bool:
+    """Return whether a request to this path may have files."""
+    return path in UPLOADS or _UPLOAD.fullmatch(path) is not None
 
 
 def check_values(document: bytes) -> None:

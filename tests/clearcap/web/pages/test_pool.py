@@ -24,7 +24,7 @@ KINDS = {
 
 
 @pytest.fixture
-def ids(service, settings, tmp_path, monkeypatch):
+def ids(client, service, settings, tmp_path, monkeypatch):
     """Return the ids of campaigns of the store by kind; jobs are computed in this process."""
     found = {}
     for kind, (text, changes) in KINDS.items():
@@ -38,6 +38,7 @@ def ids(service, settings, tmp_path, monkeypatch):
         return await run_in_threadpool(compute, pickle.dumps((job, arguments, 64.0)), None)
 
     monkeypatch.setattr(service.pool, "run", run)
+    client.portal.call(service.watcher.list_all)  # the page offers what the server has seen
     return found
 
 
