@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -20,8 +21,10 @@ from reporting import capability
 from tests.campaign import fake_engine
 
 
-def test_rows_that_were_there_are_counted_and_not_computed(store, plan):
+def test_rows_that_were_there_are_counted_and_not_computed(store, plan, monkeypatch):
     """A part that a lost worker had written is rows done, and no work of this coordinator: the rate has none of it."""
+    clock = SimpleNamespace(monotonic=lambda: 1000.0, time=time.time)
+    monkeypatch.setattr(following, "time", clock)
     progress = Progress(store, plan, store.survey(plan))
     address = CampaignAddress.of(store, plan, fake_engine.simulate)
     progress.add(run_batch(address, BatchRequest(0)))
@@ -33,12 +36,12 @@ def test_rows_that_were_there_are_counted_and_not_computed(store, plan):
     progress.add(run_batch(address, BatchRequest(1)))
     run_batch(address, BatchRequest(2))
     progress.add(run_batch(address, BatchRequest(2)))
-    progress.workers = 2
+    progress.workers, clock.monotonic = 2, lambda: 1005.0
     heartbeat = progress.heartbeat("running")
     assert (heartbeat.done, heartbeat.ok, heartbeat.failed, heartbeat.left) == (25, 25, 0, 0)
     assert (progress.computed, heartbeat.workers) == (10, 2)
     assert heartbeat.responses["FC-1"]["n"] == 25
-    assert heartbeat.rate > 0.0
+    assert heartbeat.rate == 10 / 5.0
 
 
 def test_document_of_another_version_is_no_heartbeat():

@@ -115,6 +115,7 @@ def test_more_repeats_of_a_finished_campaign(tmp_path, often, workers):
     add_share(store, plan, 0.2)
     assert repeated_shares(store, plan) == (0.4,)
     add_share(store, plan, 0.8)
+    add_share(store, plan, 0.8)
     assert repeated_shares(store, plan) == (0.4, 0.8)
     _, again = start(tmp_path, often, 2, 5, partial(fake_engine.counts, tmp_path / "runs.txt"))
     assert again.computed == 0

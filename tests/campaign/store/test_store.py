@@ -175,6 +175,15 @@ def test_document_that_is_no_file_is_one_message(store, plan, make, name):
         store.plan(plan.campaign_id) if name == "plan.json" else store.read_json(plan.campaign_id, name)
 
 
+def test_a_link_to_a_document_is_not_read(store, plan, tmp_path):
+    """Even to a document that clearcap wrote: who can make links in a store does not choose what is read."""
+    path = Path(store.files.path(f"{plan.campaign_id}/plan.json"))
+    path.rename(tmp_path / "plan.json")
+    path.symlink_to(tmp_path / "plan.json")
+    with pytest.raises(StoreError, match=r"plan\.json is a symbolic link"):
+        store.plan(plan.campaign_id)
+
+
 def test_manifest_that_is_no_file_costs_time_only(store, plan, caplog):
     """The parts are read instead, and the next manifest takes its place."""
     fill(store, plan)

@@ -19,6 +19,9 @@ P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
         (shapes.weibull(0.0, 1.7, 2.0), stats.weibull_min(1.7, scale=2)),
         (shapes.gamma(0.0, 3.2, 0.5), stats.gamma(3.2, scale=0.5)),
         (shapes.beta(2.0, 5.0), stats.beta(2, 5)),
+        (shapes.beta(2.0, 5.0, 1.0, 4.0), stats.beta(2, 5, 1, 3)),
+        (shapes.uniform(1.0, 4.0), stats.uniform(1, 3)),
+        (shapes.triangular(1.0, 2.0, 4.0), stats.triang(1 / 3, 1, 3)),
         (shapes.exponential(-1.0, 2.0), stats.expon(-1, 2)),
         (shapes.log_logistic(0.0, 0.7, 0.3), stats.fisk(1 / 0.3, scale=np.exp(0.7))),
         (shapes.folded_normal(0.8, 0.6), stats.foldnorm(0.8 / 0.6, scale=0.6)),
@@ -38,6 +41,9 @@ def test_shapes_are_scipys(shape, known) -> None:
     assert shape.cdf(z) == pytest.approx(P, rel=1e-7)
     assert shape.sf(z) == pytest.approx(known.sf(z), rel=1e-6)
     assert shape.isf(known.sf(z)) == pytest.approx(z, rel=1e-8, abs=1e-8)
+    beyond = np.array([known.support()[0] - 9.0, known.support()[1] + 9.0])
+    assert shape.cdf(beyond).tolist() == [0.0, 1.0]
+    assert shape.sf(beyond).tolist() == [1.0, 0.0]
 
 
 @pytest.mark.parametrize("power", [-0.7, 0.0, 0.5, 1.0, 2.5])

@@ -12,8 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from reporting import Assumption, ReportError, write, write_report
-from reporting.render.data_files import document, report_schema
+from reporting.render.data_files import capability_table, document, report_schema
 from reporting.render.html import render_html
+from reporting.shape.nonnormal import NonnormalIndices
 from reporting.tolerance.reweighting import Change
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 
@@ -68,6 +69,19 @@ def test_parquet_has_a_row_a_response_with_units(campaign, tmp_path: Path) -> No
     assert found.schema.field("ppm_expected").metadata == {b"unit": b"ppm"}
     assert found.schema.field("cpk").metadata == {b"unit": b"1"}
     assert found.schema.metadata[b"campaign"] == spec.campaign.encode()
+
+
+def test_parquet_has_the_share_of_the_fitted_z_score_unless_families_disagree() -> None:
+    given = {"method": "z_score", "family": "weibull", "assumed": "", "ppm_expected": 12.0}
+    given |= {"ppm_expected_interval": (3.0, 40.0)}
+    agreed, disagreed = (NonnormalIndices(**given, ppm_range=range_) for range_ in (None, (5.0, 30.0)))
+    percentile = NonnormalIndices("percentile", "weibull", "", ppk=1.5, ppm_expected=99.0)
+    analysis = fullest_analysis()
+    for methods, ppm in (((percentile, agreed), 12.0), ((percentile, disagreed), None)):
+        rows = capability_table(replace(analysis, responses=(replace(analysis.responses[0], methods=methods),)))
+        (row,) = rows.to_pylist()
+        assert (row["nonnormal_ppk"], row["nonnormal_ppm"]) == (1.5, ppm)
+        assert (row["nonnormal_ppm_low"], row["nonnormal_ppm_high"]) == (3.0, 40.0)
 
 
 def test_the_workbook_holds_the_numbers_and_no_formula(campaign, tmp_path: Path) -> None:
