@@ -133,7 +133,7 @@ def missing_kernels() -> tuple[str, ...]:
 
 def _missing_file(kernel: Any) -> str:
     """Return the index file of a kernel; empty if it lists machine code, compiled from the current source."""
-    from engine.jit.numba_internals import index_file
+    from engine.jit.kept_code import index_file
 
     index = index_file(kernel.compiled)
     if index is None:

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FolderError
-from engine.jit.numba_internals import INNER_OPTIONS, KERNEL_OPTIONS, NOT_INLINED_OPTIONS, keep_on_disk, processor
+from engine.jit.kept_code import keep_on_disk, processor
+from engine.jit.numba_internals import INNER_OPTIONS, KERNEL_OPTIONS, NOT_INLINED_OPTIONS
 from engine.platform.build import build_id
 from engine.platform.private_folder import private_folder, user_cache
 

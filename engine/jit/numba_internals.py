@@ -1,4 +1,6 @@
-"""All that clearcap touches of Numba beyond its manual, in one module, because any release may change it.
+"""All that clearcap touches of Numba beyond its manual, because any release may change it.
+
+`engine.jit.kept_code` uses the names for machine code on disk, this module all others.
 
 Where a saving misses one of its names in the installed Numba, the saving is off and one log line says so: compiling
 takes longer, and no bit of a result changes. What clearcap cannot do without ends the import of the engine with
@@ -18,7 +20,7 @@ takes longer, and no bit of a result changes. What clearcap cannot do without en
 | | `get_data_type`, `data_model_manager`, `get_field_position`, `alloca_once`, `false_bit`, `tuple_getitem`, |
 | | `numba_array_adaptor` |
 | machine code on disk | `UserProvidedCacheLocator`, `get_suitable_cache_subpath`, `CACHE_LOCATOR_CLASSES` |
-| machine code from disk without Numba's own functions | `load_overload`, `_load_overload`, |
+| machine code from disk without Numba's own functions | `load_overload`, `_load_overload`, `cache_path`, `flush`, |
 | | `_guard_against_spurious_io_errors`, `initialize`, `ensure_blas`, `_HAVE_BLAS` |
 | machine code that came with the package | `_index_key`, `_impl`, `filename_base`, `locator`, `rebuild`, `load`, |
 | | `magic_tuple` |
@@ -29,18 +31,15 @@ import gc
 import hashlib
 import logging
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager, nullcontext
 from functools import cache, reduce
 from importlib import import_module
-from pathlib import Path
 from typing import Any, TypeVar
 
-from llvmlite import binding, ir
+from llvmlite import ir
 
 from engine.errors import UnsupportedNumbaError
-from engine.jit import shipped
 
 # Numba reads settings from this file in the current folder, where anybody may have put it; they even include the
 # processor's instruction set. So Numba is imported from another folder, and never looks for the file again.
@@ -72,7 +71,10 @@ CHOICES = "a built-in function is chosen anew for each call in a kernel"
 CALLEES = "the callees of a kernel are compiled one by one"
 TUPLES = "kernels pass tuples of arrays by value"
 KEPT = "compiled code is not kept on disk: each process compiles for a minute"
-ALONE = "each process loads what Numba compiles with, and SciPy's linear algebra, whether or not it compiles"
+ALONE = (
+    "each process loads what Numba compiles with, and SciPy's linear algebra, whether or not it compiles, and a damaged"
+    " file of compiled code ends a command"
+)
 SHIPPED = "compiled code that came with the package is not used: the first command compiles"
 INDEX = "each process loads all compiled code when it starts, whether or not it needs it"
 SAVINGS = {
@@ -125,6 +127,8 @@ SAVINGS = {
         "numba.core.caching:FunctionCache.load_overload",
         "numba.core.caching:FunctionCache._load_overload",
         "numba.core.caching:FunctionCache._guard_against_spurious_io_errors",
+        "numba.core.caching:FunctionCache.cache_path",
+        "numba.core.caching:FunctionCache.flush",
         "numba.core.runtime.nrt:rtsys.initialize",
         "numba.np.linalg:ensure_blas",
     ),
@@ -163,19 +167,19 @@ def _find(name: str) -> Any:
     return reduce(getattr, path.split("."), _object(owner))
 
 
-def _has(saving: str) -> bool:
+def has(saving: str) -> bool:
     """Return whether Numba has all names that a saving needs; otherwise log what is lost."""
     for name in SAVINGS[saving]:
         try:
             _find(name)
         except (ImportError, AttributeError):
-            _lost(saving, name)
+            lost(saving, name)
             return False
     return True
 
 
 @cache
-def _lost(saving: str, name: str) -> None:
+def lost(saving: str, name: str) -> None:
     """Log, once, that a saving is off."""
     _log.warning(
         "%s, because Numba %s has no %s; clearcap is made for numba%s",
@@ -202,7 +206,7 @@ if os.path.lexists(SETTINGS):  # the program may have imported Numba, and so rea
 
 # -- options of the decorators, without what this Numba does not know ------------------------------------------------
 
-_is_lean, _is_hooked = _has(LEAN), _has(HOOK)
+_is_lean, _is_hooked = has(LEAN), has(HOOK)
 
 # No counting of references, which are none of a kernel's business, and no wrappers that nobody calls.
 OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True} if _is_lean else {}
@@ -214,7 +218,7 @@ OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True} if _is_lean 
 # types, first in type inference and again in code generation. This took a fifth of the compilation time: the kernels
 # contain 20,000 such calls, and hardly a thousand different ones.
 
-_chooses_once = _has(CHOICES)
+_chooses_once = has(CHOICES)
 if _chooses_once:
     from numba.core.targetconfig import ConfigStack
     from numba.core.types.functions import BaseFunction
@@ -302,7 +306,7 @@ if _is_hooked:
     for _options in (KERNEL_OPTIONS, INNER_OPTIONS, NOT_INLINED_OPTIONS):
         _options["pipeline_class"] = KernelCompiler
 
-if _is_hooked and _has(CALLEES):
+if _is_hooked and has(CALLEES):
     from numba.core.codegen import JITCodeLibrary
 
     class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -340,137 +344,6 @@ if _is_hooked and _has(CALLEES):
             return result
 
     INNER_OPTIONS["pipeline_class"], NOT_INLINED_OPTIONS["pipeline_class"] = CalleeCompiler, NotInlinedCompiler
-
-
-# -- machine code on disk --------------------------------------------------------------------------------------------
-
-KEEPS_CODE = _has(KEPT)
-
-if KEEPS_CODE:
-    from numba.core.caching import UserProvidedCacheLocator
-
-    # use no other folder than `config.CACHE_DIR`, such as ~/.cache/numba, which nobody has checked
-    config.CACHE_LOCATOR_CLASSES = f"{__name__}.BuildLocator"  # type: ignore[attr-defined]
-
-    class BuildLocator(UserProvidedCacheLocator):  # type: ignore[misc]
-        """Where Numba keeps a kernel: in the folder by module name, so that all installations of a build share it."""
-
-        def __init__(self, py_func: Any, py_file: str) -> None:
-            super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
-            self._source, self.subfolder = py_file, self.get_suitable_cache_subpath(py_file)
-
-        @classmethod
-        def get_suitable_cache_subpath(cls, py_file: str) -> str:
-            """Return the folder for a source file's kernels; outside the engine as Numba does, by its full path."""
-            folder, engine = Path(py_file).absolute().parent, Path(__file__).absolute().parents[1]
-            if folder.is_relative_to(engine):
-                return str(folder.relative_to(engine.parent))
-            return str(super().get_suitable_cache_subpath(py_file))  # type: ignore[no-untyped-call]
-
-        def get_source_stamp(self) -> bytes:
-            """Return the digest of a kernel's source file: Numba 0.66 goes by times, which an installation changes."""
-            return _digest_of(self._source)
-
-
-@cache
-def _digest_of(file: str) -> bytes:
-    return hashlib.sha256(Path(file).read_bytes()).digest()
-
-
-def processor() -> tuple[str, str]:
-    """Return name and features of the processor for which Numba compiles: this one, or that of NUMBA_CPU_NAME."""
-    name, features = config.CPU_NAME, config.CPU_FEATURES  # type: ignore[attr-defined]
-    return (
-        name or binding.get_host_cpu_name(),
-        binding.get_host_cpu_features().flatten() if features is None else features,
-    )
-
-
-_loads_alone = KEEPS_CODE and _has(ALONE)
-
-if _loads_alone:
-    from numba.core.caching import FunctionCache
-    from numba.core.runtime.nrt import rtsys
-    from numba.np import linalg
-
-    _ensure_blas = linalg.ensure_blas
-
-    def ensure_blas() -> None:
-        """Import SciPy's linear algebra where a kernel uses it, but not to see whether it is there."""
-        if hasattr(sys.modules.get("numba.np.arraymath"), "_HAVE_BLAS"):  # which looks when it is imported
-            _ensure_blas()  # type: ignore[no-untyped-call]
-
-    linalg.ensure_blas = ensure_blas
-
-    class KernelCache(FunctionCache):  # type: ignore[misc]
-        """The code of a kernel on disk, which needs nothing of what Numba loads in order to compile."""
-
-        def load_overload(self, sig: Any, target_context: Any) -> Any:
-            """Return the code for a signature; None if there is none, and then Numba loads the rest and compiles."""
-            rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
-                return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-
-
-@cache
-def _layers() -> list[shipped.Layer]:
-    """Return the machine code of the package that may run here: none with NUMBA_CPU_NAME, but of that very level."""
-    name, features = config.CPU_NAME, config.CPU_FEATURES  # type: ignore[attr-defined]
-    if features or (name is None) != (features is None):
-        return []
-    return shipped.layers(binding.get_host_cpu_features(), name)
-
-
-_finds_shipped = _loads_alone and _has(SHIPPED)
-
-if _finds_shipped:
-    from numba.core.caching import IndexDataCacheFile
-
-    class LayeredCache(KernelCache):
-        """The same, found in the user's folder, or else among what came with the package."""
-
-        def _load_overload(self, sig: Any, target_context: Any) -> Any:
-            data = super()._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-            if data is not None:
-                return data
-            signature, (system, *_), sources = self._index_key(sig, target_context.codegen())  # type: ignore[no-untyped-call]
-            name, stamp = self._impl.filename_base, self._impl.locator.get_source_stamp()
-            for level, folder in self.shipped():
-                file = IndexDataCacheFile(str(folder), name, stamp)  # type: ignore[no-untyped-call]
-                kept = file.load((signature, (system, level, ""), sources))  # type: ignore[no-untyped-call]
-                if kept is not None:
-                    return self._impl.rebuild(target_context, kept)
-            return None
-
-        def shipped(self) -> Iterator[tuple[str, Path]]:
-            """Yield the levels for which this kernel's code came with the package, the best first, and its folder."""
-            for layer in _layers():
-                if folder := layer.folder_of(f"{self._impl.locator.subfolder}/{self._impl.filename_base}"):
-                    yield layer.level, folder
-
-
-def keep_on_disk(compiled: Any) -> None:
-    """Keep the code of a kernel on disk, and load it from there."""
-    if not KEEPS_CODE:
-        return
-    if _loads_alone and hasattr(compiled, "_cache"):
-        kind = LayeredCache if _finds_shipped and _layers() else KernelCache
-        compiled._cache = kind(compiled.py_func)  # type: ignore[no-untyped-call]
-    else:
-        compiled.enable_caching()
-
-
-def index_file(compiled: Any) -> tuple[str, bool] | None:
-    """Return the index file of a kernel's code on disk, and whether code of this source is there; None: unknown."""
-    if not KEEPS_CODE:
-        return None
-    try:
-        path, load = (reduce(getattr, name.split("."), compiled) for name in OF_A_KERNEL)
-    except AttributeError as error:
-        _lost(INDEX, f":{error.name}")
-        return None
-    came = compiled._cache.shipped() if _finds_shipped and isinstance(compiled._cache, LayeredCache) else ()
-    return path, bool(load()) or any(True for _ in came)
 
 
 # -- eight numbers at a time -----------------------------------------------------------------------------------------
@@ -558,12 +431,12 @@ def _describes_arrays_as_here() -> bool:
     except (LookupError, ValueError):
         right = False
     if not right:
-        _lost(TUPLES, ":array with its parts in the order of before")
+        lost(TUPLES, ":array with its parts in the order of before")
     return right
 
 
 # the table is filled by a function of Numba for kernels that count no references
-_passes_addresses = _is_lean and _has(TUPLES) and _describes_arrays_as_here()
+_passes_addresses = _is_lean and has(TUPLES) and _describes_arrays_as_here()
 
 
 @register_model(TupleByAddress)

@@ -83,7 +83,7 @@ def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
 def test_no_unchecked_folder(tmp_path):
     """Numba looks nowhere else for compiled code."""
     done = run("from engine.jit import decorators; print(decorators.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
-    assert done.stdout == "engine.jit.numba_internals.BuildLocator\n"
+    assert done.stdout == "engine.jit.kept_code.BuildLocator\n"
 
 
 @pytest.mark.slow

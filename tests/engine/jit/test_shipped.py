@@ -132,7 +132,7 @@ from engine.jit import CACHE_FOLDER, shipped
 shipped.FOLDER = Path(sys.argv[1])
 from numba.core import event
 import numpy as np
-from engine.jit.numba_internals import index_file
+from engine.jit.kept_code import index_file
 from engine.kernels.vectors import rotation_matrix
 known, turned = index_file(rotation_matrix.compiled)[1], np.zeros((3, 3))
 with event.install_recorder("numba:compile") as compiled:

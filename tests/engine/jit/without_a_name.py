@@ -87,7 +87,7 @@ class Lines(logging.Handler):
 
 def outcome():
     """Import the layer of the engine that compiles anew, compile a kernel that calls others, and call it."""
-    for name in ("engine.jit", "engine.jit.decorators", "engine.jit.numba_internals"):
+    for name in ("engine.jit", "engine.jit.decorators", "engine.jit.kept_code", "engine.jit.numba_internals"):
         sys.modules.pop(name, None)
     lines = Lines()
     log = logging.getLogger("engine.jit")
@@ -107,7 +107,8 @@ def computed(jit):
     """Return what a kernel computes, which passes a tuple of an array to an inner one, and whether it was missing."""
     import numpy as np
 
-    from engine.jit.numba_internals import by_address, index_file
+    from engine.jit.kept_code import index_file
+    from engine.jit.numba_internals import by_address
 
     @by_address
     class Given(NamedTuple):
