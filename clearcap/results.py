@@ -104,7 +104,8 @@ class Results(Analysed):
         DataFrame
             One row per response: mean, std, cp, cpk and ppm with the ends of their intervals (``cpk_interval_low``,
             ``cpk_interval_high``), the number of samples behind the answer, and the reason if there is none
-            (``refusal``). ``emulated`` says why an emulator of the rows gives the numbers, and not their weights.
+            (``refusal``). ``ppm_expected`` is the share of a normal distribution, ``emulated`` says why an emulator of
+            the rows gives the numbers, and not their weights.
 
         Raises
         ------
@@ -124,7 +125,8 @@ class Results(Analysed):
                 estimate = getattr(answer, key)
                 low, high = estimate.interval if estimate else (None, None)
                 row |= {key: estimate and estimate.value, f"{key}_interval_low": low, f"{key}_interval_high": high}
-            row |= {"samples_worth": answer.effective, "refusal": answer.refusal, "emulated": answer.emulated}
+            row |= {"ppm_expected": answer.ppm_expected, "samples_worth": answer.effective}
+            row |= {"refusal": answer.refusal, "emulated": answer.emulated}
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("response")
 
     def advise(self) -> "pd.DataFrame":

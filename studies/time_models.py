@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from reporting.arrays import Array
-from reporting.shape.time_model import time_model
+from reporting.shape.time_model import TimeModel, time_model
 from studies import head
 
 PROCESSES = 1000
@@ -31,13 +31,15 @@ def values(name: str, groups: int, size: int, rng: np.random.Generator) -> Array
     return np.asarray(x.ravel())
 
 
-def named(name: str, groups: int, size: int, processes: int) -> Counter[str]:
-    """Return how often each class is named for processes of one class."""
-    rng, found = np.random.default_rng((groups, size, CLASSES.index(name))), Counter[str]()
-    of_each = np.repeat(np.arange(groups), size)
-    for _ in range(processes):
-        found[time_model(values(name, groups, size, rng), of_each, "subgroups").name] += 1
-    return found
+def models(name: str, groups: int, size: int, processes: int) -> list[TimeModel]:
+    """Return what is said of processes of a class."""
+    rng, of_each = np.random.default_rng((groups, size, CLASSES.index(name))), np.repeat(np.arange(groups), size)
+    return [time_model(values(name, groups, size, rng), of_each, "subgroups") for _ in range(processes)]
+
+
+def held(name: str, found: list[TimeModel]) -> int:
+    """Return how often the class is named, or not excluded."""
+    return sum(name in (each.name, *each.possible) for each in found)
 
 
 def main() -> None:
@@ -49,11 +51,15 @@ def main() -> None:
     for name in CLASSES:
         cells = []
         for groups, size in GROUPS:
-            found = named(name, groups, size, processes)
+            found = models(name, groups, size, processes)
+            named = Counter(each.name for each in found)
             others = ", ".join(
-                f"{other} {100 * n / processes:.0f}" for other, n in found.most_common() if other != name
+                f"{other} {100 * n / processes:.0f}"
+                for other, n in named.most_common()
+                if other != name and 200 * n >= processes
             )
-            cells.append(f"{100 * found[name] / processes:.0f}{f' ({others})' if others else ''}")
+            right, possible = 100 * named[name] / processes, 100 * held(name, found) / processes
+            cells.append(f"{right:.0f} / {possible:.0f}{f' ({others})' if others else ''}")
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 

@@ -35,6 +35,7 @@ class MonitoredIndex(BaseModel):
     requirement: float = Field(examples=[1.33])
     below: bool = Field(False, description="The whole interval lies below the requirement")
     refusal: str = Field("", description="Why the rows give no answer")
+    emulated: str = Field("", description="Why an emulator gives it, not the weights; empty if they do")
 
 
 class Fall(BaseModel):
@@ -81,14 +82,7 @@ def add_monitored(store: Store, campaign_id: str, new: Monitored, before: Monito
     low = {each.response for each in before.responses if each.below} if before else set[str]()
     number, earlier = (before.number + 1, before.falls) if before else (1, [])
     falls = [
-        Fall(
-            number=number,
-            at=new.at,
-            response=each.response,
-            index=each.index,
-            interval=each.interval,
-            requirement=each.requirement,
-        )
+        Fall.model_validate({**each.model_dump(), "number": number, "at": new.at})
         for each in new.responses
         if each.below and each.response not in low and each.index is not None and each.interval is not None
     ]

@@ -47,7 +47,7 @@ def whatif(
     Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
     answers of the other responses are printed all the same.
     """
-    from clearcap.questions.whatif import refusals, what_if, what_if_document
+    from clearcap.questions.whatif import refusals, share_in_words, what_if, what_if_document
 
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
@@ -60,7 +60,8 @@ def whatif(
         units, rows = plan.mechanism.response_units(), []
         for name, answer in answers.items():
             cells = ["-"] * 3 if answer.refusal else map(_cell, (answer.mean, answer.std, answer.cpk))
-            rows.append((labelled(name, units[name]), *cells, _ppm(answer), f"{answer.effective:.0f}"))
+            share = " ".join(filter(None, share_in_words(document["responses"][name]))) or "-"
+            rows.append((labelled(name, units[name]), *cells, share, f"{answer.effective:.0f}"))
         heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
         print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
     for assumption in document["assumed"]:
@@ -107,18 +108,6 @@ def _cell(estimate: "Estimate | None") -> str:
     digits = 2 + math.floor(math.log10(max(abs(low), abs(high))) - math.log10(high - low))
     places = min(max(digits + 1, 5), 17)
     return f"{number(estimate.value, places)} ({number(low, places)} to {number(high, places)})"
-
-
-def _ppm(answer: "WhatIf") -> str:
-    """Return the share out of limits; only its bound if it is below one of the effective number of samples."""
-    from reporting.format_numbers import ppm
-
-    if answer.refusal or answer.ppm is None:
-        return "-"
-    if answer.ppm.value * answer.effective < 1e6:
-        return f"at most {ppm(answer.ppm.interval[1])}"
-    low, high = answer.ppm.interval
-    return ppm(answer.ppm.value) if not high > low else f"{ppm(answer.ppm.value)} ({ppm(low)} to {ppm(high)})"
 
 
 def advise(

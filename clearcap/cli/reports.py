@@ -201,6 +201,8 @@ def monitor(
     for variable in found.variables:
         if variable.note:
             say(f"{variable.variable}: {variable.note}")
+    for reason in dict.fromkeys(r.emulated for r in found.responses if r.emulated):
+        say(f"{', '.join(r.response for r in found.responses if r.emulated == reason)}: emulated, as {reason}")
     for reason in dict.fromkeys(r.refusal for r in found.responses if r.refusal):
         names = ", ".join(r.response for r in found.responses if r.refusal == reason)
         say(f"no answer for {names}: {reason}" + ("" if found.campaign else "; --rerun computes it"))

@@ -324,7 +324,8 @@ def _index(plan: Plan, name: str, answer: WhatIf) -> MonitoredIndex:
         return base.model_copy(update={"refusal": "; ".join(answer.notes) or "there is no index"})
     interval = (low, high) if math.isfinite(low) and math.isfinite(high) else None
     below = interval is not None and high < requirement
-    return base.model_copy(update={"by": by, "index": index, "interval": interval, "below": below})
+    found = {"by": by, "index": index, "interval": interval, "below": below, "emulated": answer.emulated}
+    return base.model_copy(update=found)
 
 
 def _of_share(share: Estimate) -> tuple[float, float, float]:

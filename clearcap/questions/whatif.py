@@ -30,7 +30,9 @@ from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from engine.platform.toml_file import UnfitToml, parse_toml
 from reporting import ReportError, capability
+from reporting.capability.shares import PPM, least_ppm
 from reporting.emulation.emulated_what_if import NEW_SAMPLES, emulated_what_if
+from reporting.format_numbers import ppm
 from reporting.shape.histogram import histogram
 from reporting.tolerance.reweighting import Change, Weights, weights
 from reporting.tolerance.whatif import WhatIf, what_if_all
@@ -69,7 +71,7 @@ def what_if_from(
     refused = [name for name, answer in answers.items() if answer.refusal]
     if not refused or not emulates or lots is not None:  # lots share a shift: few, however many samples are emulated
         return answers
-    names = [name for name in varied(plan.spec) if np.ptp(columns.values[name]) > 0]
+    names = varied(plan.spec)
     variables = {**plan.spec.variables, **changed_variables(plan.spec, settings).variables}
     spec = plan.spec.model_copy(update={"variables": variables, "sampler": "random", "samples": NEW_SAMPLES})
     new, old = draw(spec, 0, NEW_SAMPLES), {name: columns.values[name] for name in names}
@@ -107,6 +109,22 @@ def what_if_document(
         "responses": {name: asdict(answer) for name, answer in answers.items()},
         "refused": [asdict(each) for each in refusals(answers)],
     }
+
+
+def share_in_words(answer: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the share out of limits [ppm] of an answer of `what_if_document`, and what belongs beside it.
+
+    Rejects that weigh less than one effective sample only bound the share: that of a normal distribution comes first.
+    """
+    counted, expected = answer["ppm"], answer["ppm_expected"]
+    if answer["refusal"] or counted is None:
+        return "", ""
+    low, high = counted["interval"]
+    if counted["value"] * answer["effective"] >= PPM:
+        return ppm(counted["value"]), f"({ppm(low)} to {ppm(high)})" if high > low else ""
+    if expected is None:
+        return f"at most {ppm(high)}", ""
+    return ppm(expected, least_ppm(int(answer["effective"]))), f"if normal; counted: at most {ppm(high)}"
 
 
 class Bins(BaseModel):

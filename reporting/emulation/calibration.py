@@ -36,6 +36,7 @@ NAMED = 0.3  # least weight of a constant that belongs to a direction
 POOR_FIT = 3.0  # standard deviations
 _MOST_NUMBERS = 4_000_000  # kernel values at a time
 _STEP = 0.05  # of a score, for derivatives
+_LEAST_SIGMA = 1e-5  # of a response's spread: repeated values of a specimen differ by sigma alone, however small
 _BEYOND = 0.1  # share of draws outside the rows that is noted
 
 
@@ -165,6 +166,12 @@ class _Model:
         return np.asarray(names[:, None] == names[None, :])
 
     @cached_property
+    def measurement_variance(self) -> Array:
+        """The variances of the measurements (m,), never so small that a covariance is singular by rounding."""
+        spread = [math.hypot(self.emulators[r].unit, self.discrepancies[r].scale) for r in self.measured.response]
+        return np.asarray(self.measured.sigma**2 + (_LEAST_SIGMA * np.array(spread)) ** 2)
+
+    @cached_property
     def apart(self) -> Array:
         """The squared distances of the conditions, in standard deviations of the variables, shape (m, m)."""
         std = np.where(self.prior.std > 0, self.prior.std, 1.0)
@@ -178,8 +185,8 @@ class _Model:
         return np.concatenate([self._likelihood(part) for part in parts])
 
     def _likelihood(self, scores: Array) -> Array:
-        mean, covariance, _ = self.predict(scores)
-        factor = np.linalg.cholesky(covariance + self.lacking(scores) + np.diag(self.measured.sigma**2))
+        mean, covariance = self.explain(scores)
+        factor = np.linalg.cholesky(covariance)
         left = np.linalg.solve(factor, (self.measured.value - mean)[..., None])[..., 0]
         logarithm = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
         return np.asarray(-0.5 * np.sum(left**2, axis=-1) - logarithm)
@@ -187,6 +194,11 @@ class _Model:
     @property
     def _used(self) -> list[Emulator]:
         return [self.emulators[name] for name in self.responses]
+
+    def explain(self, scores: Array) -> tuple[Array, Array]:
+        """Return means (p, m) and covariances (p, m, m) of what is measured, with all that it may differ by."""
+        mean, covariance, _ = self.predict(scores)
+        return mean, covariance + self.lacking(scores) + np.diag(self.measurement_variance)
 
     def predict(self, scores: Array) -> tuple[Array, Array, Array]:
         """Return means (p, m), covariances (p, m, m) without discrepancies, and the emulators' own variances (p, m)."""
@@ -301,10 +313,9 @@ def _directions(model: _Model, scores: Array, k: int) -> tuple[Direction, ...]:
     centre[k:] = np.sqrt(np.mean(scores[:, k:] ** 2, axis=0))  # signs of a half-normal scale mean nothing
     steps = np.zeros((k, centre.size))
     steps[:, :k] = _STEP * np.eye(k)
-    mean, covariance, _ = model.predict(np.concatenate([centre[None], centre + steps, centre - steps]))
+    mean, covariance = model.explain(np.concatenate([centre[None], centre + steps, centre - steps]))
     slope = (mean[1 : k + 1] - mean[k + 1 :]).T / (2 * _STEP)
-    of_error = covariance[0] + model.lacking(centre[None])[0] + np.diag(model.measured.sigma**2)
-    information = slope.T @ np.linalg.solve(of_error, slope)
+    information = slope.T @ np.linalg.solve(covariance[0], slope)
     eigenvalues, vectors = np.linalg.eigh((information + information.T) / 2)
     return tuple(
         Direction(

@@ -21,6 +21,9 @@ studies/time_models.md):
   their distances from the means of their groups where these differ, and the order of the standard deviations;
 - systematic: the means of groups are not in random order (`reporting.capability.row_order`);
 - at random beside that: neighbouring means differ more than the values within groups explain (von Neumann 1941).
+
+Few values often do not show a spread that varies, or the shape of the means. What they do not exclude for that reason
+is named beside the class, so that no class promises more than its values tell.
 """
 
 import math
@@ -36,6 +39,9 @@ from reporting.shape.normality import Normality, departs, normality
 
 LEVEL = 0.01  # of each test
 FEWEST_GROUPS, USUAL_SIZE, FEWEST_VALUES = 20, 5, 40
+# With so many degrees of freedom within groups a varying spread, with so many groups the shape of their means, is seen
+# in nine of ten processes of studies/time_models.md; so 50 groups of 5 exclude all that can be.
+ENOUGH_FREEDOM, ENOUGH_GROUPS = 200, 50
 _ORDERS, _MOST_PERMUTED = 999, 5_000
 WORDS = {
     "A1": "location and spread are constant, values are normal",
@@ -65,6 +71,12 @@ class TimeModel:
     p_jumps: float | None = None  # of such differences between neighbouring means, beside what changes slowly
     p_normal: float | None = None  # of such a shape: of all values where the location is constant, else within groups
     p_means: float | None = None  # of such a shape of the means of groups
+    possible: tuple[str, ...] = ()  # classes that so few values do not exclude
+
+    @property
+    def label(self) -> str:
+        """The class, and those that are not excluded."""
+        return " or ".join((self.name, *self.possible))
 
 
 def time_model(x: Array, groups: NDArray[np.generic] | None, of: str) -> TimeModel:
@@ -127,6 +139,7 @@ def _classified(x: Array, number: NDArray[np.intp], counts: NDArray[np.intp], of
         p_jumps=p_jumps if moves else None,
         p_normal=shape.p,
         p_means=None if of_means is None else of_means.p,
+        possible=_not_excluded(name, k, n - k),
     )
     return TimeModel(**{**found.__dict__, "text": _text(found)})
 
@@ -142,6 +155,14 @@ def _name(moves: bool, in_turn: bool, jumps: bool, spreads: bool, normal: bool, 
     return "C1" if normal and of_means is not None and _is_normal(of_means) else "C2"
 
 
+def _not_excluded(name: str, groups: int, freedom: int) -> tuple[str, ...]:
+    """Return the classes whose processes would often be called `name` with so few values."""
+    found = ["C2"] if name == "C1" and groups < ENOUGH_GROUPS else []
+    if freedom < ENOUGH_FREEDOM and name not in ("B", "D"):
+        found.append("B" if name in ("A1", "A2") else "D")
+    return tuple(found)
+
+
 def _is_normal(shape: Normality) -> bool:
     """Return whether values are normal, or close enough where a test of many values sees the least departure."""
     return shape.verdict in ("normal", "close to normal") or not departs(shape, 1, LEVEL)
@@ -149,9 +170,7 @@ def _is_normal(shape: Normality) -> bool:
 
 def _p_of_spreads(x: Array, counts: NDArray[np.intp]) -> float:
     """Return in which share of random orders of the values the spreads of groups vary as much as here."""
-    chosen = np.zeros(counts.size, bool)
-    chosen[:: -(-x.size // _MOST_PERMUTED)] = True  # of very many groups some, evenly spaced
-    r, m = x[np.repeat(chosen, counts)] - x.mean(), counts[chosen]
+    r, m = _fewer(x - x.mean(), counts)
     starts = np.cumsum(m) - m
     random = np.random.Generator(np.random.PCG64(r.size)).permuted(np.tile(r, (_ORDERS, 1)), axis=1)
     orders = np.vstack([r, random])
@@ -160,6 +179,18 @@ def _p_of_spreads(x: Array, counts: NDArray[np.intp]) -> float:
     spreads = np.sqrt(np.maximum(squares, 0.0) / (m - 1))
     varies = spreads.std(axis=1) / spreads.mean(axis=1)
     return float(np.mean(varies >= varies[0] * (1 - 1e-12)))
+
+
+def _fewer(x: Array, counts: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    """Return some of very many values, evenly spaced, and how many in each group: of large groups, then of groups."""
+    if x.size <= _MOST_PERMUTED:
+        return x, counts
+    step = -(-counts // max(_MOST_PERMUTED // counts.size, USUAL_SIZE))
+    place = np.arange(x.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    x, counts = x[place % np.repeat(step, counts) == 0], -(-counts // step)
+    chosen = np.zeros(counts.size, bool)
+    chosen[:: -(-x.size // _MOST_PERMUTED)] = True
+    return x[np.repeat(chosen, counts)], counts[chosen]
 
 
 def _text(found: TimeModel) -> str:
@@ -177,7 +208,11 @@ def _text(found: TimeModel) -> str:
         "means are not normal": found.p_means,
     }
     listed = ", ".join(f"{words} p {_p(p)}" for words, p in numbers.items() if p is not None)
-    return f"{found.name}: {WORDS[found.name]}. It rests on {what}{sizes}{more}: {listed}."
+    words = f"{found.name}: {WORDS[found.name]}. It rests on {what}{sizes}{more}: {listed}."
+    for other in found.possible:
+        remedy = f"{ENOUGH_GROUPS} groups of {USUAL_SIZE} would"
+        words += f" So few values do not exclude {other} ({WORDS[other]}); {remedy}."
+    return words
 
 
 def _p(p: float) -> str:

@@ -152,8 +152,9 @@ def time_models(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
     found = [(r.spec.name, r.time_model) for r in responses if r.time_model is not None]
     if not found:
         return ()
-    named = {each.name for _, each in found}
-    level = "good" if named <= {"A1", "A2"} else "info" if "" in named and named <= {"A1", "A2", ""} else "attention"
+    is_stable = all(each.name in ("A1", "A2", "") for _, each in found)
+    is_proved = all(each.name and not each.possible for _, each in found)
+    level = "attention" if not is_stable else "good" if is_proved else "info"
     text = " ".join(f"{response}: {each.text}" for response, each in found)
     return (Check("Model class (ISO 22514-2)", level, text),)
 

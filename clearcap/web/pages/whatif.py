@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.plan import Plan, dump_spec
+from clearcap.questions.whatif import share_in_words
 from clearcap.web.http.authentication import Authenticated, TheCampaign, TheService
 from clearcap.web.jobs import queries
 from clearcap.web.operations import samples
@@ -17,7 +18,6 @@ from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.histograms import histogram_figure
 from clearcap.web.pages.rendering import is_number, or_fault, page
 from clearcap.web.web_service import Service
-from reporting.capability.shares import least_ppm
 
 FIELD = "v."  # prefix of the name of a number's field, before VARIABLE.KEY
 STEPS = 100  # steps of a slider
@@ -85,7 +85,7 @@ async def _answers(
     )
     return {
         **{"histograms": histograms, "figures": figures, "document": document, "fault": fault},
-        **{"summary": summary[:SUMMED_UP], "least_ppm": least_ppm},
+        **{"summary": summary[:SUMMED_UP], "share_in_words": share_in_words},
     }
 
 

@@ -334,7 +334,11 @@ def test_the_model_class_is_named_with_what_it_rests_on():
     found = analysed(pd.DataFrame({"d": normal()}), LIMITS)
     model = found.responses[0].time_model
     assert (model.name, model.groups, model.of) == ("A1", 40, "consecutive values")
-    assert check_of(found, "Model class (ISO 22514-2)").text == f"d: {model.text}"
+    check = check_of(found, "Model class (ISO 22514-2)")
+    assert (check.text, check.level) == (f"d: {model.text}", "info")  # too few to exclude a spread that varies
+    assert model.possible == ("B",)
+    many = analysed(pd.DataFrame({"d": normal(300)}), LIMITS)
+    assert check_of(many, "Model class (ISO 22514-2)").level == "good"
     drifts = analysed(pd.DataFrame({"d": normal() + np.linspace(0, 0.02, 200)}), LIMITS)
     assert drifts.responses[0].time_model.name == "C3"
     assert check_of(drifts, "Model class (ISO 22514-2)").level == "attention"

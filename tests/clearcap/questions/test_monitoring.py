@@ -121,6 +121,15 @@ def test_where_the_rows_give_no_answer_a_campaign_is_asked_for(store, plan):
     assert store.read_json(asked.campaign, "state.json")["state"] == "queued"
 
 
+def test_what_is_emulated_is_labelled(store, plan):
+    """Parts that scatter far less than the samples: the weights carry nothing, an emulator of the rows does."""
+    found = clearcap.monitor_campaign(pd.DataFrame({"J1": quantiles(0.07, 0.0002)}), plan.campaign_id, store.url)
+    (index,) = found.responses
+    assert index.refusal == ""
+    assert index.emulated == what_if(store, plan, found.settings)["FC-1"].emulated != ""
+    assert read_monitored(store, plan.campaign_id) == found
+
+
 def test_what_does_not_fit_is_said(store, plan):
     """Too few values, values of few kinds, no column, a characteristic that is no variable, another unit."""
     few = pd.DataFrame({"J1": quantiles(0.07, 0.01)[:10], "preload": np.tile([0.9, 1.0], 5)})
@@ -150,3 +159,5 @@ def test_the_command(store, plan, tmp_path):
     document = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
     assert document["number"] == 2
     assert document["responses"] == [each.model_dump(mode="json") for each in kept.responses]
+    pd.DataFrame({"J1": quantiles(0.07, 0.0002)}).to_csv(tmp_path / "night.csv", index=False)
+    assert "FC-1: emulated, as " in CliRunner().invoke(app, words).stderr

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -18,8 +18,9 @@ from campaign.worker.messages import BatchRequest, CampaignAddress
 from clearcap.cli import app
 from clearcap.cli.predictions import _cell
 from clearcap.questions.tolerances import advice_of
-from clearcap.questions.whatif import what_if, what_if_from
-from reporting.tolerance.whatif import Estimate
+from clearcap.questions.whatif import share_in_words, what_if, what_if_document, what_if_from
+from reporting.format_numbers import ppm
+from reporting.tolerance.whatif import Estimate, WhatIf
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 
@@ -105,12 +106,43 @@ def test_production_batches_are_minded(campaign_file, tmp_path):
 
 
 def test_a_share_below_one_sample_is_a_bound(filled):
-    """Without a reject the command prints what the samples prove, and no 0."""
+    """Without a reject the command prints what a normal distribution expects, what the samples prove, and no 0."""
     store, plan = filled
     answer = what_if(store, plan, ["J1.std=0.017"])["FC-1"]
     assert answer.ppm.value * answer.effective < 1e6
     shown = CliRunner().invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.017", "--store", store.url]).stdout
-    assert "at most" in shown
+    words = share_in_words(what_if_document(plan, store.url, [], {"FC-1": answer})["responses"]["FC-1"])
+    assert words[1] == f"if normal; counted: at most {ppm(answer.ppm.interval[1])}"
+    assert " ".join(words) in shown
+
+
+@pytest.mark.parametrize(
+    ("share", "expected", "words"),
+    [
+        (Estimate(1999.0, (0.0, 9e3), 500.0), 25.0, ("25.0", "if normal; counted: at most 9\u202f000")),
+        (Estimate(0.0, (0.0, 9e3), 500.0), 1e-9, ("< 2.0", "if normal; counted: at most 9\u202f000")),
+        (Estimate(0.0, (0.0, 9e3), 500.0), None, ("at most 9\u202f000", "")),
+        (Estimate(2000.0, (900.0, 9e3), 500.0), 25.0, ("2\u202f000", "(900 to 9\u202f000)")),
+        (Estimate(1e6, (1e6, 1e6), 500.0), 1e6, ("1\u202f000\u202f000", "")),
+        (None, None, ("", "")),
+    ],
+)
+def test_a_share_is_counted_from_one_effective_sample_on(share, expected, words):
+    """Below, the share of a normal distribution leads, not below what 500 values can show."""
+    answer = WhatIf(500, 0, 500.0, 0.002, 0.1, 0.6, 0.0, 1, ppm=share, ppm_expected=expected)
+    assert share_in_words(asdict(answer)) == words
+
+
+def test_a_variable_that_no_row_varies_is_not_emulated(campaign_file, tmp_path):
+    """Rows in which a rare count is always 0 say nothing of a higher rate."""
+    text, drawn = campaign_file.read_text(), 'distribution = "uniform"\nlower = 0.9\nupper = 1.0'
+    assert drawn in text
+    campaign_file.write_text(text.replace(drawn, 'distribution = "poisson"\nrate = 1e-4'))
+    store, plan = computed(tmp_path / "s", load_campaign(str(campaign_file), samples=100), 100)
+    assert not store.table()["preload"].to_numpy().any()
+    answer = what_if(store, plan, ["preload.rate=2.0"])["FC-1"]
+    assert answer.refusal
+    assert "of preload lie beyond" in answer.notes[-1]
 
 
 def fails_where_wide(mechanism, values, **settings):

@@ -109,6 +109,16 @@ def test_a_discrepancy_is_estimated():
     assert any("no value of the constants explains it" in note for note in exact.notes)
 
 
+def test_values_repeated_without_an_error_of_their_own():
+    """However small the uncertainty, equal values are one, and contradictory ones no crash."""
+    entries = [(name, value, 1e-12, "A", 1.0) for name, value in (("y", 5.2), ("z", 0.3)) for _ in range(2)]
+    found = calibrate(emulators(LINEAR), measured(entries), prior(), NONE, particles=500)
+    assert [each.mean for each in found.constants] == pytest.approx([8.9 / 3 - 0.7, 8.9 / 3], abs=0.05)
+    apart = [*entries, ("y", 5.3, 1e-12, "A", 1.0)]
+    told = calibrate(emulators(LINEAR), measured(apart), prior(), NONE, particles=500)
+    assert all(np.isfinite(each.std) for each in told.constants)
+
+
 def test_emulators_that_predict_badly_are_refused():
     rough = emulators({"y": lambda a, b, w: np.sin(20 * a) * np.cos(9 * b)})
     with pytest.raises(ReportError, match="y: the emulator explains"):
