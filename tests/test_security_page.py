@@ -12,7 +12,7 @@ from campaign.store import measured_library
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from clearcap.cli import app
-from clearcap.questions import measured
+from clearcap.questions import measured, measurement_table
 from engine.cad import ReadingLimits
 from engine.mechanism import expression
 from engine.platform import toml_file
@@ -74,8 +74,8 @@ def test_limits():
         f"{cad.file_bytes >> 20} MiB; a separate process reads it, with {cad.memory_bytes >> 30} GiB of memory and"
         f" {cad.seconds} s",
         f"{named_files.MOST_FILES} files, {named_files.LARGEST_TOTAL // 10**6} MB in all",
-        f"{measured.LARGEST_TABLE // 10**6} MB, {measured.MOST_PARTS} parts, an Excel file"
-        f" {measured.LARGEST_UNPACKED // 10**6} MB unpacked; sent to a server"
+        f"{measurement_table.LARGEST_TABLE // 10**6} MB, {measured.MOST_PARTS} parts, an Excel file"
+        f" {measurement_table.LARGEST_UNPACKED // 10**6} MB unpacked; sent to a server"
         f" {measured_library.LARGEST_PARTS >> 20} MiB, {measured_library.MOST_TABLES} tables in a store",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",
         f"at most {tls_certificates.LONGEST}",

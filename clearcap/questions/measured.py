@@ -4,11 +4,7 @@ The limits file is TOML: a title, a table for each characteristic with the keys 
 table's other columns mean.
 """
 
-import csv
-import io
 import platform
-import re
-import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +19,14 @@ from campaign.row_build import clearcap_version
 from campaign.spec.campaign_file import Response, ShortName
 from campaign.spec.faults import SpecFault, structure_faults
 from campaign.store import Store, open_store
+from clearcap.questions.measurement_table import LARGEST_TABLE, column_of, numbered, numbers_of, ranks_of, read_parts
 from clearcap.questions.report import report_date, report_rows, report_spec
 from clearcap.questions.report_source import sha256
 from engine.faults.toml_positions import with_positions
 from engine.mechanism.base import PositiveNumber, TableModel
-from engine.mechanism.faults import did_you_mean
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST, UnfitToml, parse_toml
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, write_report
-from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Validation, validation
 from reporting.gauge import BiasStudy, GaugeStudy, gauge_bias, gauge_repeatability
@@ -43,14 +38,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-LARGEST_TABLE = 100_000_000  # bytes
-LARGEST_UNPACKED = 500_000_000  # bytes of an Excel file's content, which is compressed
 MOST_PARTS = 1_000_000
-FORMATS = (".csv", ".txt", ".parquet", ".xlsx")
 _LOT, _SUBGROUP = "production lot", "rational subgroup"  # columns of the report's table; no characteristic has a space
-_DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2\d{2}(?:\d{2})?\b")
-_DIGITS = re.compile(r"(\d+)")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _MEASURED = Design(True, "Measured parts.")
 
 
@@ -117,6 +106,7 @@ class LimitsFile(TableModel, strict=True):
         " are in that order.",
     )
     ordered: bool = Field(True, description="false: the rows are in no order, so that nothing is said of stability.")
+    sheet: str | None = Field(None, min_length=1, description="The sheet of an Excel file; the first if absent.")
     lot: str | None = Field(None, min_length=1, description="The column that names each part's lot.")
     subgroup: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=2)] | None = Field(
         None,
@@ -201,70 +191,21 @@ def _checked(tables: dict[str, Any], heading: str, content: bytes) -> LimitsFile
         raise SpecError(message, with_positions(faults, content) if content else faults) from error
 
 
-def read_parts(path: str | Path) -> "pd.DataFrame":
-    """Return the table of a CSV file, separated by comma, semicolon or tab, with texts, or of Parquet or Excel."""
-    import pandas as pd
-
-    path, suffix = Path(path), Path(path).suffix.lower()
-    if suffix not in FORMATS:
-        raise SpecError(f"parts {path}: its name ends in none of {', '.join(FORMATS)}; name a table of measurements")
-    try:
-        content = read_regular_file(path, LARGEST_TABLE)
-        if suffix == ".parquet":
-            return pd.read_parquet(io.BytesIO(content))
-        if suffix == ".xlsx":
-            with zipfile.ZipFile(io.BytesIO(content)) as archive:
-                unpacked = sum(each.file_size for each in archive.infolist())
-            if unpacked > LARGEST_UNPACKED:
-                raise SpecError(f"unpacked it has {unpacked} bytes; allowed: up to {LARGEST_UNPACKED}; send CSV")
-            frame = pd.read_excel(io.BytesIO(content), engine="openpyxl")
-            heads = pd.read_excel(io.BytesIO(content), engine="openpyxl", header=None, nrows=1)
-            return _with_heads(frame, heads.iloc[0].tolist() if len(heads) else [])
-        return _csv(content)
-    except OSError as error:
-        raise SpecError(f"parts {path}: cannot be read ({error.strerror or error}); name a file") from error
-    except ImportError as error:
-        raise SpecError(f"parts {path}: openpyxl is not installed; pip install openpyxl") from error
-    except SpecError as error:
-        raise SpecError(f"parts {path}: {error}") from error
-    except Exception as error:  # each reader has its own errors for a damaged file
-        raise SpecError(f"parts {path}: not a table ({str(error).splitlines()[0]:.200}); correct the file") from error
-
-
-def _csv(content: bytes) -> "pd.DataFrame":
-    """Return the cells of a CSV file as texts; the separator is that of its first line."""
-    import pandas as pd
-
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("cp1252", "replace")  # Excel's CSV in Western Europe
-    first = next((line for line in text.splitlines() if line.strip()), "")
-    separator = max(";\t,", key=first.count)
-    if first.count(separator) == 0 and len(next(csv.reader([first]), [])) < 1:
-        raise SpecError("it is empty; the first line must name the columns")
-    frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True)
-    return _with_heads(frame, next(csv.reader([first], delimiter=separator, skipinitialspace=True)))
-
-
-def _with_heads(frame: "pd.DataFrame", heads: list[Any]) -> "pd.DataFrame":
-    """Name the columns as the file does: pandas gives the second of two equal names another one."""
-    return frame.set_axis(list(map(str, heads)), axis="columns") if len(heads) == len(frame.columns) else frame
-
-
 def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     """Return the rows of a report in the order in which parts were made, NaN where there is no value; SpecError."""
     import pyarrow as pa
 
-    parts = without_empty_rows(parts)
-    if not 0 < len(parts) <= MOST_PARTS:
-        raise SpecError(f"the table has {len(parts)} rows with a value; allowed: 1 to {MOST_PARTS}")
-    n = len(parts)
-    order = np.arange(n) if limits.order is None else _ranks(column_of(parts, limits.order, "order"))
-    columns: dict[str, Any] = {}
+    n, keys = len(parts), dict[str, str]()
     for name, each in limits.characteristics.items():
-        key = f"characteristics.{name}.column" if each.column else f"characteristics.{name}"
-        columns[name] = numbers_of(column_of(parts, each.column or name, key), each.column or name)[order]
+        keys.setdefault(each.column or name, f"characteristics.{name}" + ".column" * (each.column is not None))
+    numbers = numbers_of(parts, keys)
+    has_value = np.any([np.isfinite(each) for each in numbers.values()], axis=0)
+    if not has_value.any() or n > MOST_PARTS:
+        raise SpecError(f"the table has {has_value.sum()} rows with a value, {n} in all; allowed: 1 to {MOST_PARTS}")
+    order = np.arange(n) if limits.order is None else ranks_of(parts, limits.order, "order")
+    columns: dict[str, Any] = {
+        name: numbers[each.column or name][order] for name, each in limits.characteristics.items()
+    }
     if limits.lot is not None:
         columns[_LOT] = _numbered(column_of(parts, limits.lot, "lot"), order)
     if isinstance(limits.subgroup, int):
@@ -276,104 +217,11 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
     return pa.table({**fixed, **zeros, **columns})
 
 
-def without_empty_rows(parts: "pd.DataFrame") -> "pd.DataFrame":
-    """Return the rows that have a value in any column, numbered as in the file: spreadsheets leave empty ones."""
-    parts = parts.reset_index(drop=True)
-    is_empty = np.ones(len(parts), bool)
-    for _, column in parts.items():
-        is_empty &= (column.isna() | (column.astype(str).str.strip() == "")).to_numpy(bool)
-    return parts[~is_empty]
-
-
-def column_of(parts: "pd.DataFrame", name: str, key: str) -> "pd.Series[Any]":
-    """Return a column of the table; SpecError names the key of the limits file that asks for it."""
-    there = [str(column) for column in parts.columns]
-    if there.count(name) != 1:
-        what = "no column" if name not in there else f"{there.count(name)} columns"
-        listed = ", ".join(f"{column:.40}" for column in there[:20])
-        raise SpecError(f"{key}: the table has {what} {name}; its columns: {listed}{did_you_mean(name, there[:1000])}")
-    return parts.iloc[:, there.index(name)]
-
-
 def _numbered(names: "pd.Series[Any]", order: "np.ndarray[Any, np.dtype[np.intp]]") -> "np.ndarray[Any, Any]":
     """Return the number of each part's lot or subgroup, in the order in which they begin."""
     texts = names.astype(str).to_numpy()[order]
     _, first, number = np.unique(texts, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[number])
-
-
-def numbers_of(column: "pd.Series[Any]", name: str) -> Array:
-    """Return a column as numbers, NaN where it is empty; texts may have a decimal comma or point, but not both."""
-    import pandas as pd
-
-    if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
-        numbers: Array = column.to_numpy(float, na_value=np.nan)
-        return numbers
-    texts, rows = _texts(column), column.index + 1
-    commas = [at for at, text in enumerate(texts) if _DECIMAL_COMMA.fullmatch(text)]
-    points = [at for at, text in enumerate(texts) if "." in text]
-    if commas and points:
-        raise SpecError(
-            f"column {name}: row {rows[commas[0]]} has a decimal comma ({texts[commas[0]]:.20}), row {rows[points[0]]}"
-            f" a decimal point ({texts[points[0]]:.20}); use one of them"
-        )
-    values = np.full(len(texts), np.nan)
-    for at, text in enumerate(texts):
-        if text.lower() in ("", "nan", "na", "n/a", "-"):
-            continue
-        try:
-            values[at] = float(text.replace(",", ".") if commas else text)
-        except ValueError:
-            fault = f"column {name}, row {rows[at]}: {text:.40} is no number; correct it, or leave it empty"
-            raise SpecError(fault) from None
-    return values
-
-
-def _texts(column: "pd.Series[Any]") -> list[str]:
-    import pandas as pd
-
-    return ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
-
-
-def _ranks(column: "pd.Series[Any]") -> "np.ndarray[Any, np.dtype[np.intp]]":
-    """Return the rows in the order of a column: of its numbers, else of its times, else of its texts; SpecError."""
-    import pandas as pd
-
-    name, rows, texts = str(column.name), column.index + 1, _texts(column)
-    if "" in texts:
-        raise SpecError(f"order: column {name}, row {rows[texts.index('')]} is empty; say when that part was made")
-    try:
-        numbers = numbers_of(column, name)
-        if not np.isnan(numbers).any():
-            return np.argsort(numbers, kind="stable")
-    except SpecError:
-        pass  # times or texts
-    times = pd.to_datetime(column, errors="coerce", format="mixed", utc=True, dayfirst=_day_is_first(texts, name))
-    is_time = times.notna().to_numpy()
-    if is_time.all():
-        return np.argsort(times.to_numpy(), kind="stable")
-    if is_time.any():
-        at = int(np.argmin(is_time))
-        raise SpecError(f"order: column {name}, row {rows[at]}: {texts[at]:.40} is no time, as others are; correct it")
-    # numbers within texts count as numbers: part 9 was made before part 10
-    words = []
-    for text in texts:
-        parts = [(part.lstrip("0") if part.isdigit() else "", part) for part in _DIGITS.split(text)]
-        words.append([(len(digits), digits) if digits else (0, part) for digits, part in parts])
-    return np.array(sorted(range(len(texts)), key=words.__getitem__), np.intp)
-
-
-def _day_is_first(texts: list[str], name: str) -> bool:
-    """Return whether dates as 03.04.2026 or 03/04/2026 begin with the day; SpecError if nothing tells."""
-    found = [match for text in texts if (match := _DAY_AND_MONTH.match(text))]
-    first, second = (max((int(match[at]) for match in found), default=0) for at in (1, 3))
-    if not found or first > 12 or second > 12:
-        return first > 12
-    if all(match[2] == "." for match in found):
-        return True  # nobody writes the month first with dots
-    raise SpecError(
-        f"order: column {name}: in {found[0][0]} either number may be the month; write times as 2026-04-03 08:15"
-    )
 
 
 def _response(each: Characteristic, limits: LimitsFile, name: str) -> ResponseSpec:
@@ -436,11 +284,13 @@ def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa
     known = limits if isinstance(limits, LimitsFile) else load_limits(limits)
     provenance, name, where = {}, "measured parts", "parts"
     if isinstance(parts, str | Path):
-        frame, name, where = read_parts(parts), Path(parts).stem, f"parts {parts}"
+        frame, name, where = read_parts(parts, known.sheet), Path(parts).stem, f"parts {parts}"
         digest = sha256(read_regular_file(parts, LARGEST_TABLE))
         provenance = {"table": Path(parts).name, "SHA-256 of the table": digest}
+    elif known.sheet is not None:
+        raise SpecError(f'sheet = "{known.sheet:.40}": is for an Excel file; leave it out')
     else:
-        frame = parts
+        frame = numbered(parts)
     try:
         table = parts_table(frame, known)
     except SpecError as error:
@@ -514,11 +364,13 @@ def gauge_study(
     """
     where = f"table {table}" if isinstance(table, str | Path) else "table"
     try:
-        rows = without_empty_rows(read_parts(table) if isinstance(table, str | Path) else table)
+        rows = read_parts(table) if isinstance(table, str | Path) else numbered(table)
         there = [str(column) for column in rows.columns]
-        x = numbers_of(column_of(rows, value, "value"), value)
-        rows, x = rows[x == x], x[x == x]
-        known = numbers_of(column_of(rows, reference, "reference"), reference) if reference in there else None
+        asked = {value: "value", **({reference: "reference"} if reference in there else {})}
+        numbers = numbers_of(rows, asked)
+        has_value = ~np.isnan(numbers[value])
+        rows, x = rows[has_value], numbers[value][has_value]
+        known = numbers[reference][has_value] if reference in there else None
         bias = None if known is None else gauge_bias(x, known, confidence=confidence)
         if known is not None and part not in there:
             return Gauge(None, bias)

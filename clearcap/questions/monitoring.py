@@ -29,7 +29,8 @@ from campaign.store.monitored_library import (
     add_monitored,
     read_monitored,
 )
-from clearcap.questions.measured import LARGEST_TABLE, asked_of_parts, read_parts
+from clearcap.questions.measured import asked_of_parts
+from clearcap.questions.measurement_table import LARGEST_TABLE, read_parts
 from clearcap.questions.report_source import sha256
 from clearcap.questions.submissions import submit_changed
 from clearcap.questions.uploaded_parts import own_folder

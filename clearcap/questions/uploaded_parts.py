@@ -13,7 +13,8 @@ from typing import Any
 from campaign.store import open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.measured_library import MeasuredParts, id_of_parts, read_parts_record, save_parts
-from clearcap.questions.measured import LARGEST_TABLE, capability_report
+from clearcap.questions.measured import capability_report
+from clearcap.questions.measurement_table import LARGEST_TABLE
 from clearcap.questions.report_source import sha256
 from engine.platform.regular_file import read_regular_file
 from engine.platform.toml_file import LARGEST

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 import clearcap
 from campaign.errors import SpecError
 from clearcap.cli import app
-from clearcap.questions.measured import asked_of_parts, load_limits, parts_table, read_parts
+from clearcap.questions.measured import asked_of_parts, load_limits, parts_table
+from clearcap.questions.measurement_table import read_parts
 from reporting.analysis import analyse
 from reporting.samples import read_samples
 from tests.each import each

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from campaign.store import measured_library
 from campaign.store.labels import LabelChange, change_labels
 from campaign.store.monitored_library import Monitored, add_monitored
-from clearcap.questions import measured
+from clearcap.questions import measurement_table
 from clearcap.questions.measured import capability_report
 from clearcap.web.http.authentication import CSRF_FIELD, CSRF_HEADER
 from clearcap.web.index import entry_of
@@ -123,7 +123,7 @@ def test_sizes_are_bounded(send, monkeypatch):
     """Of the table, of what is packed in an Excel file, of the limits, and the number of tables."""
     book = io.BytesIO()
     openpyxl.Workbook().save(book)
-    monkeypatch.setattr(measured, "LARGEST_UNPACKED", 10)
+    monkeypatch.setattr(measurement_table, "LARGEST_UNPACKED", 10)
     assert "unpacked" in send(book.getvalue(), name="a.xlsx").json()["detail"]
     assert send(limits=LIMITS + "#" * 10**6).status_code == 413
     monkeypatch.setattr(measured_library, "MOST_TABLES", 1)
