@@ -140,7 +140,8 @@ def test_a_single_look_is_patient_only_with_who_seems_silent(store, plan, monkey
     name, looks = plan.campaign_id, []
     write_state(store, name, "running")
     store.write_json(name, LEASE, {"token": "x", **this_process(), "host": "another machine"})
-    store.write_json(name, HEARTBEAT, beat(name, 1) | {"time": time.time()})
+    monkeypatch.setattr("time.time", lambda: 1e9)
+    store.write_json(name, HEARTBEAT, beat(name, 1) | {"time": 1e9 + 1 - STALE_AFTER})
     assert observe_patiently(store, name).heartbeat.waits_for == ""
     store.write_json(name, HEARTBEAT, beat(name, 2))
 
