@@ -68,6 +68,13 @@ def test_a_long_run_is_tried_once(plan, clock, monkeypatch):
     assert len(runs) == 1
 
 
+def test_the_only_run_is_the_measure(campaign, clock, monkeypatch):
+    """Of a campaign of one sample, although that run includes the start of the engine."""
+    runs = child(clock, 30.0, 0.25, monkeypatch)
+    assert seconds_per_run(make_plan(of_a_size(campaign, 1)), fake_engine.simulate, clock) == 0.25
+    assert runs == [0]
+
+
 def long(mechanism, values, **settings):
     """Say that the run took half a second."""
     run = fake_engine.simulate(mechanism, values)

@@ -225,7 +225,10 @@ def test_both_estimate_sigma_within_without_bias():
     assert [s.method for s in subgroup_sigmas(x, np.arange(x.size) // 26, None, None)] == ["S-bar / c4"]
 
 
-@pytest.mark.parametrize(("x", "batches"), [([], []), ([1.0, 2.0], [0, 1]), ([1.0, 1.0, 2.0, 2.0], [0, 0, 1, 1])])
+@pytest.mark.parametrize(
+    ("x", "batches"),
+    [([], []), ([1.0, 2.0], [0, 1]), ([1.0, 1.0, 2.0, 2.0], [0, 0, 1, 1]), ([0.0, 0.0, 0.0, 0.0], [0, 0, 1, 1])],
+)
 def test_without_spread_in_a_batch_there_is_none(x, batches):
     """Nor without a batch of two values."""
     assert subgroup_sigmas(np.array(x), np.array(batches), 0.0, 3.0) == ()

@@ -55,6 +55,7 @@ def test_causes_show_the_shares() -> None:
     for i in r.sensitivity.ranked[:6]:
         assert i.variable in found
         assert format_numbers.part(i.share) in found
+    assert "share of the variance [%]" in found
 
 
 @pytest.mark.parametrize(

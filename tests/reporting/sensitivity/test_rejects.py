@@ -66,4 +66,6 @@ def test_worst_samples_by_sorting():
     assert found[5].inputs["J2"] == inputs["J2"][np.argmax(y)]
     assert [w.sample for w in worst_samples(number[:9], np.zeros(9), {}, 0.0, None)] == list(number[:5])
     assert worst_samples(number[:0], y[:0], {}, 0.0, 1.0) == ()
-    assert len(worst_samples(number[:3], y[:3], {}, 0.0, 1.0)) == 6
+    for n in (3, 5, 6):
+        listed = [w.sample for w in worst_samples(number[:n], y[:n], {}, 0.0, None)]
+        assert listed == list(number[np.argsort(y[:n])[:5]])

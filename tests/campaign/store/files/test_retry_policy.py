@@ -14,7 +14,7 @@ import pytest
 from campaign.errors import StoreError
 from campaign.store.files import retry_policy
 from campaign.store.files.files import Files, OddFile
-from campaign.store.files.retry_policy import ASK_EVERY, HASTY, LONG, PATIENT, CircuitBreaker, RetryPolicy
+from campaign.store.files.retry_policy import ASK_EVERY, HASTY, LONG, PATIENT, CircuitBreaker, Outage, RetryPolicy
 from tests.each import each
 from tests.until import until
 
@@ -161,6 +161,20 @@ def clock(monkeypatch):
     turned = Clock()
     monkeypatch.setattr(retry_policy, "time", turned)
     return turned
+
+
+def test_an_outage_is_too_long_after_the_time_of_the_policy(clock):
+    """From its first fault on; one that has not begun, or is over, is not."""
+    outage = Outage("s", RetryPolicy(60.0))
+    for _ in range(2):
+        assert not outage.too_long
+        for passed in (0.0, 30.0, 30.0):
+            clock.now += passed
+            outage.begin("away")
+            assert not outage.too_long
+        clock.now += 1.0
+        assert outage.too_long
+        outage.end()
 
 
 def ask(outage, clock, takes=0.0, fault=None):

@@ -12,8 +12,9 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
-from engine.cad.occt import product_geometry
+from engine.cad.occt import product_geometry, product_tree
 from engine.cad.occt.step_assembly import read_assembly
+from engine.cad.occt.step_document import UnreadableStep
 from tests.engine.cad import latch
 from tests.engine.cad.hinges import as_splines
 from tests.engine.cad.spline_shapes import elliptic_cam
@@ -149,6 +150,19 @@ def test_assemblies_in_assemblies(read):
     assert [mesh.part for mesh in assembly.meshes] == ["pin-1", "pin-2"]
     for mesh in assembly.meshes:
         assert {assembly.faces[number].part for number in mesh.faces.tolist()} == {mesh.part}
+
+
+def test_the_most_parts(read, monkeypatch):
+    """So many are read, and one more is refused: instances count, not products."""
+    made = Drawing()
+    top, brick = made.assembly("top"), made.product("brick", box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)))
+    for number in range(3):
+        made.add(top, brick, place(10.0 * number))
+    monkeypatch.setattr(product_tree, "MOST_INSTANCES", 3)
+    assert len(read(made).parts) == 3
+    monkeypatch.setattr(product_tree, "MOST_INSTANCES", 2)
+    with pytest.raises(UnreadableStep, match="more than 2 parts"):
+        read(made)
 
 
 def test_an_instance_without_a_name_has_that_of_its_product(read):

@@ -57,6 +57,15 @@ def test_polynomials_of_no_more_than_the_third_degree_are_exact(p, q, more, seed
     assert distance_from(surface, cuts, found.patches) < 1e-13
 
 
+def test_knots_that_differ_by_rounding_alone():
+    """Between them the surface goes straight to the last row of control points; before, it is that of the others."""
+    control = drawn((3, 3), (5, 4), np.random.default_rng(2), rational=False).control
+    almost = np.array([0.0, 0.0, 0.0, 0.0, 1.0 - 2.0**-53, 1.0, 1.0, 1.0, 1.0])
+    found = bicubic_patches(BSplineSurface((3, 3), (almost, np.array(knots(4, 3))), control, np.ones((5, 4))), 1e-9)
+    np.testing.assert_allclose(found.patches[0], control[:4], atol=1e-14)
+    np.testing.assert_allclose(found.patches[1, [0, 3]], control[3:], atol=1e-14)
+
+
 @pytest.mark.parametrize(("degree", "rational"), [((5, 4), False), ((2, 3), True), ((7, 1), True)])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
 def test_others_are_within_the_error_that_is_stated(degree, rational, tolerance):
