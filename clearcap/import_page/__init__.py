@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from base64 import b64encode
 from bisect import bisect_left
 from collections.abc import Iterable
@@ -22,7 +23,9 @@ from engine.cad.cad_model import TriangleMesh
 from engine.cad.silhouette import silhouette
 from engine.cad_import.found_features import FoundFeature, part_text
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.proposed_text import OpenQuestion
+from engine.cad_import.proposed_joints import AXIAL_PLAY, RADIAL_PLAY
+from engine.cad_import.proposed_text import open_questions
+from engine.mechanism.materials import DENSITIES
 from reporting.render.page_templates import page_environment
 from reporting.spec import LegendEntry, MechanismDrawing
 
@@ -102,7 +105,14 @@ def _mark(canvas: SketchCanvas, place: FoundFeature) -> None:
 
 MOST_TRIANGLES = 250_000  # of all parts together; beyond it they are drawn coarser. A page of this many has about 8 MB
 _FILES = resources.files("clearcap.import_page") / "static"
-STATIC = {"three": "three.min.js", "script": "import_page.js", "style": "import_page.css"}
+STATIC = {
+    "three": "three.min.js",
+    "text_script": "mechanism_text.js",
+    "answers_script": "answers.js",
+    "script": "import_page.js",
+    "style": "import_page.css",
+}
+PLAYS = {RADIAL_PLAY: "Radial play", AXIAL_PLAY: "Axial play"}
 _ABOUT = re.compile(r"(bodies|joints)\.([\w-]+)")
 KINDS = {"joint": "Joints", "facing": "Faces that could be stops", "no joint": "Pins and holes that form no joint"}
 
@@ -129,10 +139,8 @@ class ImportFiles:
     drawing: bytes  # SVG of the parts and the joints found
 
 
-def import_page(
-    found: FoundGeometry, places: list[FoundFeature], questions: list[OpenQuestion], files: ImportFiles
-) -> str:
-    """Return the page as HTML; `places` are joints and candidates, `questions` the open ones of the mechanism file."""
+def import_page(found: FoundGeometry, places: list[FoundFeature], text: str, files: ImportFiles) -> str:
+    """Return the page as HTML; `places` are joints and candidates, `text` is that of the mechanism file."""
     vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in found.assembly.meshes)])
     low, high = (vertices.min(axis=0), vertices.max(axis=0)) if len(vertices) else (np.zeros(3), np.ones(3))
     centre = (low + high) / 2
@@ -140,8 +148,10 @@ def import_page(
     parts = {f"part-{number}": part for number, part in enumerate(found.assembly.parts)}  # by the ids of their rows
     names = {("bodies", found.bodies[part.name]): row for row, part in parts.items()}
     names |= {("joints", p.name): f"place-{i}" for i, p in enumerate(places) if p.kind == "joint"}
-    abouts = [(question, _ABOUT.match(question.text)) for question in questions]
+    abouts = [(question, _ABOUT.match(question.text)) for question in open_questions(text)]
+    update = f"clearcap mechanism import {shlex.quote(files.step)} --update {shlex.quote(files.mechanism)}"
     scene = _scene(found, places, meshes, centre) | {"size": float(np.linalg.norm(high - low))}
+    scene |= {"text": text, "update": update}
     template = page_environment("clearcap.import_page").get_template("import_page.html.j2")
     return template.render(
         found=found,
@@ -152,6 +162,8 @@ def import_page(
         part_text=part_text,
         kinds=[(title, [p for p in enumerate(places) if p[1].kind == kind]) for kind, title in KINDS.items()],
         questions=[(question, match and names.get((match[1], match[2]))) for question, match in abouts],
+        plays=[(key, label) for key, label in PLAYS.items() if f"# {key} = " in text],
+        materials=sorted(DENSITIES),
         deviation=deviation,
         scene=Markup(json.dumps(scene).replace("<", "\\u003c")),  # so that no text can end the script element
         **{name: Markup((_FILES / file).read_text("utf-8")) for name, file in STATIC.items()},
@@ -162,6 +174,7 @@ def _scene(found: FoundGeometry, places: list[FoundFeature], meshes: list[PageMe
     view = view_of(found)
     rows = {part.name: f"part-{number}" for number, part in enumerate(found.assembly.parts)}
     wanted = {face for place in places for face in place.faces}
+    normals = {face.number: face.axis for face in found.assembly.faces if face.kind == "plane"}
     return {
         "view": [each.tolist() for each in (view.right, view.up, view.normal)],
         "parts": [
@@ -173,6 +186,11 @@ def _scene(found: FoundGeometry, places: list[FoundFeature], meshes: list[PageMe
                 "triangles": b64encode(mesh.triangles.astype("<u4").tobytes()).decode(),
                 "faces": [stretch for face, stretch in mesh.stretches.items() if face in wanted],
                 "numbers": [face for face in mesh.stretches if face in wanted],
+                "planes": [
+                    [*stretch, *(np.round(normals[face], 9) + 0.0).tolist()]  # + 0.0 turns -0.0 into 0.0
+                    for face, stretch in mesh.stretches.items()
+                    if face in normals
+                ],
             }
             for (part, row), mesh in zip(rows.items(), meshes, strict=True)
         ],

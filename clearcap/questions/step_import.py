@@ -188,7 +188,7 @@ def _draw_page(found: FoundGeometry, text: str, step_file: str, mechanism: Path,
     from clearcap.import_page import ImportFiles, import_page
 
     files = ImportFiles(Path(step_file).name, mechanism.name, drawing)
-    write(picture_files(mechanism)[1], import_page(found, found_features(found), open_questions(text), files))
+    write(picture_files(mechanism)[1], import_page(found, found_features(found), text, files))
 
 
 def _campaign_texts(
@@ -207,15 +207,16 @@ def _campaign_texts(
 # -- drafts in a store -------------------------------------------------------------------------------------------------
 
 
-def import_into_store(store: str, draft: Draft, step: Path, accept_damage: bool = False) -> dict[str, Any]:
+def import_into_store(store: str, draft: Draft, step: Path | None, accept_damage: bool = False) -> dict[str, Any]:
     """Save a STEP file, the draft of a mechanism that is proposed from it, and its page in 3D; return ``changes``.
 
     Of the new draft, name, STEP file's name and author are given. An earlier one of this name is brought to the new
-    file, and keeps what its authors wrote; ``changes`` tells what happened to it. Nothing is saved of a file that
-    yields no mechanism. For a process of its own: the current folder is another meanwhile.
+    file, or without one to the groups in its text, and keeps what its authors wrote; ``changes`` tells what happened to
+    it. Nothing is saved of a file that yields no mechanism. For a process of its own: the current folder is another
+    meanwhile.
     """
     opened, files = open_store(store, QUICK), dict[Path, str | bytes]()
-    content = step.read_bytes()
+    content = read_step(opened, draft.step) if step is None else step.read_bytes()
     before = read_draft(opened, draft.name)
     draft = replace(draft, step=sha256(content).hexdigest(), version=before.version if before else 0)
     output, changes = Path(f"{draft.name}.toml"), dict[str, Any]()

@@ -139,6 +139,7 @@ each.get("/drawings/{name}", responses=_404)(drawings.show_draft)
 each.get("/drawings/{name}/found.html", **_PAGE)(drawings.found_page)
 each.put("/drawings/{name}", responses=_404_409)(drawings.keep_draft)
 each.post("/drawings/{name}/check", responses=_404_409)(drawings.check_draft)
+each.post("/drawings/{name}/groups", responses=_404_409)(drawings.regroup_draft)
 each.post("/drawings/{name}/mechanism", responses=_404_409)(drawings.save_drawn)
 
 each = _ROUTERS["simulations"]

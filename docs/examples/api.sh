@@ -21,7 +21,8 @@ curl -H "$AUTH" "$URL/api/v1/drawings/latch/found.html" -o found.html
 python3 -c 'import json; d = json.load(open("draft.json")); print(json.dumps({k: d[k] for k in ("text", "version")}))' > text.json
 curl -H "$AUTH" "$URL/api/v1/drawings/latch/check" --json @text.json
 curl -H "$AUTH" "$URL/api/v1/drawings/latch" -X PUT --json @text.json
-curl -H "$AUTH" "$URL/api/v1/drawings/latch/mechanism" --json "$(sed 's/: 1}/: 2}/' text.json)"
+curl -H "$AUTH" "$URL/api/v1/drawings/latch/groups" --json "$(sed 's/: 1}/: 2}/' text.json)"
+curl -H "$AUTH" "$URL/api/v1/drawings/latch/mechanism" --json "$(sed 's/: 1}/: 4}/' text.json)"
 
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/campaign.toml" -o mine.toml
 curl -H "$AUTH" "$URL/api/v1/checks/campaign" -F campaign=@mine.toml

@@ -279,8 +279,9 @@ class _Merge:
     """The lines of a file, each with the lines that replace it, and the lists of what was done."""
 
     def __init__(self, text: str, before: str, after: str) -> None:
-        lines, self._after = text.splitlines(), after.splitlines()
-        self._own, self._old, self._new = entries_of(lines), entries_of(before.splitlines()), entries_of(self._after)
+        lines, self._before, self._after = text.splitlines(), before.splitlines(), after.splitlines()
+        self._lines, self._joined = lines, _joined_bodies(before, after)
+        self._own, self._old, self._new = entries_of(lines), entries_of(self._before), entries_of(self._after)
         self._asked, self._asks = _questions(before), _questions(after)
         self._out = [[line] for line in lines]
         self._said = UpdatedProposal(text)
@@ -342,11 +343,22 @@ class _Merge:
         header = self._own.get((key[0], ""))
         if not key[1] and not own.marked:
             self._said.gone.append(key[0])
+            self._drop_joined(own)
         elif (key[0], "") in self._new or key[0] in ("", _PARAMETERS) or (header and header.marked):
             if (own.value, own.marked) == (was.value, was.marked):
                 self._out[own.place].pop(0)
             elif not was.questions or not self._asks.keys() & set(map(what_it_asks, was.questions)):
                 self._said.kept.append(f"{path_of(key)}: no longer proposed, and was {was.value}")
+
+    def _drop_joined(self, header: ProposedLine) -> None:
+        """Remove the table of a body that has become part of another one, or of its joint, if it is as proposed."""
+        own, proposed = (_without_questions(table_lines(x, header.value)) for x in (self._lines, self._before))
+        names = {header.value, *re.findall(r'body = ("[\w-]+")', "\n".join(own))}
+        if own != proposed or not names & self._joined:
+            return
+        first = header.place - len(header.questions)
+        for place in range(first, first + len(table_lines(self._lines, header.value))):
+            self._out[place] = []
 
     def _remove_parameters(self) -> None:
         """Keep a parameter that is no longer proposed if it is used elsewhere; remove the table if it is empty."""
@@ -376,6 +388,20 @@ class _Merge:
     def _not_asked(self, entry: ProposedLine) -> list[str]:
         """Return the questions about a key that were not asked about the earlier revision."""
         return [line for line in entry.questions if what_it_asks(line) not in self._asked]
+
+
+def _joined_bodies(before: str, after: str) -> set[str]:
+    """Return the bodies that are part of others now, as their headers and as texts: ``[bodies.lid]``, ``"lid"``."""
+    old, new = (
+        {n: set(parts_of_body(b)) for n, b in sub_table(tomllib.loads(x), "bodies").items()} for x in (before, after)
+    )
+    elsewhere = set().union(*new.values())
+    gone = [name for name, parts in old.items() if name not in new and parts <= elsewhere]
+    return {each for name in gone for each in (f"[bodies.{name}]", f'"{name}"')}
+
+
+def _without_questions(lines: list[str]) -> list[str]:
+    return [line for line in lines if not line.startswith(QUESTION)]
 
 
 def _questions(text: str) -> dict[str, str]:

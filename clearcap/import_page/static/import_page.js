@@ -8,7 +8,7 @@
   if (!context) return;
   const data = JSON.parse(document.getElementById("data").textContent);
   const element = (id) => document.getElementById(id);
-  for (const id of ["scene", "tools", "hint"]) element(id).hidden = false;
+  for (const id of ["scene", "tools", "hint", "stand"]) element(id).hidden = false;
   for (const id of ["flat", "drawing"]) element(id).hidden = true;
 
   const renderer = new THREE.WebGLRenderer({ canvas, context });
@@ -98,7 +98,15 @@
     for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.row === chosen));
     const part = parts.find((each) => each.row === chosen);
     element("selected").textContent = place || part ? "Selected: " + (place || part).name : "";
+    if (part) document.dispatchEvent(new CustomEvent("part", { detail: part.name }));
     render();
+  }
+
+  // Return the part that was hit, and the normal of the face, if that is flat.
+  function faceOf(hit) {
+    const part = parts.find((each) => each.mesh === hit.object);
+    const plane = part.planes.find(([first, count]) => first <= hit.faceIndex && hit.faceIndex < first + count);
+    return { part: part.name, normal: plane?.slice(2) };
   }
 
   function showTags() {
@@ -147,6 +155,10 @@
     const ray = new THREE.Raycaster();
     ray.setFromCamera(at, camera);
     const [hit] = ray.intersectObjects(parts.map((part) => part.mesh), false);
+    if (element("stand").getAttribute("aria-pressed") === "true") {
+      if (hit) document.dispatchEvent(new CustomEvent("face", { detail: faceOf(hit) }));
+      return;
+    }
     const row = hit ? hit.object.userData.row : "";
     if (row || chosen) select(row || chosen);
   });
@@ -166,7 +178,7 @@
   element("names").addEventListener("change", render);
   element("reset").addEventListener("click", () => { controls.reset(); render(); });
   canvas.addEventListener("webglcontextlost", () => {
-    for (const id of ["scene", "tools", "hint"]) element(id).hidden = true;
+    for (const id of ["scene", "tools", "hint", "stand"]) element(id).hidden = true;
     for (const id of ["flat", "drawing"]) element(id).hidden = false;
   });
   new ResizeObserver(fit).observe(canvas);

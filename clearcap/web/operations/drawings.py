@@ -127,6 +127,15 @@ async def keep_draft(service: TheService, who: Engineer, name: DraftName, wanted
     return _summary(await run_in_threadpool(save_draft, service.store, draft))
 
 
+async def regroup_draft(service: TheService, who: Engineer, name: DraftName, wanted: DraftText) -> dict[str, Any]:
+    """Save the text of a draft, and bring its bodies, joints and stops to its groups; return what that changes."""
+    await keep_draft(service, who, name, wanted)
+    draft = replace(await the_draft(service, name), by=who.name)
+    arguments = (service.store.files.full_url, draft, None, True)  # its damage was accepted when it was uploaded
+    found: dict[str, Any] = await service.pool.data(who.name, step_import.import_into_store, *arguments, limits=LIMITS)
+    return {**found, "draft": _summary(await the_draft(service, name)).model_dump()}
+
+
 async def save_drawn(service: TheService, who: Engineer, name: DraftName, wanted: DraftText) -> dict[str, Any]:
     """Save the text of a draft, and the mechanism of its plain numbers for campaigns; one with faults is refused."""
     checked = await check_draft(service, who, name, wanted)

@@ -83,9 +83,9 @@ async def drawing_form(
     name: DraftName,
     text: Annotated[str, Form(max_length=2 * mechanisms.LONGEST_TEXT)],
     version: Annotated[int, Form(ge=1, lt=10**6)],
-    action: Annotated[str, Form(pattern="^(check|keep|save)$")] = "check",
+    action: Annotated[str, Form(pattern="^(check|keep|groups|save)$")] = "check",
 ) -> Response:
-    """Check the text of a draft, keep it, or save its mechanism."""
+    """Check the text of a draft, keep it, bring its bodies to its groups, or save its mechanism."""
     wanted = DraftText(text=unix_lines(text)[: mechanisms.LONGEST_TEXT], version=version)
     try:
         if action == "save":
@@ -94,6 +94,9 @@ async def drawing_form(
         if action == "keep":
             await drawings.keep_draft(service, who, name, wanted)
             return RedirectResponse(f"/mechanisms/{quote(name)}/drawing", 303)
+        if action == "groups":
+            found = await drawings.regroup_draft(service, who, name, wanted)
+            return await _drawn(request, service, name, changes=found["changes"])
         return await _drawn(
             request, service, name, wanted, checked=await drawings.check_draft(service, who, name, wanted)
         )

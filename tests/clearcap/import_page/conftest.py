@@ -8,7 +8,6 @@ from engine.cad import read_step
 from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_mechanism import proposed_mechanism
-from engine.cad_import.proposed_text import open_questions
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 HOSTILE = "</script><script>document.title = 'run'</script>]]><img src=x onerror='document.title=1'><!-- {{ 7*7 }}"
@@ -47,6 +46,6 @@ def written(found, folder, step="latch.step"):
     places = found_features(found)
     drawing, page = folder / "latch.svg", folder / "latch.html"
     plot_sketch(sketch_found(found, places), f"{step}: what was found", "latch", drawing)
-    questions = open_questions(proposed_mechanism(found, step, "latch"))
-    page.write_text(import_page(found, places, questions, ImportFiles(step, "latch.toml", drawing.read_bytes())))
+    text = proposed_mechanism(found, step, "latch")
+    page.write_text(import_page(found, places, text, ImportFiles(step, "latch.toml", drawing.read_bytes())))
     return page

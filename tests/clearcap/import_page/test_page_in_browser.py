@@ -6,7 +6,9 @@
 import io
 import json
 import os
+import tomllib
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -133,6 +135,56 @@ def test_a_click_on_a_name_or_a_part_selects(browser):
     assert pressed(browser)[0][0] in ("base", "crank", "rocker", "coupler")
 
 
+def file_of(browser):
+    """Return the mechanism file that the page would save."""
+    address = browser.find_element("id", "save").get_attribute("href")
+    return tomllib.loads(unquote(address.removeprefix("data:text/plain;charset=utf-8,")))
+
+
+def test_answers_are_in_the_file(browser, path):
+    """Gravity from a click on a face or from the list, what is fixed, densities, friction, groups."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import Select
+
+    browser.get(path.as_uri())
+    assert "gravity" not in file_of(browser)
+    data = browser.execute_script("return JSON.parse(document.getElementById('data').textContent)")
+    browser.find_element("id", "stand").click()
+    canvas = browser.find_element("css selector", "#scene canvas")
+    ActionChains(browser).move_to_element_with_offset(canvas, 0, -80).click().perform()
+    down = np.array(file_of(browser)["gravity"]) / 9.81e-3
+    words = browser.find_element("id", "said").text
+    [part] = [each for each in data["parts"] if words == f"It stands on a face of {each['name']}."]
+    assert any(np.allclose(down, plane[2:], atol=1e-6) for plane in part["planes"])
+    right, up, normal = np.array(data["view"])
+    assert down @ (normal + 0.35 * right + 0.45 * up) > 0  # the face that is seen, and not the one behind it
+    assert pressed(browser) == ([], "")  # nothing is selected by that click
+    Select(browser.find_element("id", "down")).select_by_visible_text("along −z")
+    assert file_of(browser)["gravity"] == [0.0, 0.0, -9.81e-3]
+    row(browser, "crank").click()
+    assert Select(browser.find_element("id", "part")).first_selected_option.text == "crank"
+    browser.find_element("id", "fix").click()
+    for key, word in {"friction": "0.12", "density": "POM"}.items():
+        browser.find_element("css selector", f"input[data-key={key}]").send_keys(
+            Keys.CONTROL + "a", Keys.NULL + word, Keys.TAB
+        )
+    browser.find_element("css selector", "input[data-key=friction]").send_keys("x", Keys.TAB)
+    assert "no number" in browser.find_element("id", "said").text
+    Select(browser.find_element("id", "other")).select_by_visible_text("coupler")
+    browser.find_element("id", "join").click()
+    assert "--update latch.toml" in browser.find_element("id", "said").text
+    found = file_of(browser)
+    assert found["bodies"]["crank"] == {"part": "crank", "fixed": True, "density": "POM"}
+    assert found["materials"]["contact"]["friction"] == 0.12
+    assert found["groups"] == {"crank": ["crank", "coupler"]}
+    open_now = [item.text for item in browser.find_elements("css selector", "#open li") if item.is_displayed()]
+    assert not any("gravity" in text or "fixed" in text or "friction" in text for text in open_now)
+    assert browser.find_element("id", "questions").text == f"Questions ({len(open_now)})"
+    assert complaints(browser) == []
+    browser.get(path.as_uri())
+
+
 def test_a_keyboard_reaches_all(browser):
     """Tab goes to every entry, Enter selects, arrows with Shift turn the parts, and the button shows all again."""
     from selenium.webdriver.common.keys import Keys
@@ -193,7 +245,7 @@ def test_hostile_names_do_nothing(hostile, tmp_path):
             driver.execute_script("arguments[0].click()", button)
         assert driver.title == f"{HOSTILE}: what was found"
         assert HOSTILE in driver.find_element("id", "list").text
-        assert len(driver.find_elements("css selector", "script")) == 3
+        assert len(driver.find_elements("css selector", "script")) == 5
         assert complaints(driver) == []
 
 

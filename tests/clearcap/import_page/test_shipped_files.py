@@ -28,6 +28,8 @@ def in_wheel():
         "clearcap/import_page/static/three.min.js",
         "clearcap/import_page/static/three.LICENSE.txt",
         "clearcap/import_page/static/import_page.js",
+        "clearcap/import_page/static/mechanism_text.js",
+        "clearcap/import_page/static/answers.js",
         "clearcap/import_page/static/import_page.css",
         "clearcap/import_page/templates/import_page.html.j2",
         "clearcap/web/pages/static/htmx.min.js",
@@ -51,7 +53,7 @@ def test_three_is_what_was_made():
     assert terms in content[:2000].decode()
 
 
-@pytest.mark.parametrize("name", ["three.min.js", "import_page.js"])
+@pytest.mark.parametrize("name", ["three.min.js", "import_page.js", "mechanism_text.js", "answers.js"])
 def test_scripts_run_no_text_and_ask_nobody(name):
     """They make no code of texts and no requests."""
     content = (STATIC / name).read_text()

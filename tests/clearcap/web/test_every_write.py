@@ -272,6 +272,7 @@ HOW = {
     "POST /api/v1/drawings": lambda w: Call({}, {"data": {"name": "drawn"}, "files": STEP}, "engineer"),
     "PUT /api/v1/drawings/{name}": lambda w: drafted(w, "json"),
     "POST /api/v1/drawings/{name}/check": lambda w: drafted(w, "json"),
+    "POST /api/v1/drawings/{name}/groups": lambda w: drafted(w, "json"),
     "POST /api/v1/drawings/{name}/mechanism": lambda w: drafted(w, "json"),
     "POST /mechanisms/drawings": lambda w: Call({}, {"data": {"name": "formed"}, "files": STEP}, "engineer"),
     "POST /mechanisms/{name}/drawing": lambda w: drafted(w, "data"),

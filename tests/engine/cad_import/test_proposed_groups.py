@@ -150,11 +150,17 @@ def test_an_edited_list(drawn, tmp_path):
     }
     assert "[contacts.stop-1]" in path.read_text()  # the cover may part from the foot now
     load_mechanism(path)
-    path.write_text(path.read_text().replace('foot = ["foot"]', 'foot = ["foot", "cover"]'))
+    apart = path.read_text().replace('foot = ["foot"]', 'foot = ["foot", "cover"]')
+    path.write_text(apart)
     imported(tmp_path, drawn, "--update", path)
     again = tomllib.loads(path.read_text())
     assert again["bodies"]["foot"]["parts"] == ["foot", "cover"]
     assert "part" not in again["bodies"]["foot"]
+    assert "cover" not in again["bodies"]
+    load_mechanism(path)
+    path.write_text(apart.replace('part = "cover"', 'density = "POM"\npart = "cover"'))
+    assert "bodies.cover" in imported(tmp_path, drawn, "--update", path)
+    assert tomllib.loads(path.read_text())["bodies"]["cover"]["density"] == "POM"  # what a person wrote stays
 
 
 def test_a_new_revision(drawn, tmp_path):

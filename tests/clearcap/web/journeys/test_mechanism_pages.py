@@ -43,7 +43,7 @@ def test_a_mechanism_is_edited(user, finished):
 
 
 def test_a_step_file_becomes_a_mechanism(user, finished):
-    """Its joints are shown in 3D, what it does not say is answered in the text, and the mechanism is saved."""
+    """Its joints are shown in 3D, what it does not say is answered there or in the text, and the mechanism is saved."""
     own = f"drawn-{user.width}"
     user.go("Mechanisms", "a")
     form = user.browser.find_element("css selector", "section[aria-labelledby=drawing]")
@@ -55,10 +55,19 @@ def test_a_step_file_becomes_a_mechanism(user, finished):
     assert "6 open questions" in user.text
     user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe"))
     assert "crank-coupler" in user.browser.find_element("tag name", "body").text
+    user.browser.find_element("id", "fix").click()
     user.browser.switch_to.default_content()
-    text = user.tab_to(TEXT, "textarea")
-    answer = "arguments[0].value = arguments[0].value.replace('# fixed = true', 'fixed = true')"
+    text = user.browser.find_element("id", "text")
+    user.until(lambda: "\nfixed = true" in text.get_property("value"), "the answer in the text")
+    assert "which part is fixed?" not in text.get_property("value")
+    answer = "const t = arguments[0]; t.value += '\\n# seen'; t.dispatchEvent(new Event('input'))"
     user.browser.execute_script(answer, text)
+    user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe"))
+    user.browser.find_element("id", "fix").click()  # again free, and fixed
+    user.browser.find_element("id", "fix").click()
+    user.browser.switch_to.default_content()
+    user.until(lambda: text.get_property("value").count("\nfixed = true") == 1, "the answer in the text")
+    assert text.get_property("value").endswith("# seen")
     user.go("Check", "button")
     user.look(is_answer=True)
     assert "No faults" in user.text

@@ -103,6 +103,30 @@ def test_a_revision_keeps_the_answers(service):
     assert checked["summary"]["joints"] == 4
 
 
+def test_bodies_follow_the_groups(service):
+    """Two parts that are listed as a group become one body, without another upload; what was answered stays."""
+    client, csrf = log_in(service)
+    step = {"file": ("latch.step", LATCH.read_bytes())}
+    text = text_in(client.post("/mechanisms/drawings", data={**csrf, "name": "grouped"}, files=step).text)
+    grouped = text.replace("friction = 0.0", "friction = 0.2")
+    grouped = grouped.replace("[parameters]", '[groups]\nbar = ["crank", "coupler"]\n\n[parameters]', 1)
+    form = {**csrf, "version": 1, "action": "groups"}
+    wrong = client.post("/mechanisms/grouped/drawing", data={**form, "text": "[groups"})
+    assert wrong.status_code == 422
+    shown = client.post("/mechanisms/grouped/drawing", data={**form, "text": grouped, "version": 2})
+    assert shown.status_code == 200, shown.text
+    assert "What has changed" in shown.text
+    now = text_in(shown.text)
+    assert 'parts = ["crank", "coupler"]' in now
+    assert "[joints.crank-coupler]" not in now
+    assert "friction = 0.2" in now
+    assert "bar" in client.get(f"{CALL}/grouped/found.html").text
+    late = client.post(
+        f"{CALL}/grouped/groups", json={"text": now, "version": 2}, headers={"Accept": "application/json"}
+    )
+    assert late.status_code == 409
+
+
 def test_what_is_refused(service):
     """No STEP file, a shipped name, a wrong name, too long a file, a user who may only look, a draft that is not."""
     client, _ = log_in(service, accept="application/json")
