@@ -45,10 +45,11 @@ class ReadingLimits:
 
     file_bytes: int = 100 * 2**20
     memory_bytes: int = 4 * 2**30
-    seconds: int = 600
+    seconds: int = 600  # of the processor
 
 
 USUAL_LIMITS = ReadingLimits()
+_WAIT = 10  # s in which a processor that others use, too, is given to OCCT for one second
 
 
 def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
@@ -64,7 +65,7 @@ def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limi
         step.write_bytes(as_utf8(content))
         request = json.dumps({"path": str(step), **question}).encode()
         try:
-            return child.answer(request, Limits(limits.memory_bytes, limits.seconds), limits.seconds)
+            return child.answer(request, Limits(limits.memory_bytes, limits.seconds), _WAIT * limits.seconds)
         except (ChildEnded, ChildRaised) as error:
             raise CadError(f"{path}: {_why(error, limits)}") from None
 

@@ -2,8 +2,9 @@
 
 Screws, nuts and washers on one axis join the only part that they hold, or two parts that are held on two axes; on a
 single axis between two parts they may be a pivot, and join the part that they are screwed into. A bearing joins the
-part in which it sits. A subassembly is one body unless a joint with pin or ball is drawn in it. A part that no joint
-holds is one body with the part that it lies against, without play, over most of the area in which it touches others.
+part in which it sits, a pin the part into which it is pressed. A subassembly is one body unless a joint with pin or
+ball is drawn in it. A part that no joint holds is one body with the part that it lies against, without play, over most
+of the area in which it touches others.
 """
 
 import tomllib
@@ -25,6 +26,8 @@ from engine.mechanism.geometry.part_bodies import parts_of_body
 _TOUCHING = 1e-3  # mm between two planes without play
 _ONE_AXIS = 0.5  # mm between the axes of screws, nuts and washers that are one stack
 _TIGHT = 1e-3  # mm between the radii of a thread or a press fit, as drawn
+_EQUAL = 1e-6  # mm between radii of a pin and a hole that are drawn alike
+_PRESSED, _SHARE_PRESSED = 0.04, 0.01  # mm, and share of the radius, by which a pressed pin is larger at most
 _LEAST_SHARE = 0.03  # of a part's surface that lies against another part
 _MOST_OF_IT = 0.6  # of the area in which a part touches others
 
@@ -78,7 +81,10 @@ def proposed_groups(
     kinds = {each.part: each.kind for each in standard}
     jointed = [pair for pair in jointed if not pair & set(kinds)]
     groups = _Groups(part.name for part in assembly.parts)
-    fits = coaxial_fits(assembly) if kinds else []
+    fits = coaxial_fits(assembly)
+    for hole, pin in fits:
+        if _is_pressed(hole, pin):
+            groups.join([hole.part, pin.part], "by press fit")
     _join_bearings(groups, kinds, fits)
     jointed = [*jointed, *_join_fasteners(assembly, groups, kinds, fits, planes)]
     jointed = [*jointed, *_join_screw_holes(groups, undrawn, planes)]
@@ -98,6 +104,13 @@ def proposed_groups(
 
 
 Fits = Sequence[tuple[CadFace, CadFace]]
+
+
+def _is_pressed(hole: CadFace, pin: CadFace) -> bool:
+    """Return whether a pin is drawn larger than the hole around it by as much as it is pressed in."""
+    gaps = hole.recognition_gap + pin.recognition_gap + _EQUAL
+    larger = pin.radius - hole.radius
+    return gaps < larger <= min(_PRESSED, _SHARE_PRESSED * pin.radius) and _apart(hole, pin) <= _PRESSED
 
 
 def _join_bearings(groups: _Groups, kinds: Mapping[str, str], fits: Fits) -> None:

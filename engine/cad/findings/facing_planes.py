@@ -20,6 +20,8 @@ REACH = 1.0  # largest gap between faces that could form a stop [mm]
 DEEPEST_OVERLAP = 0.1  # largest overlap of such faces as posed [mm]
 LEAST_AREA = 0.25
 """Smallest area shared by two plane faces [mm2]: anything less is a sliver, where one edge lies over another."""
+_SHARE_OF_PART, _SIZES_APART = 0.005, 0.5
+"""Of very small parts: share of a part's surface in place of the area, and gap in sides of a cube of that surface."""
 _PARALLEL = 1e-3  # rad
 _LEAST_SHARE = 1e-3  # of the smaller face; less is a corner over an edge
 
@@ -38,14 +40,21 @@ class FacingPlanes:
 
 def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:
     """Return the planes of different parts that face each other, at most `REACH` apart, the smallest gap first."""
+    surfaces = dict.fromkeys((part.name for part in assembly.parts), 0.0)
+    for face in assembly.faces:
+        surfaces[face.part] += face.area
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []
     for i, j in _near(planes, triangles).tolist():
         first, second = planes[i], planes[j]
+        gap = float((second.point - first.point) @ first.axis)
+        smaller = min(surfaces[first.part], surfaces[second.part])
+        if gap > _SIZES_APART * (smaller / 6) ** 0.5:
+            continue
         area, middle = common_area(triangles[first.number], triangles[second.number], first.axis)
-        if area > max(LEAST_AREA, _LEAST_SHARE * min(first.area, second.area)):
+        least = max(min(LEAST_AREA, _SHARE_OF_PART * smaller), _LEAST_SHARE * min(first.area, second.area))
+        if area > least:
             faces, parts = (first.number, second.number), (first.part, second.part)
-            gap = float((second.point - first.point) @ first.axis)
             found.append(FacingPlanes(faces=faces, parts=parts, gap=gap, area=area, middle=middle, normal=first.axis))
     return sorted(found, key=lambda pair: pair.gap)
 

@@ -20,8 +20,10 @@ _ENDS_PARALLEL = 1e-4  # rad
 _ENDS_ALIKE = 1e-6  # relative difference of equal radii, and distance of coinciding ends in mm
 
 LEAST_SPAN = radians(160.0)  # smallest span of a hole and of a pin [rad]: less than half a turn holds nothing
-MOST_CLEARANCE = 0.3  # largest difference of radii [mm] at which a hole still guides a pin
+MOST_CLEARANCE = 0.3  # largest difference of radii [mm] at which a hole still guides a pin of usual size
+_OF_LARGE, _OF_SMALL = 0.01, 0.5  # of the radius of a pin: its clearance may be this if it is large, at most if small
 MOST_EXCESS = 0.12  # largest offset of the axes beyond the clearance [mm] that a drawn pose may have
+_OFF_SMALL = 0.2  # of the radius of a small pin, that its axis may be off at most
 _LEAST_SNAP = radians(60.0)
 _LOOSEST_SNAP, _SQUEEZED = 0.5, 0.05  # mm by which an open bearing may be wider, or narrower, than its pin
 _NEAR = 1.0  # differences of radii and offsets [mm] up to which a refused pair is reported
@@ -111,6 +113,16 @@ class NearMiss:
     unlikely: int = 0  # rank among the pairs that are not joints: 0 for the most plausible ones
 
 
+def most_clearance(radius: float) -> float:
+    """Return the largest difference of radii at which a hole still guides a pin of a radius [mm]."""
+    return min(max(MOST_CLEARANCE, _OF_LARGE * radius), _OF_SMALL * radius)
+
+
+def most_excess(radius: float) -> float:
+    """Return the largest offset of the axes beyond the clearance that a pin of a radius may have as drawn [mm]."""
+    return min(MOST_EXCESS, _OFF_SMALL * radius)
+
+
 @dataclass(frozen=True)
 class _Pair:
     """A hole and a pin that are nearly coaxial."""
@@ -128,7 +140,7 @@ class _Pair:
     @property
     def allowed(self) -> float:
         """Largest offset that a drawn pose may have [mm]."""
-        return max(self.clearance, 0.0) + MOST_EXCESS
+        return max(self.clearance, 0.0) + most_excess(self.pin.radius)
 
 
 def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss]]:
@@ -217,10 +229,10 @@ def _why_no_pin(pair: _Pair) -> str:
     gaps = pair.hole.recognition_gap + pair.pin.recognition_gap + 1e-6
     if pair.clearance < -gaps:
         return f"the pin is {-pair.clearance:.3g} mm larger in radius than the hole: a press fit, or an error"
-    if pair.clearance > MOST_CLEARANCE:
-        return f"the radii differ by {pair.clearance:.3g} mm; allowed: up to {MOST_CLEARANCE:g}"
+    if pair.clearance > (most := most_clearance(pair.pin.radius)) + _ALIKE:
+        return f"the radii differ by {pair.clearance:.3g} mm; allowed: up to {most:.3g}"
     if pair.offset > pair.allowed:
-        said = f"the axes are {pair.offset:.3g} mm apart; allowed: the clearance + {MOST_EXCESS:g}"
+        said = f"the axes are {pair.offset:.3g} mm apart; allowed: the clearance + {most_excess(pair.pin.radius):.3g}"
         return f"{said}, so {pair.allowed:.3g}"
     return ""
 
@@ -244,7 +256,8 @@ def _unlikely(pair: _Pair) -> int:
 def _is_loose(pair: _Pair) -> bool:
     """Return whether a hole holds a pin, but with more clearance than is accepted for a joint."""
     spans = min(pair.hole.span, pair.pin.span)
-    return spans > LEAST_SPAN and pair.end > pair.start and pair.clearance > max(MOST_CLEARANCE, pair.offset)
+    is_loose = pair.clearance > max(most_clearance(pair.pin.radius) + _ALIKE, pair.offset)
+    return spans > LEAST_SPAN and pair.end > pair.start and is_loose
 
 
 def _grouped(pairs: list[_Pair]) -> list[list[_Pair]]:
@@ -265,7 +278,7 @@ def _of_one_joint(a: _Pair, b: _Pair) -> bool:
     if (a.hole.part, a.pin.part) != (b.hole.part, b.pin.part):
         return False
     apart, turned = np.linalg.norm(_across(a.hole, b.hole)), abs(a.hole.axis @ b.hole.axis)
-    return bool(apart <= MOST_EXCESS and turned >= np.cos(_PARALLEL))
+    return bool(apart <= most_excess(a.hole.radius) and turned >= np.cos(_PARALLEL))
 
 
 def _joint_of_pairs(group: list[_Pair]) -> PinInHole:
@@ -334,11 +347,13 @@ def _slides(hole: CadFace, pin: CadFace, way: Array) -> bool:
     `hole` is one end of the slot, `way` the vector to the axis of the other one, shape (3,) [mm].
     """
     clearance, (start, end) = hole.radius - pin.radius, _shared_stretch(hole, pin)
-    if pin.part == hole.part or not -_ALIKE <= clearance <= MOST_CLEARANCE or end <= start:
+    if pin.part == hole.part or not -_ALIKE <= clearance <= most_clearance(pin.radius) or end <= start:
         return False
     away = _across(hole, pin)
     off = np.linalg.norm(away - np.clip(away @ way / (way @ way), 0.0, 1.0) * way)
-    return bool(abs(hole.axis @ pin.axis) >= np.cos(_ALONG_SLOT) and off <= max(clearance, 0.0) + MOST_EXCESS)
+    return bool(
+        abs(hole.axis @ pin.axis) >= np.cos(_ALONG_SLOT) and off <= max(clearance, 0.0) + most_excess(pin.radius)
+    )
 
 
 # -- balls in sockets -------------------------------------------------------------------------------------------------
@@ -393,11 +408,11 @@ def _why_no_ball(socket: CadFace, ball: CadFace, points: Array) -> str:
     clearance, far = socket.radius - ball.radius, _offset(socket, ball)
     if clearance < -_unsure(socket, ball) - 1e-6:
         return f"the ball is {-clearance:.3g} mm larger in radius than the socket: a press fit, or an error"
-    if clearance > MOST_CLEARANCE:
-        return f"the radii differ by {clearance:.3g} mm; allowed: up to {MOST_CLEARANCE:g}"
-    allowed = max(clearance, 0.0) + MOST_EXCESS
+    if clearance > (most := most_clearance(ball.radius)) + _ALIKE:
+        return f"the radii differ by {clearance:.3g} mm; allowed: up to {most:.3g}"
+    allowed = max(clearance, 0.0) + (excess := most_excess(ball.radius))
     if far > allowed:
-        return f"the centres are {far:.3g} mm apart; allowed: the clearance + {MOST_EXCESS:g}, so {allowed:.3g}"
+        return f"the centres are {far:.3g} mm apart; allowed: the clearance + {excess:.3g}, so {allowed:.3g}"
     if not _holds(points - socket.point, ball.radius):
         return "the ball can leave the socket, which is not all round it; write a contact of a sphere and a socket"
     return ""

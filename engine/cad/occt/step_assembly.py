@@ -14,7 +14,7 @@ from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 from engine.cad.cad_model import CadAssembly, CadFace, CadMaterial, CadPart, ProductGeometry, SizeLimits, placed_product
 from engine.cad.occt.bounded_work import Budget
 from engine.cad.occt.damage import Damage
-from engine.cad.occt.names_and_materials import material_of, name_of
+from engine.cad.occt.names_and_materials import listed, material_of, name_of
 from engine.cad.occt.occt_values import FACE, ShapeMap
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances, labels_of_solids
@@ -36,7 +36,7 @@ class _Product:
         self.name = instance.name
         self.shape = instance.shape
         grams = document.grams or np.nan
-        self.material = material_of(instance.label, grams)
+        self.material = material_of(instance.label, grams) or _of_first_solid(instance, grams)
         solids: list[tuple[str, CadMaterial | None]] = [
             (name_of(label), material_of(label, grams)) if label is not None else ("", None)
             for label in labels_of_solids(instance)
@@ -95,6 +95,12 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         unreadable=document.damage.entities,
         damaged=_damaged(document.damage, parts),
     )
+
+
+def _of_first_solid(instance: Instance, grams: float) -> CadMaterial | None:
+    """Return the material of a product of several solids, which OCCT gives to the first of them only."""
+    found = {material_of(label, grams) for label in listed(ShapeTool.GetSubShapes_s, instance.label)} - {None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _part(instance: Instance, name: str, product: _Product, here: ProductGeometry) -> CadPart:

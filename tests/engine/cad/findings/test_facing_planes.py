@@ -60,6 +60,18 @@ def test_where_they_end(read, corner, gaps):
     assert [pair.gap for pair in found] == pytest.approx(gaps, abs=1e-9)
 
 
+@pytest.mark.parametrize(("apart", "gaps"), [(0.02, [0.02]), (0.3, [])])
+def test_very_small_parts(read, apart, gaps):
+    """Blocks of 0.3 mm face each other over less than a usual sliver, and not across as much as their own size."""
+    made = Drawing()
+    top = made.assembly("blocks")
+    for x in (0.0, 0.3 + apart):
+        made.add(top, made.product("block", box((x, 0.0, 0.0), (0.3, 0.3, 0.3))))
+    found = facing_planes(*with_triangles(read(made)))
+    assert [pair.gap for pair in found] == pytest.approx(gaps, abs=1e-9)
+    assert [pair.area for pair in found] == pytest.approx([0.09] * len(gaps), rel=1e-9)
+
+
 def with_triangles(assembly):
     """Return an assembly and its triangles."""
     return assembly, triangles_by_face(assembly)

@@ -4,6 +4,8 @@ from math import pi
 
 import numpy as np
 import pytest
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.gp import gp_Pnt, gp_Trsf
 
 from engine.cad.findings.joints import pins_in_holes
 from tests.engine.cad import latch
@@ -139,6 +141,40 @@ def test_a_pin_with_more_clearance_may_be_a_joint(read):
     ):
         _, [miss] = pins_in_holes(read(drawing))
         assert miss.may_be_one is is_loose
+
+
+def scaled(factor, bore=BORE):
+    """Return a hinge drawn larger or smaller, with a bore of its own."""
+    scale = gp_Trsf()
+    scale.SetScale(gp_Pnt(), factor)
+    made = Drawing()
+    top = made.assembly("hinge")
+    for name, shape in (("plate", moved(plate(bore), z=PLAY)), ("stud", stud())):
+        made.add(top, made.product(name, BRepBuilderAPI_Transform(shape, scale, True).Shape()), name=name)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("factor", "bore", "most"),
+    [
+        (40.0 / PIN, PIN * 1.0099, None),
+        (40.0 / PIN, PIN * 1.0126, 0.4),
+        (1.0, PIN + 0.3, None),
+        (0.1 / PIN, 4.0, None),
+        (0.1 / PIN, 4.8, 0.05),
+    ],
+    ids=["a loose pin of 80 mm", "one that is too loose", "exactly at the limit", "of 0.2 mm", "a hole for another"],
+)
+def test_limits_follow_the_size(read, factor, bore, most):
+    """A pin of a crane may be looser than one of a lock, and in a watch 0.1 mm of clearance is a hole for another."""
+    joints, refused = pins_in_holes(read(scaled(factor, bore)))
+    if most is None:
+        [joint] = joints
+        assert joint.radial_clearance == pytest.approx(factor * (bore - PIN), rel=1e-6)
+    else:
+        assert joints == []
+        said = f"the radii differ by {factor * (bore - PIN):.3g} mm; allowed: up to {most:g}"
+        assert [each.reason for each in refused] == [said]
 
 
 def test_coaxial_holes_without_a_pin_are_nothing(read):

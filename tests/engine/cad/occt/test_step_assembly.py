@@ -126,6 +126,21 @@ def test_a_product_of_two_solids(read):
     assert [sum(face.solid == i for face in assembly.faces_of("contact")) for i in (0, 1)] == [6, 6]
 
 
+def test_the_material_of_a_product_of_two_solids(read):
+    """It is that of all its solids, though OCCT gives it to the first."""
+    made = Drawing()
+    top = made.assembly("top")
+    both = compound(box((0, 0, 0), (1, 1, 1)), box((5, 0, 0), (2, 2, 2)))
+    made.add(top, made.product("frame", both, ("steel", 7.85)))
+    made.add(top, made.product("cover", box((0, 0, 9), (1, 1, 1))))
+    frame, cover = read(made).parts
+    assert [(each.material or frame.material).density for each in frame.solids] == pytest.approx([7.85e-3] * 2)
+    assert (cover.material, cover.solids[0].material) == (None, None)
+    alone = Drawing()
+    alone.product("frame", both, ("steel", 7.85))
+    assert [part.material.name for part in read(alone).parts] == ["steel", "steel"]
+
+
 # -- the tree --------------------------------------------------------------------------------------------------------
 
 
