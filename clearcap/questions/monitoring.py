@@ -43,6 +43,7 @@ from reporting.capability.lots import variance_components
 from reporting.capability.verdict import CAPABLE
 from reporting.samples import read_samples
 from reporting.shape.fitting import Fit, fit_families
+from reporting.tolerance.reweighting import EstimatedDistribution, estimated_distribution
 from reporting.tolerance.whatif import Estimate, WhatIf
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ FEWEST = 20  # values of a variable
 FEWEST_LOTS = 5
 MOST_BEYOND = 0.01  # probability that a fitted distribution may have beyond the bounds of the campaign's
 FEWEST_REJECTS = 10.0  # weighted, from which on their share says more than Cpk
+_QUANTILES = 2000
 _NAMED = {  # of a family: the distribution of a campaign, and its keys by the names of the parameters
     "normal": ("normal", {"mean": "mean", "sd": "std"}),
     "lognormal": ("lognormal", {"mean of log": "log_mean", "sd of log": "log_std"}),
@@ -127,12 +129,17 @@ def monitored(
     check_drawn(plan.spec)
     before = read_monitored(store, plan.campaign_id)
     found = _measured_variables(plan, parts, limits)
-    settings = [setting for _, those in found for setting in those]
+    settings = [setting for _, those, _ in found for setting in those]
     if not settings:
-        reasons = "; ".join(f"{each.variable}: {each.note}" for each, _ in found)
+        reasons = "; ".join(f"{each.variable}: {each.note}" for each, *_ in found)
         raise SpecError(f"parts: no variable gets a new distribution: {reasons}")
     changed = changed_variables(plan.spec, settings).variables
-    answers = what_if(store, plan, settings)
+    estimated = {
+        each.variable: _estimated(changed.get(each.variable, plan.spec.variables[each.variable]), values)
+        for each, those, values in found
+        if those
+    }
+    answers = what_if(store, plan, settings, estimated)
     indices = [_index(plan, name, each) for name, each in answers.items() if _is_limited(plan, name)]
     other = None
     if rerun and any(each.refusal for each in indices):
@@ -146,7 +153,7 @@ def monitored(
         table=Path(parts).name if isinstance(parts, str | Path) else "",
         sha256="" if content is None else sha256(content),
         settings=settings,
-        variables=[_worded(each, plan.spec.variables, changed) for each, _ in found],
+        variables=[_worded(each, plan.spec.variables, changed) for each, *_ in found],
         responses=indices,
         campaign=other,
     )
@@ -173,10 +180,13 @@ def monitor_in_store(
 # -- measured values become distributions ------------------------------------------------------------------------------
 
 
+_Values = tuple[Array, NDArray[np.generic] | None]  # of the parts, and their lots
+
+
 def _measured_variables(
     plan: Plan, parts: "str | Path | pd.DataFrame", limits: Any
-) -> list[tuple[MonitoredVariable, list[str]]]:
-    """Return what the parts say of each variable, and the settings that make it the campaign's."""
+) -> list[tuple[MonitoredVariable, list[str], _Values]]:
+    """Return what the parts say of each variable, the settings that make it the campaign's, and their values."""
     variables = plan.spec.variables
     if limits is None:
         frame = read_parts(parts) if isinstance(parts, str | Path) else parts
@@ -199,13 +209,20 @@ def _measured_variables(
         samples = read_samples(table, spec)
     except ReportError as error:
         raise SpecError(f"parts: {error}") from error
-    found = []
+    found = list[tuple[MonitoredVariable, list[str], _Values]]()
     for each in spec.responses:
         x = samples.values[each.name]
         finite = np.isfinite(x)
         lots = None if samples.production_batch is None else samples.production_batch[finite]
-        found.append(_updated(each.name, variables[each.name], x[finite], lots))
+        found.append((*_updated(each.name, variables[each.name], x[finite], lots), (x[finite], lots)))
     return found
+
+
+def _estimated(now: Distribution, values: _Values) -> EstimatedDistribution:
+    """Return how well the parts tell the distribution that they got."""
+    x, lots = values
+    lots = lots if lots is not None and np.unique(lots).size > 1 else None
+    return estimated_distribution(now.moments(), now.ppf((np.arange(_QUANTILES) + 0.5) / _QUANTILES), x, lots)
 
 
 def _updated(

@@ -6,7 +6,7 @@ standard deviation are taken from the old distribution, and the user is told whi
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, prod, sqrt
 from typing import Any
 
@@ -34,7 +34,7 @@ from reporting.capability.shares import PPM, least_ppm
 from reporting.emulation.emulated_what_if import NEW_SAMPLES, emulated_what_if
 from reporting.format_numbers import ppm
 from reporting.shape.histogram import histogram
-from reporting.tolerance.reweighting import Change, Weights, weights
+from reporting.tolerance.reweighting import Change, EstimatedDistribution, Weights, weights
 from reporting.tolerance.whatif import WhatIf, what_if_all
 
 
@@ -47,22 +47,32 @@ class Refused:
     runs: int  # new runs that give Cpk, or sigma without limits, of each of these responses to within 5 %
 
 
-def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, WhatIf]:
+def what_if(
+    store: Store, plan: Plan, settings: Sequence[str], estimated: Mapping[str, EstimatedDistribution] | None = None
+) -> dict[str, WhatIf]:
     """Return `what_if_from` for the samples in the store."""
     check_drawn(plan.spec)
     changed_variables(plan.spec, settings)  # report faults of settings before reading any row
-    return what_if_from(plan, independent_samples(store, plan), settings)
+    return what_if_from(plan, independent_samples(store, plan), settings, estimated=estimated)
 
 
 def what_if_from(
-    plan: Plan, columns: SampleColumns, settings: Sequence[str], *, emulates: bool = True
+    plan: Plan,
+    columns: SampleColumns,
+    settings: Sequence[str],
+    *,
+    emulates: bool = True,
+    estimated: Mapping[str, EstimatedDistribution] | None = None,
 ) -> dict[str, WhatIf]:
     """Return every response under changed distributions; for the settings see `changed_variables`.
+
+    The intervals include how well the distributions of `estimated` variables are known; others are exact.
 
     Where the weights of the samples carry no answer, an emulator of the rows gives one if it predicts well, unless it
     would take too long.
     """
     change, lots = change_of(plan, columns, settings), lots_of(plan, columns.number)
+    change = replace(change, doubt=_doubt(estimated, columns.values))
     responses = {name: columns.values[name] for name in plan.mechanism.responses}
     try:
         answers = what_if_all(responses, change, limits_of(plan), lots=lots)
@@ -77,9 +87,16 @@ def what_if_from(
     new, old = draw(spec, 0, NEW_SAMPLES), {name: columns.values[name] for name in names}
     limits = limits_of(plan)
     return answers | {
-        name: emulated_what_if(responses[name], old, {v: new[v] for v in names}, limits[name], answers[name])
+        name: emulated_what_if(
+            responses[name], old, {v: new[v] for v in names}, limits[name], answers[name], _doubt(estimated, new)
+        )
         for name in refused
     }
+
+
+def _doubt(estimated: Mapping[str, EstimatedDistribution] | None, values: Mapping[str, Array]) -> Array | None:
+    """Return what estimated distributions may be off by, at samples (n,): shape (n, 2 variables)."""
+    return np.hstack([each.at(values[name]) for name, each in estimated.items()]) if estimated else None
 
 
 def change_of(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> Change:

@@ -18,7 +18,7 @@ from reporting.capability.shares import PPM
 from reporting.emulation.gaussian_process import Emulator, fit_emulator
 from reporting.errors import ReportError
 from reporting.tolerance.index_curve import beyond
-from reporting.tolerance.reweighting import Change
+from reporting.tolerance.reweighting import Change, widened
 from reporting.tolerance.whatif import Estimate, WhatIf, what_if
 
 NEW_SAMPLES = 8000
@@ -37,8 +37,11 @@ def emulated_what_if(
     new: Mapping[str, Array],
     limits: tuple[float | None, float | None],
     weighted: WhatIf,
+    doubt: Array | None = None,
 ) -> WhatIf:
     """Return the answer by an emulator of rows (n,) at new samples (m,) of the same variables; else the old refusal.
+
+    `doubt` is what the new distributions may be off by, at the new samples, as of `Change`.
 
     An answer has the reason why there is none by weights in `emulated`; without one, the notes say why.
     """
@@ -61,13 +64,19 @@ def emulated_what_if(
         return replace(weighted, notes=(*weighted.notes, f"No emulator either: {error}."))
     if refusal := emulator.quality.refusal:
         return replace(weighted, notes=(*weighted.notes, f"No emulator either: {refusal}."))
-    return _answer(emulator, np.column_stack(list(new.values())), limits, weighted)
+    return _answer(emulator, np.column_stack(list(new.values())), limits, weighted, doubt)
 
 
-def _answer(emulator: Emulator, x: Array, limits: tuple[float | None, float | None], weighted: WhatIf) -> WhatIf:
+def _answer(
+    emulator: Emulator,
+    x: Array,
+    limits: tuple[float | None, float | None],
+    weighted: WhatIf,
+    doubt: Array | None,
+) -> WhatIf:
     random = np.random.Generator(np.random.Philox(len(x)))
     mean = emulator.mean(x) + emulator.scatter * random.standard_normal(len(x))
-    base, places = what_if(mean, Change(np.zeros(len(x))), *limits), slice(0, _PLACES)
+    base, places = what_if(mean, Change(np.zeros(len(x)), doubt=doubt), *limits), slice(0, _PLACES)
     same = Change(np.zeros(len(x[places])))
     of_mean = what_if(mean[places], same, *limits)
     deviations = sampled_deviations(emulator, x[places], _FUNCTIONS, random)
@@ -107,8 +116,7 @@ def _widened(estimate: Estimate, drawn: Array, jackknifed: Array, *, is_share: b
     error = max(error, _T_95 * float(jackknifed.std()) * math.sqrt(_PARTS - 1))
     low, high = estimate.interval
     half = (high - low) / 2
-    low = estimate.value - math.hypot(estimate.value - low, error)
-    high = estimate.value + math.hypot(high - estimate.value, error)
+    low, high = widened(estimate.value, estimate.interval, error)
     share = half**2 / (half**2 + error**2) if half > 0 else 1.0
     interval = (max(low, 0.0), min(high, PPM)) if is_share else (low, high)
     return Estimate(estimate.value, interval, share * estimate.effective)

@@ -145,12 +145,65 @@ class Change:
     # Number of new runs that one sample is equivalent to for the sigma of the changed variable itself, by the two
     # distributions alone; 1 if unknown.
     worth: float = 1.0
+    # What the new distributions themselves may be off by, shape (n, k): see `EstimatedDistribution`; None if they are
+    # exact.
+    doubt: Array | None = None
 
     def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
         """Return the new values by variable; `variable` is the changed one if there is only one."""
         if self.moved is None:
             return {}
         return self.moved if isinstance(self.moved, Mapping) else {variable: self.moved}
+
+
+@dataclass(frozen=True)
+class EstimatedDistribution:
+    """How well measured parts tell mean and sigma of the distribution that was fitted to them.
+
+    A statistic that is the mean of g(x) then has the error ``E[g b] a e``: b are the standardised value z and z² - 1, e
+    two independent standard normal numbers, and ``a a'`` is the covariance of the coefficients. For a normal
+    distribution that is the delta method on its maximum likelihood; for others it leaves out what else their shape may
+    be.
+    """
+
+    mean: float
+    std: float
+    root: Array  # a, shape (2, 2)
+
+    def at(self, x: Array) -> Array:
+        """Return ``b a`` at values of the variable (n,), shape (n, 2)."""
+        return np.asarray(_powers((x - self.mean) / self.std) @ self.root)
+
+
+def _powers(z: Array) -> Array:
+    return np.column_stack([z, z * z - 1])
+
+
+def estimated_distribution(
+    moments: tuple[float, float], quantiles: Array, parts: Array, lots: LotLabels | None, confidence: float = 0.95
+) -> EstimatedDistribution:
+    """Return how well parts (m,) tell a distribution with these moments, and of the shape of these quantiles (n,)."""
+    mean, std = moments
+    expected = _powers((quantiles - quantiles.mean()) / quantiles.std())
+    gram = expected.T @ expected / len(expected)
+    z = (parts - parts.mean()) / parts.std()
+    if lots is None:
+        count, covariance = parts.size, gram / (parts.size - 1)
+    else:
+        sums = np.column_stack([by_lot(column, lots) for column in _powers(z).T])
+        count = len(sums)
+        covariance = sums.T @ sums / parts.size**2 * count / (count - 1)
+    upper = 0.5 + confidence / 2
+    wide = float(stdtrit(count - 1, upper) / stdtrit(math.inf, upper))
+    inverse = np.linalg.pinv(gram)
+    values, vectors = np.linalg.eigh(inverse @ covariance @ inverse)
+    return EstimatedDistribution(mean, std, wide * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def widened(value: float, interval: Interval, error: float) -> Interval:
+    """Return an interval with the half width of another error, which is independent, added to both sides."""
+    low, high = interval
+    return value - math.hypot(value - low, error), value + math.hypot(high - value, error)
 
 
 @dataclass(frozen=True)
@@ -164,6 +217,7 @@ class Weights:
     pareto_k_bar: float  # largest accepted shape
     outside: float  # probability of new values outside the range of the old distribution
     refusal: str  # why the weights cannot be used; empty if they can
+    doubt: Array | None = None  # of the change
 
 
 def weights(change: Change) -> Weights:
@@ -183,6 +237,8 @@ def weights(change: Change) -> Weights:
     bar = min(PARETO_BAR, 1 - 1 / math.log10(n)) if n > 10 else 0.0
     if n == 0 or not np.any(total > -np.inf):
         return Weights(np.zeros(n), 0.0, 1.0, None, bar, change.outside, _refusal(0.0, 1.0, None, bar, change.outside))
+    if change.doubt is not None and len(change.doubt) != n:
+        raise ReportError(f"doubt of {len(change.doubt)} samples and {n} log ratios; give both of the same samples")
     # A common factor has no effect, and none of these weights overflows.
     raw = np.exp(total - total.max())
     largest = float(raw.max() / raw.sum())
@@ -192,7 +248,7 @@ def weights(change: Change) -> Weights:
     finite_k = k if math.isfinite(k) else None
     refusal = _refusal(effective, largest, finite_k, bar, change.outside) or _too_little(n, change.worth)
     refusal = refusal or _heavy_body(raw, k)
-    return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal)
+    return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal, change.doubt)
 
 
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from reporting.arrays import ROUNDING, Array
 from reporting.capability.intervals import Interval
@@ -32,6 +32,7 @@ from reporting.tolerance.reweighting import (
     share_interval,
     variance_of_sum,
     weights,
+    widened,
 )
 
 USUAL_CPK = 1.33
@@ -88,6 +89,13 @@ class _Sampled:
     weight: Array
     lots: LotLabels | None
     kish: float
+    doubt: Array | None = None  # of the new distributions, shape (n, k)
+
+    def error(self, influence: Array, confidence: float) -> float:
+        """Return the half width that the new distributions' own error gives a statistic with this influence."""
+        if self.doubt is None:
+            return 0.0
+        return float(ndtri(0.5 + confidence / 2) * np.linalg.norm((self.weight * influence) @ self.doubt))
 
 
 def what_if(
@@ -142,7 +150,12 @@ def _under(
     if refusal:
         return replace(base, refusal=refusal, runs=usual_runs)
     values, weight = y[finite], w.weight[finite] / with_value
-    sampled = _Sampled(weight, None if lots is None else lots[finite], float(1 / np.sum(weight**2)))
+    sampled = _Sampled(
+        weight,
+        None if lots is None else lots[finite],
+        float(1 / np.sum(weight**2)),
+        None if w.doubt is None else w.doubt[finite],
+    )
     k = _tail_of_sigma(values, weight)
     numbers: dict[str, Any] = _moments(values, sampled, *limits, confidence)
     numbers |= _shares(values, sampled, *limits, w.outside, confidence)
@@ -225,7 +238,8 @@ def _estimate(value: float, influence: Array, sampled: _Sampled, confidence: flo
     error2 = float(np.sum(terms**2))
     spread = float(np.sum(sampled.weight * influence**2))
     effective = min(spread / error2, sampled.kish) if error2 > 0 else sampled.kish
-    return Estimate(float(value), mean_interval(float(value), terms, confidence), effective)
+    interval = mean_interval(float(value), terms, confidence)
+    return Estimate(float(value), widened(value, interval, sampled.error(influence, confidence)), effective)
 
 
 def _shares(
@@ -248,4 +262,10 @@ def _share(out: NDArray[np.bool_], sampled: _Sampled, outside: float, confidence
     error2 = float(np.sum(by_lot(sampled.weight * (out - share), sampled.lots) ** 2))
     effective = min(share * (1 - share) / error2, sampled.kish) if 0 < share < 1 and error2 > 0 else sampled.kish
     low, high = share_interval(out, sampled.weight, sampled.lots, confidence)
+    if (
+        error := sampled.error(np.asarray(out - share, np.float64), confidence)
+    ) > 0 and 0 < share < 1:  # as a score: shares are not negative
+        score = float(ndtri(share))
+        slope = math.exp(-0.5 * score**2) / math.sqrt(2 * math.pi)
+        low, high = ndtr(widened(score, (float(ndtri(low)), float(ndtri(high))), error / slope))
     return Estimate(PPM * share, (PPM * low, PPM * min(high + outside, 1.0)), effective)

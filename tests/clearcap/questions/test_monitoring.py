@@ -6,6 +6,7 @@ from statistics import NormalDist
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t
 from typer.testing import CliRunner
 
 import clearcap
@@ -50,14 +51,19 @@ def plan(monitored_store):
 
 
 def test_the_parts_become_the_distribution_and_the_rows_are_weighted(store, plan):
-    """The answer is that of what-if with the parts' own mean and sigma."""
+    """The answer is that of what-if with the parts' own mean and sigma, and with the error that 200 parts leave."""
     found = clearcap.monitor_campaign(pd.DataFrame({"J1": quantiles(0.075, 0.014)}), plan.campaign_id, store.url)
     (variable,), (index,) = found.variables, found.responses
     assert (variable.variable, variable.parts, variable.family) == ("J1", 200, "normal")
     expected = what_if(store, plan, ["J1.mean=0.075", "J1.std=0.014"])["FC-1"].cpk
     assert (index.response, index.by) == ("FC-1", "cpk")
     assert index.index == pytest.approx(expected.value, rel=1e-6)
-    assert index.interval == pytest.approx(expected.interval, rel=1e-6)
+    of_parts = t.ppf(0.975, 199) * np.sqrt((1 / 9 + expected.value**2 / 2) / 200)
+    ends = [
+        expected.value + sign * np.hypot(expected.value - end, of_parts)
+        for sign, end in zip((-1, 1), expected.interval, strict=True)
+    ]
+    assert index.interval == pytest.approx(ends, rel=0.02)
     assert read_monitored(store, plan.campaign_id) == found
     assert found.settings[0] == 'J1.distribution="truncated_normal"'
 
@@ -66,7 +72,8 @@ def test_a_fall_is_said_once_until_it_rises(store, plan):
     """And again after the index was above; earlier ones stay known."""
 
     def send(mean, std):
-        found = clearcap.monitor_campaign(pd.DataFrame({"J1": quantiles(mean, std)}), plan.campaign_id, store.url)
+        parts = pd.DataFrame({"J1": quantiles(mean, std, 5000)})
+        found = clearcap.monitor_campaign(parts, plan.campaign_id, store.url)
         return found.responses[0].below, [fall.number for fall in found.falls]
 
     usual, shifted = (0.07, 0.0175), (0.088, 0.0145)
@@ -75,6 +82,13 @@ def test_a_fall_is_said_once_until_it_rises(store, plan):
     (_, last) = read_monitored(store, plan.campaign_id).falls
     assert (last.response, last.requirement) == ("FC-1", 1.05)
     assert last.interval[0] < last.index < last.interval[1] < 1.05
+
+
+def test_few_parts_make_no_index_low_for_certain(store, plan):
+    """The same mean and sigma, of 40 parts: the index is as low, but not for certain."""
+    found = clearcap.monitor_campaign(pd.DataFrame({"J1": quantiles(0.088, 0.0145, 40)}), plan.campaign_id, store.url)
+    (index,) = found.responses
+    assert (index.index < 1.05 < index.interval[1], index.below) == (True, False)
 
 
 def test_lots_become_the_lots_of_the_campaign(tmp_path):
