@@ -31,7 +31,7 @@ ServerUrl = Annotated[
         help="Use this clearcap server instead of a store; the token is read from CLEARCAP_TOKEN.",
     ),
 ]
-CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
+CampaignId = Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")]
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.errors import SpecError
-from clearcap.cli.options import Id, StoreUrl, opened_campaign
+from clearcap.cli.options import CampaignId, Id, StoreUrl, opened_campaign
 from clearcap.cli.output import (
     Json,
     check_output,
@@ -274,7 +274,7 @@ def _centre(centre: tuple[float, ...], names: tuple[str, ...]) -> str:
 
 
 def calibrate(
-    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    campaign: CampaignId,
     measurements: Annotated[
         Path,
         typer.Argument(metavar="FILE", help="TOML file: the constants, and what was measured with its uncertainty."),

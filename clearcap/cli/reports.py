@@ -9,7 +9,7 @@ import typer
 
 from campaign.errors import CampaignError, SpecError
 from clearcap.cli.computing import fail_without_enough_ok
-from clearcap.cli.options import Id, ServerUrl, StoreUrl, asked_server, opened_campaign
+from clearcap.cli.options import CampaignId, Id, ServerUrl, StoreUrl, asked_server, opened_campaign
 from clearcap.cli.output import Json, labelled, mean_number, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def capability(
 
 
 def validate(
-    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    campaign: CampaignId,
     parts: Parts,
     store: StoreUrl = "runs",
     limits: Annotated[
@@ -167,7 +167,7 @@ def validate(
 
 
 def monitor(
-    campaign: Annotated[str, typer.Argument(metavar="ID", help="Id of the campaign; its first letters are enough.")],
+    campaign: CampaignId,
     parts: Parts,
     store: StoreUrl = "runs",
     limits: Annotated[

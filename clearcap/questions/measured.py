@@ -19,7 +19,7 @@ from campaign.row_build import clearcap_version
 from campaign.spec.campaign_file import Response, ShortName
 from campaign.spec.faults import SpecFault, structure_faults
 from campaign.store import Store, open_store
-from clearcap.questions.measurement_table import LARGEST_TABLE, column_of, numbered, numbers_of, ranks_of, read_parts
+from clearcap.questions.measurement_table import LARGEST_TABLE, labels_of, numbered, numbers_of, ranks_of, read_parts
 from clearcap.questions.report import report_date, report_rows, report_spec
 from clearcap.questions.report_source import sha256
 from engine.faults.toml_positions import with_positions
@@ -207,19 +207,19 @@ def parts_table(parts: "pd.DataFrame", limits: LimitsFile) -> "pa.Table":
         name: numbers[each.column or name][order] for name, each in limits.characteristics.items()
     }
     if limits.lot is not None:
-        columns[_LOT] = _numbered(column_of(parts, limits.lot, "lot"), order)
+        columns[_LOT] = _numbered(labels_of(parts, limits.lot, "lot"), order)
     if isinstance(limits.subgroup, int):
         columns[_SUBGROUP] = np.arange(n) // limits.subgroup
     elif limits.subgroup is not None:
-        columns[_SUBGROUP] = _numbered(column_of(parts, limits.subgroup, "subgroup"), order)
+        columns[_SUBGROUP] = _numbered(labels_of(parts, limits.subgroup, "subgroup"), order)
     fixed = {"sample": np.arange(n), "status": ["ok"] * n, "message": [""] * n, "settled": np.ones(n, bool)}
     zeros = {name: np.zeros(n) for name in ("max_residual", "max_penetration")}
     return pa.table({**fixed, **zeros, **columns})
 
 
-def _numbered(names: "pd.Series[Any]", order: "np.ndarray[Any, np.dtype[np.intp]]") -> "np.ndarray[Any, Any]":
+def _numbered(labels: list[str], order: "np.ndarray[Any, np.dtype[np.intp]]") -> "np.ndarray[Any, Any]":
     """Return the number of each part's lot or subgroup, in the order in which they begin."""
-    texts = names.astype(str).to_numpy()[order]
+    texts = np.array(labels)[order]
     _, first, number = np.unique(texts, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[number])
 
@@ -316,6 +316,17 @@ def asked_of_parts(parts: "str | Path | pd.DataFrame", limits: Any) -> "tuple[pa
     )
 
 
+def limits_of_columns(parts: "str | Path | pd.DataFrame", units: Mapping[str, str], what: str) -> dict[str, Any]:
+    """Return the limits file, without limits, of a table's columns with the names of responses or variables."""
+    frame = read_parts(parts) if isinstance(parts, str | Path) else parts
+    there = {str(column) for column in frame.columns}
+    named = {name: {"unit": unit} for name, unit in units.items() if name in there}
+    if not named:
+        remedy = f"rename the columns, or give --limits: {', '.join(units)}"
+        raise SpecError(f"parts: no column has the name of a {what}; {remedy}")
+    return {"characteristics": named}
+
+
 @dataclass(frozen=True)
 class Gauge:
     """What a table of measurements says of the measuring system."""
@@ -374,8 +385,8 @@ def gauge_study(
         bias = None if known is None else gauge_bias(x, known, confidence=confidence)
         if known is not None and part not in there:
             return Gauge(None, bias)
-        parts = column_of(rows, part, "part").astype(str).to_numpy(object)
-        by = column_of(rows, operator, "operator").astype(str).to_numpy(object) if operator in there else None
+        parts = np.array(labels_of(rows, part, "part"), object)
+        by = np.array(labels_of(rows, operator, "operator"), object) if operator in there else None
         found = gauge_repeatability(x, parts, by, nested=nested, tolerance=tolerance, confidence=confidence)
     except (ReportError, SpecError) as error:
         raise SpecError(str(error) if str(error).startswith("parts ") else f"{where}: {error}") from error
@@ -416,16 +427,8 @@ def validate_campaign(
 def validated(store: Store, plan: Plan, parts: "str | Path | pd.DataFrame", limits: Any = None) -> Validation:
     """Return what `validate_campaign` returns, of an open store."""
     spec = report_spec(plan, store)
-    if limits is None:
-        frame = read_parts(parts) if isinstance(parts, str | Path) else parts
-        there = {str(column) for column in frame.columns}
-        named = {each.name: {"unit": each.unit} for each in spec.responses if each.name in there}
-        if not named:
-            names = ", ".join(each.name for each in spec.responses)
-            fault = "parts: no column has the name of a response; rename the columns, or give --limits"
-            raise SpecError(f"{fault}: {names}")
-        limits = {"characteristics": named}
-    table, of_parts = asked_of_parts(parts, limits)
+    units = {each.name: each.unit for each in spec.responses}
+    table, of_parts = asked_of_parts(parts, limits_of_columns(parts, units, "response") if limits is None else limits)
     try:
         samples = read_samples(report_rows(store, plan), spec)
         return validation(read_samples(table, of_parts), of_parts, samples, spec)

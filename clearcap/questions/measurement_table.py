@@ -325,7 +325,20 @@ def texts_of(column: "pd.Series[Any]") -> list[str]:
     return ["" if cell is None or cell is pd.NaT or cell != cell else str(cell).strip() for cell in column]
 
 
-# -- columns become places ---------------------------------------------------------------------------------------------
+# -- columns become groups and places ----------------------------------------------------------------------------------
+
+
+def labels_of(table: "pd.DataFrame", name: str, key: str) -> list[str]:
+    """Return which lot, subgroup, part or operator each row belongs to; SpecError: a cell is empty."""
+    column = column_of(table, name, key)
+    texts = texts_of(column)
+    if "" in texts:
+        row, count = column.index[texts.index("")], texts.count("")
+        others = f", as {count - 1} more cell{'s are' if count > 2 else ' is'}" * (count > 1)
+        raise SpecError(
+            f"{key}: column {name}, row {row} is empty{others}; rows without a {key} are not one {key}: fill it in"
+        )
+    return texts
 
 
 def ranks_of(table: "pd.DataFrame", name: str, key: str) -> "np.ndarray[Any, np.dtype[np.intp]]":

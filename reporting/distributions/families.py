@@ -100,8 +100,7 @@ class Family:
     title: str  # the name in words
     parameters: Mapping[str, Kind]  # by name, in the order of theta and of the arguments of `form`
     # How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
-    # values fill -1 to 1), "skewed" (the same, for values skewed upwards), "bounds" (known bounds become 0 and 1),
-    # "free mirrored" or "skewed mirrored".
+    # values fill -1 to 1), "skewed" (the same, for values skewed upwards), "free mirrored" or "skewed mirrored".
     frame: str
     form: Callable[..., ClosedForm]
     start: Start  # theta at which the search starts
@@ -155,11 +154,6 @@ def _gumbel(mean: float, std: float) -> Theta:
     # Euler's constant 0.5772 is the mean of Gumbel's distribution of mode 0 and scale 1.
     scale = std * math.sqrt(6) / math.pi
     return mean - 0.5772 * scale, math.log(scale)
-
-
-def _beta(mean: float, std: float) -> Theta:
-    both = max(mean * (1 - mean) / std**2 - 1, 0.1)
-    return math.log(mean * both), math.log((1 - mean) * both)
 
 
 def _distance(z: Array, weights: Array) -> Theta:
@@ -216,10 +210,6 @@ FAMILIES = {
         Family(
             "smallest_extreme", "smallest extreme value", _MODE_AND_SCALE, "free mirrored",
             forms.largest_extreme, _of_moments(_gumbel),
-        ),
-        Family(
-            "beta", "beta on the known bounds", {"a": RATIO, "b": RATIO}, "bounds", forms.beta, _of_moments(_beta),
-            framed=True,
         ),
         Family(
             "student_t", "Student t", {"mean": PLACE, "scale": WIDTH, "degrees of freedom": FREEDOM}, "free",

@@ -249,7 +249,7 @@ class Fit:
 
     family: str  # key in `reporting.distributions.families.FAMILIES`
     title: str  # the name in words
-    # In the unit of the values. Those of a power transformation and of the beta distribution refer to ``(x - shift) /
+    # In the unit of the values. Those of a power transformation refer to ``(x - shift) /
     # scale``; shift and scale are then included.
     parameters: dict[str, float]
     theta: Theta  # unconstrained parameters, which with shift and scale determine the distribution (see `distribution`)
@@ -292,11 +292,10 @@ class Fits:
 
 def fit_families(
     x: ArrayLike,
-    bounds: tuple[float, float] | None = None,
     names: Iterable[str] | None = None,
     limits: Sequence[float | None] = (None, None),
 ) -> Fits:
-    """Fit every family, or those named, to finite values; `bounds` are for beta, at `limits` tails are compared."""
+    """Fit every family, or those named, to finite values; at `limits` tails are compared."""
     values = finite_in_order(x)
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
@@ -311,7 +310,7 @@ def fit_families(
         return unfitted(" ".join([*reasons, "No smooth distribution describes that, so none is fitted."]), found)
     if tied.discrete:
         return unfitted(f"Only {tied.values.size} different values, so no smooth distribution is fitted.")
-    fitting = Fitting(values, tied, bounds, limits)
+    fitting = Fitting(values, tied, limits)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     outcomes = {family.name: fitting.fit(family) for family in families}
     fits = sorted((fit for fit in outcomes.values() if isinstance(fit, Fit)), key=lambda fit: fit.aic)
@@ -347,10 +346,8 @@ def handicap(fit: Fit, fits: Sequence[Fit]) -> float:
 class Fitting:
     """The ascending values of a response, shape (n,), ready for many families."""
 
-    def __init__(
-        self, ordered: Array, ties: Ties, bounds: tuple[float, float] | None, limits: Sequence[float | None]
-    ) -> None:
-        self.ordered, self.bounds, self.limits = ordered, bounds, limits
+    def __init__(self, ordered: Array, ties: Ties, limits: Sequence[float | None]) -> None:
+        self.ordered, self.limits = ordered, limits
         self.smooth = ties.spread()
         self.few, self.many = bin_sample(self.smooth, SEARCHED), bin_sample(self.smooth, JUDGED)
         self.bootstrap = bootstrap(ordered.size)
@@ -419,13 +416,6 @@ class Fitting:
             if self.std < LEAST_VARIATION * high:
                 return f"zero is more than {1 / LEAST_VARIATION:.0f} sigma away: too far for a positive family"
             return 0.0, self.median
-        if family.frame == "bounds":
-            if self.bounds is None:
-                return "no bounds are known"
-            if not self.bounds[0] < low <= high < self.bounds[1]:
-                ends = f"{self.bounds[0]:.6g} and {self.bounds[1]:.6g}"
-                return f"values from {low:.6g} to {high:.6g} reach the bounds {ends}"
-            return self.bounds[0], self.bounds[1] - self.bounds[0]
         sign = -1.0 if family.frame.endswith("mirrored") else 1.0
         if family.frame.startswith("free"):
             return self.median, sign * self.std

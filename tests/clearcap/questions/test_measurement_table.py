@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from campaign.errors import SpecError
-from clearcap.questions.measured import asked_of_parts
+from clearcap.questions.measured import asked_of_parts, gauge_study
 from tests.each import each
 
 
@@ -82,6 +82,23 @@ def test_another_column_tells_what_a_point_means(tmp_path):
         with pytest.raises(SpecError, match="column G has a decimal"):
             values(written(tmp_path, text), "F", "G")
     assert values(written(tmp_path, 'F,G\n"1,515","20,25"\n'), "F", "G") == [[1.515], [20.25]]
+
+
+def test_parts_without_a_lot_are_no_lot():
+    """Nor are rows without an operator an operator; spaces around a name mean nothing."""
+    frame = pd.DataFrame({"F": [1.0, 2.0, 3.0], "lot": ["A", None, " "]})
+    for key in ("lot", "subgroup"):
+        with pytest.raises(SpecError, match=f"{key}: column lot, row 2 is empty, as 1 more cell is"):
+            values(frame, **{key: "lot"})
+    frame["lot"] = ["A", "B", "A "]
+    assert asked_of_parts(frame, {"lot": "lot", "characteristics": {"F": {}}})[0]["production lot"].to_pylist() == [
+        0,
+        1,
+        0,
+    ]
+    study = pd.DataFrame({"value": range(8), "part": [*"AABBAAB", ""], "operator": [*"xxxxyyyy"]})
+    with pytest.raises(SpecError, match="part: column part, row 8 is empty"):
+        gauge_study(study)
 
 
 def test_encodings(tmp_path):

@@ -29,13 +29,12 @@ SKEWED = np.random.default_rng(7).gamma(3.0, size=500)
         ("largest_extreme", WEIBULL, stats.gumbel_r, {}),
         ("smallest_extreme", WEIBULL, stats.gumbel_l, {}),
         ("half_normal", WEIBULL, stats.halfnorm, {"floc": 0}),
-        ("beta", WEIBULL / 20, stats.beta, {"floc": 0, "fscale": 1}),
         ("johnson_su", RNG.standard_t(5, 500), stats.johnsonsu, {}),
     ],
 )
 def test_a_fit_is_at_least_as_likely_as_scipys(name: str, x, known, fixed) -> None:
     """And not more likely than the maximum that scipy finds, to a thousandth of a unit."""
-    fit = fit_families(x, bounds=(0.0, 1.0), names=[name]).of(name)
+    fit = fit_families(x, names=[name]).of(name)
     parameters = known.fit(x, **fixed)
     best = known.logpdf(x, *parameters).sum()
     assert fit.loglik == pytest.approx(best, abs=2e-3)
@@ -133,9 +132,7 @@ def test_fits_do_not_depend_on_the_unit(scale: float, shift: float) -> None:
 def test_what_cannot_be_fitted_says_why() -> None:
     found = fit_families([-1.0, *np.linspace(1, 2, 30)])
     assert "at or below 0" in found.refused["weibull"]
-    assert "no bounds are known" in found.refused["beta"]
     assert "too few for 5" in found.refused["two_normals"]
-    assert "reach the bounds" in fit_families(np.linspace(0, 1, 30), bounds=(0.0, 1.0)).refused["beta"]
     assert "sigma away" in fit_families(1e6 + np.linspace(0, 1, 30)).refused["gamma"]
 
 
