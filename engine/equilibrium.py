@@ -17,6 +17,7 @@ from engine.friction.balanced_forces import nearest_balanced
 from engine.friction.blocks import ROW
 from engine.friction.indeterminacy import force_ranges
 from engine.kernels.compliance import elastic_force
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import CONTACT_FORCE, DERIVED, END
 from engine.kernels.motion import move
@@ -119,6 +120,7 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     A pose that springs would hold counts as held if it is at most ``touching_gap`` away. ``h``: any positive time.
     """
     h *= SHORT
+    find_contacts_at_pose(assembly)
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
     assembly.work.chosen[nc:] = -1
     if status == MOVES and _balance_is_near(assembly, phase, t, touching_gap):
@@ -128,6 +130,12 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     touching, forces = assembly.work.chosen[:nc], np.zeros_like(assembly.state.r)
     forces[touching] = assembly.work.u[touching] / h
     return forces
+
+
+def find_contacts_at_pose(assembly: Assembly) -> None:
+    """Write gaps, points and frames of all contacts at the current pose into the workspace."""
+    state, work = assembly.state, assembly.work
+    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
 
 
 def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) -> bool:

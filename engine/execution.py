@@ -11,7 +11,14 @@ import numpy as np
 from engine.arrays import Array, copied
 from engine.assembly import Assembly
 from engine.assembly.table_cache import cached
-from engine.equilibrium import SHORT, PoseAtRest, balancing_forces, forces_at_rest, touching_gap
+from engine.equilibrium import (
+    SHORT,
+    PoseAtRest,
+    balancing_forces,
+    find_contacts_at_pose,
+    forces_at_rest,
+    touching_gap,
+)
 from engine.kernels import time_loop
 from engine.kernels.model import Control
 from engine.kernels.statics import MOVING, may_hold
@@ -217,7 +224,10 @@ def stay_at_rest(assembly: Assembly, control: Control, course: Course, touching:
     h, t = map(float, course.reals[[time_loop.STEP, time_loop.TIME]])
     phase = int(course.counts[time_loop.PHASE])
     last = assembly.state.r / h
-    if not last.any() or not may_hold(assembly.arrays, phase, t, SHORT * control.step):
+    if not last.any():
+        return False
+    find_contacts_at_pose(assembly)
+    if not may_hold(assembly.arrays, phase, t, SHORT * control.step):
         return False
     falls = _moves(assembly, control, course, assembly.state.r)
     if falls is None or not (falls or _moves(assembly, control, course, np.zeros_like(last))):

@@ -72,7 +72,7 @@ def prepare(assembly: Assembly, control: Control) -> None:
     if isinstance(run_to_end, Kernel) and not run_to_end.ready:
         nowhere = control._replace(horizon=0.0)
         run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
-    if isinstance(hold_loads, Kernel) and not hold_loads.ready:
+    if isinstance(hold_loads, Kernel) and not hold_loads.ready:  # the contacts' places were found at the start
         state, work = copied(assembly.state), copied(assembly.work)
         hold_loads(assembly.arrays._replace(state=state, work=work), 0, 0.0, control.step, -np.inf)  # no contacts
     if isinstance(may_hold, Kernel) and not may_hold.ready and len(assembly.model.phases.duration) > 1:

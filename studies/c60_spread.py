@@ -29,7 +29,8 @@ from campaign.spec.campaign_file import CampaignSpec
 from engine import load_mechanism, simulate, warm_up
 from engine.arrays import Array
 from engine.mechanism import Mechanism, get_value
-from engine.mechanism.models import Bench, mechanism_from, with_bench
+from engine.mechanism.benches import Bench, with_bench
+from engine.mechanism.models import mechanism_from
 from studies import head, made_by, show
 
 AXIAL = ("S1", "S2", "S4", "Sx", "S5", "S12", "S6", "S11", "S8", "S7")

@@ -21,7 +21,8 @@ import numpy as np
 from engine import load_mechanism, simulate, warm_up
 from engine.arrays import Array
 from engine.mechanism import Mechanism
-from engine.mechanism.models import Bench, mechanism_from, with_bench
+from engine.mechanism.benches import Bench, with_bench
+from engine.mechanism.models import mechanism_from
 from studies import head, made_by, show
 from studies.c60_spread import PLACES, RESPONSES, gaps_of_samples, shipped
 

@@ -92,6 +92,7 @@ def bushing_arrays(bushings: Sequence[PlacedBushing]) -> Bushings:
         way=np.zeros((n, BODY, 3)),
         off=np.zeros((n, BODY)),
         effort=np.zeros((n, BODY)),
+        anchor=np.zeros((n, BODY)),
     )
 
 

@@ -136,7 +136,7 @@ class BilateralRows(NamedTuple):
 
 @by_address
 class Bushings(NamedTuple):
-    """The ``ny`` bushings, see bushings.py; the last four are written by the run."""
+    """The ``ny`` bushings, see bushings.py; the last five are written by the run."""
 
     body: np.ndarray  # (ny, 2) int64
     place: np.ndarray  # (ny, 2, 3) the points on both
@@ -147,6 +147,7 @@ class Bushings(NamedTuple):
     way: np.ndarray  # (ny, 6, 3) directions of the rates of its coordinates, in the world
     off: np.ndarray  # (ny, 6) its coordinates: displacements, and the rotation vector
     effort: np.ndarray  # (ny, 6) forces and torques along these directions
+    anchor: np.ndarray  # (ny, 6) the coordinates at the start of the current pause
 
 
 @by_address

@@ -339,10 +339,12 @@ def _scale_impulses(r, factor):
 def _track_rest(model, state, work, control, course):
     """Update the time for which nothing that matters has moved, nor will a motion whose force or work is read."""
     n, now, rows = course.counts, course.reals, model.bilateral
-    unmoved = not moved(model.responses, model.contacts.bound, state, work, now[STEP], control.drift)
+    unmoved = not moved(
+        model.responses, model.contacts.bound, state, work, model.loads.bushings, now[STEP], control.drift
+    )
     if rows.read[0] and some_motion_goes_on(rows, model.time_laws, now[TIME]):
         unmoved = False
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
-        start_pause(work.values, work.anchor, work.travel)
+        start_pause(work.values, work.anchor, work.travel, model.loads.bushings)
     n[SETTLED] = 1 if now[PAUSE] >= control.window else 0

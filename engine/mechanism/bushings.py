@@ -49,6 +49,14 @@ class Yielding(Joint):
         "the y of its frame, across its x, in the frame of a's body; default: the axis of that body most across x"
     )
 
+    @model_validator(mode="after")
+    def _has_no_contacts(self) -> Self:
+        for key in PairLaw.model_fields:
+            if (value := getattr(self, key)) is not None:
+                text = "a joint that yields has no contacts, so nothing in it rubs or bounces; allowed: none; remove it"
+                raise refuse(f"{text}, or give a damping", key=key, value=value)
+        return self
+
     def acts(self, keys: Sequence[str]) -> bool:
         """Return whether what stands under these keys has an effect: it has no contacts."""
         return not keys or keys[0] not in PairLaw.model_fields

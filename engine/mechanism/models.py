@@ -1,4 +1,4 @@
-"""The description of a mechanism, with the settings of its runs, its test benches and presets, and its checks."""
+"""The description of a mechanism as a whole: its tables, what follows from several of them, and its checks."""
 
 import hashlib
 import json
@@ -14,8 +14,6 @@ from pydantic import (
     PrivateAttr,
     SerializerFunctionWrapHandler,
     ValidationError,
-    ValidationInfo,
-    WithJsonSchema,
     model_serializer,
     model_validator,
 )
@@ -23,29 +21,18 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import Fault, MechanismError
 from engine.mechanism.base import (
-    SMALLEST_NUMBER,
-    Direction,
     Friction,
     Name,
-    NonNegative,
     Number,
-    Point,
-    PositiveLength,
-    PositiveNumber,
-    Radian,
     Restitution,
     TableModel,
-    Tensor,
     Vector,
     added,
-    are_numbers,
     check_static,
-    is_number,
     optional,
-    refuse,
-    unless_none,
-    with_numbers,
 )
+from engine.mechanism.benches import NAMED, Bench, Plot, Preset, with_bench
+from engine.mechanism.bodies import Body
 from engine.mechanism.bushings import Beam, Bushing
 from engine.mechanism.contacts import Contact
 from engine.mechanism.couplings import Coupling
@@ -83,251 +70,11 @@ from engine.mechanism.responses import (
     in_formulas,
     order_of_derived,
 )
-
-Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-
-_THREE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-_INERTIA_SCHEMA: dict[str, Any] = {"anyOf": [_THREE, {**_THREE, "items": _THREE}]}
-_OUTLINE_SCHEMA: dict[str, Any] = {"type": "array", "items": {**_THREE, "minItems": 2}, "minItems": 3}
-
-
-Table = dict[str, Any]
-Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
-
-
-def _inertia(value: Any) -> Matrix:
-    """Read three principal moments or a full tensor, and refuse values that no rigid body can have."""
-    rows = value if isinstance(value, list | tuple) else ()
-    if are_numbers(rows, 3):
-        rows = np.diag(np.array(rows, dtype=float)).tolist()
-    if len(rows) != 3 or not all(are_numbers(row, 3) for row in rows):
-        raise refuse(
-            "not an inertia; allowed: three rows of three finite numbers, or the three principal moments; "
-            "give it about the centre of mass, in body axes"
-        )
-    tensor = np.array(rows, dtype=float)
-    scale = np.abs(tensor).max() or 1.0
-    shape = tensor / scale  # so that no number below overflows, however large
-    if np.abs(shape - shape.T).max() > 1e-9:
-        raise refuse("not symmetric; allowed: Ixy = Iyx, Ixz = Izx, Iyz = Izy; make both entries equal")
-    moments = np.linalg.eigvalsh(shape)
-    shown = ", ".join(f"{moment * float(scale):.6g}" for moment in moments.tolist())
-    if moments[0] * scale < SMALLEST_NUMBER:
-        raise refuse(
-            f"not positive definite: principal moments {shown}; allowed: all three > 0, from {SMALLEST_NUMBER:g}; "
-            "check signs and orders of magnitude"
-        )
-    if moments[0] + moments[1] < moments[2] * (1 - 1e-9):
-        raise refuse(
-            f"breaks the triangle inequality: principal moments {shown}; allowed: none above the sum of the "
-            "other two, as for any real body; check units, and that it is taken about the centre of mass"
-        )
-    return tuple(tuple(row) for row in tensor.tolist())  # type: ignore[return-value]
-
-
-def _outline(value: Any) -> tuple[tuple[float, ...], ...]:
-    """Read the corners of a polygon, each [x, y] or [x, y, z]."""
-    corners = value if isinstance(value, list | tuple) else ()
-    if len(corners) < 3 or not all(are_numbers(c, 2) or are_numbers(c, 3) for c in corners):
-        raise refuse(
-            "not a polygon; allowed: three or more corners, each [x, y] or [x, y, z] of finite numbers, in the body "
-            "frame; write the corners in order, the first one once"
-        )
-    return tuple(tuple(float(x) for x in (*c, 0.0)[:3]) for c in corners)
-
+from engine.mechanism.simulation import Phase, Simulation
 
 AnyJoint = Annotated[
     Revolute | Cylindrical | Prismatic | Spherical | Fixed | Planar | Bushing | Beam, Field(discriminator="type")
 ]
-
-
-class Body(TableModel):
-    """A rigid body. At the start its frame is at ``origin``, rotated by ``angle`` about ``axis``."""
-
-    fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")
-    mass: Annotated[PositiveNumber | None, Quantity("mass")] = optional("the mass of the body, a positive number")
-    inertia: Annotated[
-        Matrix | None, unless_none(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia"), Tensor()
-    ] = optional("the inertia about the centre of mass in body axes: 3 x 3, or three principal moments")
-    material: Name | None = optional("the material the body is made of, as `between` of [materials] calls it")
-    expansion: Annotated[Annotated[Number, Field(ge=-1e-3, le=1e-3)] | None, Quantity("expansion")] = added(
-        "the coefficient of linear thermal expansion, a number; default: that of its material by name"
-    )
-    growth: Annotated[Annotated[Number, Field(ge=-0.5, le=0.5)] | None, Quantity("number")] = added(
-        "by which share all lengths of the body exceed those of the file, as by shrinkage or moisture"
-    )
-    center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
-    origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
-    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="the axis about which the frame is turned")
-    angle: Radian = Field(default=0.0, description="the angle by which the body frame is turned about axis")
-    velocity: Annotated[Vector, Quantity("speed")] = Field(
-        default=(0.0, 0.0, 0.0), description="the initial velocity of the centre of mass, in the world"
-    )
-    angular_velocity: Annotated[Vector, Quantity("angular speed")] = Field(
-        default=(0.0, 0.0, 0.0), description="the initial angular velocity, in body axes"
-    )
-    outline: Annotated[
-        tuple[tuple[float, float, float], ...] | None, unless_none(_outline), WithJsonSchema(_OUTLINE_SCHEMA)
-    ] = optional(
-        "how pictures draw the body: the corners of a polygon, [x, y] or [x, y, z] each, in the body "
-        "frame; without effect on its motion"
-    )
-
-    @model_validator(mode="after")
-    def _moving_or_fixed(self) -> Self:
-        for key in ("mass", "inertia"):
-            if not self.fixed and getattr(self, key) is None:
-                raise refuse("missing; a body that moves needs it; give it, or write fixed = true", key=key)
-        for key in ("velocity", "angular_velocity"):
-            if self.fixed and any(value := getattr(self, key)):
-                text = "a fixed body does not move; allowed: [0, 0, 0]; remove this key, or fixed = true"
-                raise refuse(text, key=key, value=value)
-        return self
-
-
-class Plot(TableModel):
-    """Two responses plotted against each other over the run, such as a force against a travel."""
-
-    x: Name = Field(description="the response along the axis of abscissae")
-    y: Name = Field(description="the response along the axis of ordinates")
-
-
-class Preset(TableModel):
-    """A named set of values."""
-
-    title: str = Field(default="", description="what the values are")
-    source: str = Field(default="", description="where they come from")
-    values: dict[str, Number] = Field(description="key -> number, as they can be set")
-
-
-class Bench(TableModel):
-    """Tables added to a mechanism or removed from it for a test; `on_bench` checks the resulting mechanism."""
-
-    title: str = Field(default="", description="what the test is called")
-    without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
-    plot: Plot | None = optional("two responses to draw against each other: { x, y }")
-    simulation: Table = Field(default={}, description="keys of [simulation] that differ")
-    phases: tuple[Table, ...] | None = optional("the parts of the run, in the place of those")
-    validity: tuple[str, ...] | None = optional("the conditions, in the place of those")
-    parameters: dict[Name, Any] = Field(default={}, description="parameters that are added, or replace those here")
-    materials: Tables
-    bodies: Tables
-    joints: Tables
-    couplings: Tables
-    contacts: Tables
-    springs: Tables
-    dampers: Tables
-    forces: Tables
-    torques: Tables
-    motions: Tables
-    responses: Tables
-
-
-NAMED = (
-    *("materials", "bodies", "joints", "couplings", "contacts", "springs", "dampers", "forces", "torques", "motions"),
-    "responses",
-)
-
-
-def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
-    """Return a mechanism's plain data on a bench; raise MechanismError if that removes a table that is not there."""
-    merged = {**data, "bench": name, "benches": {}, "presets": {}}
-    tables = {table: dict(data.get(table, {})) for table in NAMED}
-    for path in bench.without:
-        table, _, entry = path.partition(".")
-        if entry not in tables.get(table, {}):
-            meant = did_you_mean(path, [f"{t}.{e}" for t in tables for e in tables[t]])
-            text = f"{path!r}: no such table; allowed: TABLE.NAME of one that is there{meant}"
-            raise MechanismError(f"benches.{name}.without = {text}")
-        del tables[table][entry]
-    for table in NAMED:
-        tables[table].update(getattr(bench, table))
-    merged |= {table: entries for table, entries in tables.items() if entries or table in data}
-    if parameters := {**data.get("parameters", {}), **bench.parameters}:
-        merged["parameters"] = parameters
-    merged["simulation"] = {**data["simulation"], **bench.simulation}
-    own = bench.model_dump(include={"title", "plot", "phases", "validity"}, exclude_unset=True)
-    return merged | own
-
-
-class Rest(TableModel):
-    """The criterion of rest: for some time no measured quantity moves, and no contact that carries load."""
-
-    window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
-    drift: PositiveLength = Field(
-        description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
-    )
-
-
-class Adaptive(TableModel):
-    """Longer time steps while everything is slow."""
-
-    longest: Annotated[PositiveNumber, Quantity("time")] = Field(
-        description="the longest time step, a number > 0; the shortest is step"
-    )
-    travel: PositiveLength = Field(
-        description="how far a body may move in a step longer than the shortest, a number > 0"
-    )
-
-
-class Simulation(TableModel):
-    """The default settings of a run."""
-
-    step: Annotated[PositiveNumber, Quantity("time")] = Field(description="the time step, a number > 0")
-    horizon: Annotated[PositiveNumber, Quantity("time")] = Field(description="the longest simulated time, a number > 0")
-    tolerance: Annotated[PositiveNumber, Field(le=1e-3), Quantity("number")] = Field(
-        default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
-    )
-    penetration: PositiveLength = Field(description="the largest gap violation after a step, a number > 0")
-    wall_limit: Annotated[PositiveNumber, Quantity("real time")] = Field(
-        default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
-    )
-    joint_violation: PositiveLength = Field(
-        default=0.0,
-        validate_default=False,  # `_default_violation` replaces it; 0 itself is refused
-        description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
-    )
-    assembly_travel: Annotated[NonNegative | None, Quantity("length")] = added(
-        "how far a body may be moved at most where parts overlap as drawn or ideal joints are open, a"
-        " number >= 0; 0: not at all; default: 1 % of the extent of the mechanism"
-    )
-    scheme: Literal["combined", "moreau_jean"] = Field(
-        default="combined",
-        description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",
-    )
-    theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
-        default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
-    )
-    adaptive: Adaptive | None = optional(
-        "longer steps while everything is slow: { longest, travel }; default: one fixed step"
-    )
-    rest: Rest = Field(description="the stop criterion: { window, drift }")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _default_violation(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or "joint_violation" in data:
-            return data
-        penetration = data.get("penetration")
-        if isinstance(penetration, str) and info.context is not None:  # the base class replaces it only later
-            penetration = with_numbers(penetration, info.context, "penetration")
-        if penetration is None or not is_number(penetration):
-            return data
-        return {**data, "joint_violation": 0.01 * penetration}
-
-
-class Phase(TableModel):
-    """A part of the run; it ends at rest, after ``duration`` or at the event ``until``, whichever comes first."""
-
-    name: Name = Field(description="what forces and torques call it")
-    duration: Annotated[PositiveNumber | None, Quantity("time")] = optional(
-        "how long it lasts, a number > 0; default: until its event, or rest"
-    )
-    until: Event | None = optional("the event that ends it: { response, above } or { response, below }; default: none")
-    damping: Annotated[NonNegative, Quantity("rate")] = Field(
-        default=0.0,
-        description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
-    )
 
 
 class Material(TableModel):

@@ -157,6 +157,19 @@ def test_a_weight_rests_on_its_bushing_whatever_the_step(step):
     assert run.responses["force"] == pytest.approx(MASS * GRAVITY, rel=1e-4)
 
 
+@each(("stiffness", "damping"), [(ABOUT[2], 4.0), (0.0, 2.0)])
+def test_what_still_turns_on_its_bushing_is_not_at_rest(stiffness, damping):
+    """Only its height is measured, which never changes: it turns about z, as an oscillator or in a damper alone."""
+    data = hung(step=5e-3, torsional_stiffness=[*ABOUT[:2], stiffness], torsional_damping=[0.0, 0.0, damping])
+    data["bodies"]["load"]["angular_velocity"] = [0, 0, 1.0]
+    data["responses"] = {"z": data["responses"]["z"], "torque": data["responses"]["torque"]}
+    data["simulation"]["rest"] = {"window": 0.3, "drift": 1e-4}
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.certificate.time > np.log(1e3) * INERTIA[2] / damping
+    assert run.responses["torque"] < 2e-4 * (stiffness + damping / 0.3)
+
+
 def test_a_stiff_bushing_is_a_fixed_joint():
     """A pendulum of two bodies, swinging: its lower part is where a fixed joint has it, to second order in the step."""
 
@@ -361,6 +374,8 @@ def test_each_number_has_a_key():
         ({"normal": [1.0, 0, 0]}, r"joints\.mount\.normal"),
         ({"damping": [1.0, 1.0]}, r"joints\.mount\.damping"),
         ({"limits": {"lower": 0.0}}, r"joints\.mount\.limits"),
+        ({"friction": 0.3}, r"joints\.mount\.friction"),
+        ({"restitution": 0.0}, r"joints\.mount\.restitution"),
     ],
 )
 def test_a_bushing_that_cannot_be_is_refused(change, named):

@@ -33,14 +33,24 @@ def drawn(kind: str, rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-@each("kind", KINDS)
-@settings(max_examples=many(16), deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_the_smallest_gap_is_the_distance(kind, seed):
-    """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen."""
+def posed(kind: str, seed: int, poses: int) -> tuple[dict[str, Any], dict[str, Any], Array, Array]:
+    """Draw two solids, such as "box-box", and poses of their bodies."""
     rng = np.random.default_rng(seed)
     a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
-    x, R = scattered(100, rng)
+    return a, b, *scattered(poses, rng)
+
+
+any_solids = each("kind", KINDS)
+any_seed = given(st.integers(0, 2**32 - 1))
+some_draws = settings(max_examples=many(16), deadline=None)
+
+
+@any_solids
+@some_draws
+@any_seed
+def test_the_smallest_gap_is_the_distance(kind, seed):
+    """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen."""
+    a, b, x, R = posed(kind, seed, 100)
     lower, upper, n = bounds(a, b, x, R)
     apart = upper > 1e-3
     x, R, lower, upper, n = x[apart], R[apart], lower[apart], upper[apart], n[apart]
@@ -54,14 +64,13 @@ def test_the_smallest_gap_is_the_distance(kind, seed):
         x[:, 0] += (gap[:, None] + depth) * n
 
 
-@each("kind", KINDS)
-@settings(max_examples=many(16), deadline=None)
-@given(st.integers(0, 2**32 - 1))
+@any_solids
+@some_draws
+@any_seed
 def test_gaps_change_no_faster_than_the_bodies_move(kind, seed):
     """1-Lipschitz, apart and just overlapping, however the bodies turn."""
-    rng = np.random.default_rng(seed)
-    a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
-    x, R = scattered(60, rng)
+    a, b, x, R = posed(kind, seed, 60)
+    rng = np.random.default_rng(seed + 1)
     data, size = two(a, b), 10 ** rng.uniform(-6, -1, (60, 1))
     turn = size * rng.normal(size=(60, 3))
     shift = size * rng.normal(size=(60, 3))
@@ -79,12 +88,11 @@ def test_gaps_change_no_faster_than_the_bodies_move(kind, seed):
     assert np.all((np.abs(after - before) <= moved + 1e-12)[counts])
 
 
-@each("kind", KINDS)
+@any_solids
 def test_gaps_do_not_depend_on_the_world_or_on_which_body_is_first(kind):
     """Moved together, the gaps stay, and points and normals move along; exchanged, the smallest gap stays."""
-    rng = np.random.default_rng(len(kind))
-    a, b = (drawn(each_kind, rng) for each_kind in kind.split("-"))
-    x, R = scattered(100, rng)
+    a, b, x, R = posed(kind, len(kind), 100)
+    rng = np.random.default_rng(1)
     gap, point, frame, _ = found(two(a, b), x, R)
     there, turn = rng.normal(size=3), Rotation.random(random_state=rng).as_matrix()
     gap_there, point_there, frame_there, _ = found(two(a, b), x @ turn.T + there, turn @ R)

@@ -12,7 +12,7 @@ import pytest
 
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, library_names, load, load_mechanism, load_mechanism_text, mechanism_from
-from engine.mechanism.models import Body
+from engine.mechanism.bodies import Body
 from tests.each import each
 
 MINIMAL = """
