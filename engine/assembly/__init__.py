@@ -16,6 +16,7 @@ from engine.assembly.joints import FaceWithPlay, add_play, faces_with_play, join
 from engine.assembly.loads import laws_over, load_arrays, phase_arrays, time_law_arrays
 from engine.assembly.outlines import outline_pairs
 from engine.assembly.responses import coordinate_arrays, numbers_of, reads_motions, response_arrays
+from engine.assembly.rolling import rolling_pairs
 from engine.assembly.solids import solid_pairs
 from engine.assembly.start import free_start, refuse_long_step
 from engine.assembly.table_cache import cached
@@ -24,6 +25,8 @@ from engine.kernels.loads import apply_loads
 from engine.kernels.model import (
     FRICTION_WORK,
     JOINT_FRICTION,
+    ROLLING,
+    SPINNING,
     BilateralState,
     Bodies,
     BroadPhase,
@@ -39,6 +42,9 @@ from engine.kernels.model import (
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Assembly", "assemble", "lent_assembly"]
+
+
+WEIGHTED = (JOINT_FRICTION, ROLLING, SPINNING)  # which a weight presses, see `kernels.contacts.press`
 
 
 @dataclass(frozen=True)
@@ -128,17 +134,18 @@ def _prepared(mechanism: Mechanism) -> _Prepared:
     found = [*contact_pairs(mechanism, frames), *outline_pairs(mechanism, frames, state)]
     found += solid_pairs(mechanism, frames)
     pairs = [*of_joints, *gear_pairs(mechanism, frames, state), *found]
+    pairs += rolling_pairs(mechanism, found, len(pairs) - len(found))
     time_laws, law_numbers = time_law_arrays(mechanism)
     held = [*joint_rows(mechanism, frames, state.R)]
     bushings = placed_bushings(mechanism, frames, state)
     yielding = bushing_rows(bushings, len(mechanism.phases))
     rows = [*held, *motion_rows(mechanism, frames, state, law_numbers), *yielding]
-    pressed = [i for i, pair in enumerate(pairs) if pair.kind == JOINT_FRICTION or pair.spring[0] > 0.0]
+    pressed = [i for i, pair in enumerate(pairs) if pair.kind in WEIGHTED or pair.spring[0] > 0.0]
     coupled = [coupling.members for coupling in couplings]
     unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs], pressed, coupled)
     runs = max(3 if pressed else 2, *map(len, coupled), 2)  # nodes that a contact acts on
     terms = term_arrays(couplings, unknowns.coupled, runs)
-    contacts, laws = contact_arrays(pairs, unknowns.contact_pair, unknowns.weight, terms)
+    contacts, laws = contact_arrays(pairs, unknowns.contact_pair, unknowns.weight, terms, law_numbers)
     root = np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia
     bodies = Bodies(mass, inertia, root, unknowns.body)
     model = Model(

@@ -5,8 +5,9 @@ rows of `kernels.contact_geometry.solids`, one per line or arc.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,7 @@ def _corner(before: complex, after: complex) -> tuple[complex, float]:
     return halfway / abs(halfway), 0.0 if abs(bend) <= SMOOTH else math.copysign(1.0, bend)
 
 
+NO_TABLES: Mapping[str, int] = MappingProxyType({})
 NO_TERMS = Terms(
     first=np.zeros(1, np.int64),
     kind=np.zeros(0, np.int64),
@@ -135,11 +137,14 @@ class Pair:
     surface: Surfaces | None = None  # the tree of side b, if that is a surface
     bound: float = 0.0  # the largest force or torque of friction in an ideal joint; 0: friction follows from the law
     breakaway: float = 0.0  # the same of a joint that sticks
+    partner: int = -1  # number of the contact whose rolling or spinning it resists; -1: none
+    arm: float = 0.0  # its largest moment per normal force of that contact
     coupling: int = -1  # the number of the coupling of which it is a flank; -1: none
     flank: float = 0.0  # 1 or -1, the side of the coordinate that it limits
     spring: tuple[float, float] = (0.0, 0.0)  # stiffness and damping; 0: rigid
     hertz: bool = False  # whether the stiffness is that of Hertz
     sticking: float = 0.0  # coefficient of friction of a contact that sticks; below that of the law: the same
+    table: str = ""  # the key of what may have a table of its friction over the sliding speed
 
 
 @cached
@@ -188,6 +193,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             clearance=clearance,
             law=mechanism.contact_law(contact),
             sticking=mechanism.static_friction(contact),
+            table=f"contacts.{name}",
             pieces=pieces,
             surface=trees.get(name),
             spring=contact.spring,
@@ -196,18 +202,23 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
 
 
 def contact_arrays(
-    pairs: list[Pair], block: Integers, weight: Integers | None = None, terms: Terms = NO_TERMS
+    pairs: list[Pair],
+    block: Integers,
+    weight: Integers | None = None,
+    terms: Terms = NO_TERMS,
+    tables: Mapping[str, int] = NO_TABLES,
 ) -> tuple[Contacts, Laws]:
     """Return the pairs as arrays; ``block``: the place of each pair of bodies in the system of a step.
 
     ``weight``, (nc, 3), is the node of each contact's weight or spring, and its places in the system; None: none.
-    ``terms`` are those of all couplings.
+    ``terms`` are those of all couplings, and ``tables`` the numbers of the tables of friction by key.
     """
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     blocks = {id(pair.pieces): pair.pieces for pair in pairs if len(pair.pieces)}  # some share one profile
     ends = dict(zip(blocks, np.cumsum([len(each) for each in blocks.values()]).tolist(), strict=True))
     profile = [(ends[id(p)] - len(p), ends[id(p)]) if len(p) else (0, 0) for p in (pair.pieces for pair in pairs)]
     root, surfaces = joined_surfaces([pair.surface for pair in pairs])
+    resisted = any(pair.arm for pair in pairs)
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
         a=np.array([pair.a for pair in pairs], np.int64),
@@ -226,14 +237,24 @@ def contact_arrays(
         terms=terms,
         bound=np.array([pair.bound for pair in pairs], float),
         breakaway=np.array([pair.breakaway for pair in pairs], float),
+        partner=np.array([pair.partner for pair in pairs] if resisted else [], np.int64),
+        arm=np.array([pair.arm for pair in pairs] if resisted else [], float),
         stiffness=np.array([pair.spring[0] for pair in pairs], float),
         damping=np.array([pair.spring[1] for pair in pairs], float),
         hertz=np.array([pair.hertz for pair in pairs], bool),
         weight=np.tile([-1, 0, 0], (len(pairs), 1)) if weight is None else weight,
     )
     mu = np.ascontiguousarray(laws[:, 0])
-    sticking = np.maximum(mu, [pair.sticking for pair in pairs])
-    return contacts, Laws(mu, np.ascontiguousarray(laws[:, 1]), sticking if (sticking > mu).any() else np.zeros(0))
+    table = np.array([tables.get(pair.table, -1) for pair in pairs], np.int64)
+    resting = np.array([pair.sticking for pair in pairs], float)
+    sticking = np.where(table >= 0, resting, np.maximum(mu, resting))
+    has_tables = bool((table >= 0).any())
+    return contacts, Laws(
+        mu,
+        np.ascontiguousarray(laws[:, 1]),
+        sticking if has_tables or (sticking > mu).any() else np.zeros(0),
+        table if has_tables else np.zeros(0, np.int64),
+    )
 
 
 def reach(geometry: Array) -> float:

@@ -80,6 +80,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 law=law,
                 play=(name, face),
                 sticking=mechanism.static_friction(joint),
+                table=f"joints.{name}",
             )
 
 

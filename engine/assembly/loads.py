@@ -63,6 +63,10 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
         if entry.law is not None
     }
     laws: dict[str, Law] = {key: entry.law for key, entry in owners.items()}
+    for table in ("joints", "contacts"):  # a table over a speed, see `FrictionOverSpeed`
+        for name, pair in getattr(mechanism, table).items():
+            if not getattr(pair, "ideal", False) and (over_speed := mechanism.friction_over_speed(pair)) is not None:
+                laws[f"{table}.{name}"] = over_speed
     pieces = [_pieces(law) for law in laws.values()]
     rows = np.concatenate([np.zeros((0, 5)), *pieces])
     arrays = TimeLaws(
@@ -70,7 +74,7 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
         time=rows[:, 0].copy(),
         piece=rows[:, 1:].copy(),
         sine=np.array([_sine(law) for law in laws.values()], float).reshape(-1, 3),
-        since=np.array([_since(mechanism, entry) for entry in owners.values()], np.int64),
+        since=np.array([_since(mechanism, owners[key]) if key in owners else 0 for key in laws], np.int64),
         begun=np.array([0.0, *(np.inf for _ in mechanism.phases[1:])]),
     )
     return arrays, {owner: number for number, owner in enumerate(laws)}

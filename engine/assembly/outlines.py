@@ -49,6 +49,7 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
                 law=law,
                 pieces=pieces[other],
                 sticking=mechanism.static_friction(contact),
+                table=f"contacts.{name}",
             )
 
 

@@ -55,6 +55,7 @@ def solid_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[
                 clearance=-feature.skin - offset,
                 law=law,
                 sticking=mechanism.static_friction(contact),
+                table=f"contacts.{name}",
                 pieces=feature.pieces,
             )
 

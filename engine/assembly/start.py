@@ -114,6 +114,7 @@ def _first(names: list[str]) -> str:
 
 def bodies_of_contact(mechanism: Mechanism, contact: str) -> tuple[str, list[str]]:
     """Return the key of the contact, or of the joint or coupling that it belongs to, and its bodies."""
+    contact = contact.partition("~")[0]
     joint = contact.rpartition(".")[0]
     own = joint if joint in mechanism.contacts else contact  # of two profiles it has several points
     if own in mechanism.contacts:

@@ -8,7 +8,7 @@ import numpy as np
 from engine.friction.blocks import BODY, ROW
 from engine.jit import inner, kernel, not_inlined
 from engine.kernels.couplings import coupled_rows, coupled_velocity
-from engine.kernels.model import COUPLED, ON_BALL, RING_BORE
+from engine.kernels.model import COUPLED, ON_BALL, RING_BORE, ROLLING
 from engine.kernels.vectors import CENTRED, cross, transport, world_direction
 
 STICKS = 1e-5  # share of the speed that friction takes in a step; the solver leaves less of a joint that sticks
@@ -40,6 +40,26 @@ def contact_velocity(contacts, x, R, sites, twist, i, u):
     relative_velocity(x, R, contacts.a[i], contacts.b[i], sites.point, sites.frame, twist, i, u)
     if contacts.kind[i] == COUPLED:
         u[i, 0] = coupled_velocity(contacts, x, R, twist, i)
+    elif contacts.kind[i] >= ROLLING:
+        _angular_velocity(contacts, R, sites.frame, twist, i, u)
+
+
+@not_inlined
+def _angular_velocity(contacts, R, frame, twist, i, u):
+    """Write the angular velocity of body a relative to body b about the axes of contact i into ``u[i]``."""
+    for k in range(3):
+        u[i, k] = 0.0
+        for side in range(2):
+            body, sign = contacts.a[i] if side == 0 else contacts.b[i], 1.0 - 2.0 * side
+            if body < R.shape[0] - 1:
+                for m in range(3):
+                    u[i, k] += sign * _in_body(R, body, frame[i, k], m) * twist[body, 3 + m]
+
+
+@inner
+def _in_body(R, body, t, m):
+    """Return a component of a vector in the axes of a body."""
+    return t[0] * R[body, 0, m] + t[1] * R[body, 1, m] + t[2] * R[body, 2, m]
 
 
 @inner
@@ -108,6 +128,8 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
             G[n + 3] = sign * root[body, 0, 0] * b0
             G[n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
             G[n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
+    if contacts.kind[i] >= ROLLING:
+        _turn_rows(bodies, contacts, R, frame, i, rows, j)
     if contacts.kind[i] == COUPLED:
         coupled_rows(bodies, contacts, x, R, i, rows, j)
     elif rows.node.shape[1] > 2:
@@ -115,8 +137,23 @@ def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
 
 
 @not_inlined
+def _turn_rows(bodies, contacts, R, frame, i, rows, j):
+    """Write the rows of a moment about the axes of contact i in the place of those of a force."""
+    for side in range(2):
+        body, n, sign = contacts.a[i] if side == 0 else contacts.b[i], ROW * side, 1.0 - 2.0 * side
+        if body >= bodies.mass.shape[0]:
+            continue
+        for k in range(3):
+            G = rows.G[j, k]
+            for m in range(3):
+                G[n + m], G[n + 3 + m] = 0.0, 0.0
+                for c in range(m + 1):
+                    G[n + 3 + m] += sign * bodies.inverse_root[body, m, c] * _in_body(R, body, frame[i, k], c)
+
+
+@not_inlined
 def _add_weight(contacts, i, rows, j):
-    """Write the normal row of a JOINT_FRICTION: it acts on nothing but a weight, as mobile as the joint.
+    """Write the normal row of a JOINT_FRICTION and its like: it acts on nothing but a weight, as mobile as the joint.
 
     The weight is pressed with the bound of the friction, see `press`, so that Coulomb's law between the normal impulse
     and that along the joint, with a coefficient of 1, is the law of the joint. A contact with a stiffness has a spring

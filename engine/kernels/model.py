@@ -15,6 +15,7 @@ RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANG
 ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
 GEARS, ROUNDS, BOXES = range(11, 14)
 COUPLED, JOINT_FRICTION, ONE_WAY = range(14, 17)  # of ideal joints, the last two always closed
+ROLLING, SPINNING = range(17, 19)  # what a contact resists besides sliding
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME, CONTACT_IMPULSE = range(9)
 MOTION_TRAVEL, MOTION_WORK, IMPULSE, MEAN, BOUNCES, FRICTION_WORK, BUSHING_FORCE, BUSHING_TORQUE = range(9, 17)
 # impulses of a whole step, divided by its length
@@ -87,6 +88,8 @@ class Contacts(NamedTuple):
     terms: Terms
     bound: np.ndarray  # (nc,) largest force, or torque, of a JOINT_FRICTION, whatever presses; 0: that of a cone
     breakaway: np.ndarray  # (nc,) the same of one that sticks, at least as large
+    partner: np.ndarray  # (nc,) int64, the contact whose rolling or spinning it resists; -1: none; (0,) if none does
+    arm: np.ndarray  # (nc,) largest moment against it per normal force; 0: none; (0,) if none does
     weight: np.ndarray  # (nc, 3) int64, node of a JOINT_FRICTION's weight or a spring (-1: none); pieces with a, b
     stiffness: np.ndarray  # (nc,) force per penetration; 0: rigid, see compliance.py
     damping: np.ndarray  # (nc,) force per closing speed, of contacts with a stiffness
@@ -100,7 +103,8 @@ class Laws(NamedTuple):
 
     mu: np.ndarray  # (nc,)
     restitution: np.ndarray  # (nc,)
-    sticking: np.ndarray  # (nc,) coefficients of friction of contacts that stick, >= mu; (0,) if all are mu
+    sticking: np.ndarray  # (nc,) coefficients of friction of contacts that stick; (0,) if all are mu
+    table: np.ndarray  # (nc,) int64, number of the table of factors of mu over the speed, -1: none; (0,) without any
 
 
 @by_address

@@ -21,6 +21,7 @@ from engine.kernels.contact_geometry.gaps import passes_by
 from engine.kernels.contacts import add_whitened, contact_velocity, press, whitened_rows
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.loads import apply_loads
+from engine.kernels.model import ROLLING
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED
 
@@ -187,6 +188,8 @@ def _gather_touching(model, state, work, problem, touching_gap, h):
             load = max(load, state.r[i, 0])
     for i in range(work.gap.shape[0]):
         touches = state.r[i, 0] > LOADED * load or work.gap[i] <= touching_gap or contacts.bound[i] > 0.0
+        if contacts.kind[i] >= ROLLING:  # it resists with what its contact carried
+            touches = state.r[i, 0] > 0.0 and contacts.bound[i] > 0.0
         if touches and not passes_by(contacts, sites.frame, i):
             whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, nc)
             contact_velocity(contacts, state.x, state.R, sites, work.free, i, work.q)

@@ -17,6 +17,7 @@ from engine.kernels.loads import apply_loads
 from engine.kernels.model import StepResult
 from engine.kernels.motion import damp, fastest_body, fastest_spin, free_twist, impulse_time, move, save_start
 from engine.kernels.projection import project_positions
+from engine.kernels.rolling import begin_rolling, match_rolling
 from engine.kernels.velocity import (
     apply_impulses,
     first_active_set,
@@ -64,12 +65,13 @@ def step(context):
     find_near_contacts(contacts, state, work.broad_phase, work.sites, after, 0.0, work.gap)
     free_relative_velocities(contacts, laws, state, work, after, plain, bounce)
     first_active_set(laws, state, work, after, plain, bounce)
+    begin_rolling(contacts, state, work, time)
     if plain:
         move(state, after)
         look_at_active_contacts(contacts, state, work)
     status, residual, iterations, fastest, spin = CONVERGED, 0.0, 0, 0.0, 0.0
     for growth in range(GROWTH_ROUNDS + 1):
-        nc = gather_problem(bodies, contacts, laws, state, work, problem, time)
+        nc = gather_problem(bodies, contacts, laws, model.time_laws, state, work, problem, time)
         soften(bodies, contacts, state, work, problem, nc, (before, after, time), growth == 0)
         if plain:  # once only: this scheme does not grow its active set
             move(state, -after)
@@ -80,7 +82,7 @@ def step(context):
         apply_impulses(bodies, state, work, problem, nc)
         if status == CONVERGED:
             grown = 0 if plain else grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce)
-            if grown + bend(contacts, work, problem, nc, after) == 0:
+            if grown + bend(contacts, work, problem, nc, after) + match_rolling(contacts, state, work, time) == 0:
                 break
             if growth == GROWTH_ROUNDS:
                 status = NOT_CONVERGED  # contacts still close, or press more or less, than in the last problem

@@ -7,6 +7,8 @@ from engine.jit import inner, not_inlined
 from engine.jit.lanes import LANES, read, write
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, aim_centred, contact_velocity, press, whitened_rows
+from engine.kernels.loads import table_at
+from engine.kernels.model import ROLLING
 
 STANDS = 1e-4  # share of the speed that friction takes in a step; the solver leaves less of a contact that sticks
 
@@ -73,15 +75,18 @@ def look_at_active_contacts(contacts, state, work):
 
 
 @not_inlined
-def friction_in_step(contacts, laws, state, work, problem, i, n):
+def friction_in_step(contacts, laws, tables, state, work, problem, i, n):
     """Return the coefficient of contact i, contact n of the problem, in a step: that of one that sticks, or slides.
 
-    It sticks if it stands at the start of the step: to a share of the speed that friction takes in it.
+    It sticks if it stands at the start of the step: to a share of the speed that friction takes in it. With a table it
+    is that of the speed there.
     """
     load, u = work.start.r[i, 0], work.start.u[i]
     if not load > 0.0:  # it closes, or the run begins
         contact_velocity(contacts, state.x, state.R, work.sites, work.start.v, i, work.u)
         u = work.u[i]
+    if laws.table.shape[0] > 0 and laws.table[i] >= 0:
+        return laws.mu[i] * table_at(tables, laws.table[i], np.sqrt(u[1] ** 2 + u[2] ** 2))
     normal, along = 0.0, 0.0
     for k in range(problem.rows.G.shape[2]):
         normal += problem.rows.G[n, 0, k] ** 2
@@ -92,10 +97,10 @@ def friction_in_step(contacts, laws, state, work, problem, i, n):
 
 
 @inner
-def gather_problem(bodies, contacts, laws, state, work, problem, time):
+def gather_problem(bodies, contacts, laws, tables, state, work, problem, time):
     """Write the friction problem of the active contacts, starting from the last impulses; return their number.
 
-    A force acts for the given ``time`` in the step.
+    A force acts for the given ``time`` in the step; ``tables`` are the laws among which are those of friction.
     """
     n = 0
     for i in range(laws.mu.shape[0]):
@@ -104,7 +109,7 @@ def gather_problem(bodies, contacts, laws, state, work, problem, time):
             whitened_rows(bodies, contacts, state.x, state.R, work.sites, i, problem.rows, n)
             problem.mu[n] = laws.mu[i]
             if laws.sticking.shape[0] > 0:
-                problem.mu[n] = friction_in_step(contacts, laws, state, work, problem, i, n)
+                problem.mu[n] = friction_in_step(contacts, laws, tables, state, work, problem, i, n)
             for k in range(3):
                 problem.q[n, k] = work.q[i, k]
                 problem.r[n, k] = state.r[i, k]
@@ -157,7 +162,8 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
             added += 1
     if all_near and added > 0:
         for i in range(work.active.shape[0]):
-            work.active[i] = work.active[i] or (broad_phase.near[i] and not bounce * laws.restitution[i] > 0.0)
+            closes = broad_phase.near[i] and not bounce * laws.restitution[i] > 0.0
+            work.active[i] = work.active[i] or (closes and contacts.kind[i] < ROLLING)
     return added
 
 

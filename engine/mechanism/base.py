@@ -383,6 +383,13 @@ def check_static(static: float | None, sliding: float) -> None:
         raise refuse(f"{text}friction; raise it, or lower friction", key="static_friction", value=static)
 
 
+def check_one_at_rest(table: Any) -> None:
+    """Refuse a coefficient of friction at rest beside a table over the speed, which begins with one."""
+    if table.friction_over_speed is not None and table.static_friction is not None:
+        text = "friction_over_speed begins with what holds at rest; allowed: one of the two; remove this one"
+        raise refuse(text, key="static_friction", value=table.static_friction)
+
+
 def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:
     """Refuse the table if direction ``names[1]`` is not perpendicular to ``names[0]``; both have unit length."""
     lean = sum(a * b for a, b in zip(first, second, strict=True))

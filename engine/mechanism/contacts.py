@@ -23,6 +23,7 @@ from engine.mechanism.base import (
     PositiveNumber,
     TableModel,
     added,
+    check_one_at_rest,
     check_perpendicular,
     check_spring,
     numbers_or,
@@ -30,6 +31,7 @@ from engine.mechanism.base import (
     refuse,
 )
 from engine.mechanism.closed_profiles import Extruded, Piece, Turned
+from engine.mechanism.loads import FrictionOverSpeed
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
@@ -256,6 +258,16 @@ class Contact(PairLaw):
     a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
+    friction_over_speed: FrictionOverSpeed | None = added(
+        "what friction is multiplied with, over the sliding speed: { table }; default: the material's, unless friction "
+        "or static_friction is given; else 1"
+    )
+    rolling_friction: Annotated[NonNegative | None, Quantity("length")] = added(
+        "the largest moment against rolling per normal force, a length >= 0; default: the material's"
+    )
+    spinning_friction: Annotated[NonNegative | None, Quantity("length")] = added(
+        "the largest moment about the normal per normal force, against spinning, a length >= 0; default: the material's"
+    )
     stiffness: Annotated[PositiveNumber | None, Quantity("stiffness")] = added(
         "the normal force per overlap, a number > 0; default: rigid, no overlap"
     )
@@ -284,6 +296,7 @@ class Contact(PairLaw):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         check_spring(self)
+        check_one_at_rest(self)
         if self.kind not in (*PAIRS, *SEVERAL):
             what, allowed = f"{self.a.kind} against {self.b.kind} has no gap function", ", ".join((*PAIRS, *SEVERAL))
             raise refuse(f"{what}; allowed pairs: {allowed}; {_remedy({self.a.kind, self.b.kind})}")

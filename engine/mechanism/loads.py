@@ -323,6 +323,27 @@ class TorqueOverAngle(TableLaw):
     points: _table("angle", "torque", "a small angle apart")  # type: ignore[valid-type]
 
 
+class FrictionOverSpeed(TableLaw):
+    """What a coefficient of friction is multiplied with, as a table over the sliding speed (Stribeck's curve)."""
+
+    over_quantity: ClassVar[str] = "speed"
+    value_quantity: ClassVar[str] = "number"
+    points: _table("speed", "factor", "a small speed apart")  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _resists(self) -> Self:
+        for speed, factor in self.points:
+            if speed < 0 or factor < 0:
+                text = f"[{speed:g}, {factor:g}]: friction acts against any sliding; allowed: speeds >= 0 and factors "
+                raise refuse(f"{text}>= 0; correct it", key="table")
+        return self
+
+    @property
+    def at_rest(self) -> float:
+        """The factor of a contact that sticks."""
+        return self.points[0][1]
+
+
 class Resistance(TableLaw):
     """Base class of the tables of dampers over their speed, which only take energy."""
 

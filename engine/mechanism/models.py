@@ -23,11 +23,13 @@ from engine.errors import Fault, MechanismError
 from engine.mechanism.base import (
     Friction,
     Name,
+    NonNegative,
     Number,
     Restitution,
     TableModel,
     Vector,
     added,
+    check_one_at_rest,
     check_static,
     optional,
 )
@@ -53,7 +55,7 @@ from engine.mechanism.keys.key_paths import (
     unused_parameters,
     with_formulas,
 )
-from engine.mechanism.loads import Damper, Force, Motion, Rotation, Spring, Torque
+from engine.mechanism.loads import Damper, Force, FrictionOverSpeed, Motion, Rotation, Spring, Torque
 from engine.mechanism.materials import REFERENCE, expansion_of
 from engine.mechanism.quantities import Quantity, UnitSystem, fits, quantity_of, quantity_with_unit
 from engine.mechanism.references import pair_between, reference_faults
@@ -89,10 +91,20 @@ class Material(TableModel):
         "the coefficient of friction until the contact slides, a number >= friction; default: friction"
     )
     restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
+    friction_over_speed: FrictionOverSpeed | None = added(
+        "what friction is multiplied with, over the sliding speed: { table }; default: 1"
+    )
+    rolling_friction: Annotated[NonNegative | None, Quantity("length")] = added(
+        "the largest moment of a contact against rolling per normal force, a length >= 0; default: 0"
+    )
+    spinning_friction: Annotated[NonNegative | None, Quantity("length")] = added(
+        "the largest moment of a contact about its normal per normal force, a length >= 0; default: 0"
+    )
 
     @model_validator(mode="after")
     def _static_holds_more(self) -> Self:
         check_static(self.static_friction, self.friction)
+        check_one_at_rest(self)
         return self
 
 
@@ -310,11 +322,26 @@ class Mechanism(TableModel):
         )
 
     def static_friction(self, pair: Joint | Contact) -> float:
-        """Return the coefficient of friction of a contact that sticks, at least that of one that slides."""
+        """Return the coefficient of friction of a contact that sticks."""
+        if (over_speed := self.friction_over_speed(pair)) is not None:
+            return self.contact_law(pair)[0] * over_speed.at_rest
         given = pair.static_friction
         if given is None and pair.friction is None:
             given = self._material_of(pair).static_friction
         return max(self.contact_law(pair)[0], given or 0.0)
+
+    def friction_over_speed(self, pair: Joint | Contact) -> FrictionOverSpeed | None:
+        """Return what friction is multiplied with over the sliding speed: its own table or its material's, if any."""
+        own: FrictionOverSpeed | None = getattr(pair, "friction_over_speed", None)
+        if own is None and pair.friction is None and pair.static_friction is None:
+            own = self._material_of(pair).friction_over_speed
+        return own
+
+    def rolling_friction(self, contact: Contact) -> tuple[float, float]:
+        """Return the largest moments of a contact against rolling and spinning, per normal force."""
+        material, own = self._material_of(contact), (contact.rolling_friction, contact.spinning_friction)
+        others = material.rolling_friction, material.spinning_friction
+        return tuple((other or 0.0) if mine is None else mine for mine, other in zip(own, others, strict=True))  # type: ignore[return-value]
 
     def _material_of(self, pair: Joint | Contact) -> Material:
         """Return the pair of materials that it names, or that of its bodies; one without friction if there is none."""

@@ -57,6 +57,12 @@ def _springs_without_projection(data: Mapping[str, Any]) -> Iterator[Fault]:
         if entry.get("type") in ("bushing", "beam"):
             text = "the scheme moreau_jean has rigid joints only; allowed: fixed; make it one, or remove the scheme"
             yield Fault(("joints", name, "type"), text, entry["type"])
+    pairs = [("materials", name, entry) for name, entry in named_tables(data, "materials").items()]
+    for table, name, entry in (*contacts, *pairs):
+        for word in ("rolling_friction", "spinning_friction"):
+            if entry.get(word):
+                text = "the scheme moreau_jean has no moments in contacts; allowed: none; remove it, or the scheme"
+                yield Fault((table, name, word), text, entry[word])
     for table, name, entry in (*contacts, *stops, *gears):
         for word in ("stiffness", "hertz_stiffness"):
             if entry.get(word) is not None:

@@ -29,6 +29,7 @@ STAGES_OF_STEP = {
     **dict.fromkeys(("finish_bushings",), JOINTS),
     **dict.fromkeys(("consume_budget", "body_speeds", "find_near_contacts", "free_relative_velocities"), CONTACTS),
     **dict.fromkeys(("first_active_set", "look_at_active_contacts", "gather_problem", "soften", "bend"), CONTACTS),
+    **dict.fromkeys(("begin_rolling", "match_rolling"), CONTACTS),
     **dict.fromkeys(("compress", "apply_impulses", "grow_active_set", "fastest_body", "fastest_spin"), CONTACTS),
     **dict.fromkeys(("worst_contact", "work_of_contacts"), CONTACTS),
     **dict.fromkeys(("solve_friction",), SOLVER),

@@ -22,6 +22,8 @@ COUPLED         nothing: its terms are in ``contacts.terms``, see `kernels.coupl
 ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
 JOINT_FRICTION  axis of an ideal joint: point (0:3), direction (3:6), a rotation (1) or displacement (0) (9)
 ONE_WAY         the same; the direction in which the joint may move, 1 or -1 (10)
+ROLLING         nothing: it has the axes of its contact's tangents, see `kernels.rolling`
+SPINNING        the same of its contact's normal
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
@@ -63,6 +65,7 @@ from engine.kernels.model import (
     ON_TURNED,
     ONE_WAY,
     RING_BORE,
+    ROLLING,
     ROUNDS,
 )
 from engine.kernels.vectors import (
@@ -110,6 +113,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return beside(contacts, x, R, i, point[i], frame[i])
     if kind == BOXES:
         return of_boxes(contacts, x, R, i, point[i], frame[i])
+    if kind >= ROLLING:
+        return about_contact(contacts, i, kind, point, frame)
     if kind >= COUPLED:
         return of_joints(contacts, x, R, i, kind, point[i], frame[i])
     gap = on_solid(contacts, x, R, i, kind, point[i], frame[i])
@@ -117,6 +122,19 @@ def find_contact(contacts, x, R, i, point, frame):
     if depth > 0.0 and rim_passes_by(contacts, x, R, i, gap, point[i], frame[i]):
         return pass_by(world_point(x, R, contacts.a[i], contacts.geometry_a[i]), point[i], frame[i], abs(gap) + depth)
     return gap
+
+
+@not_inlined
+def about_contact(contacts, i, kind, point, frame):
+    """Write point and axes of what resists rolling or spinning: those of its contact, which comes before it."""
+    p = contacts.partner[i]
+    for k in range(3):
+        point[i, k] = point[p, k]
+        frame[i, 0, k] = frame[i, 2, k] = 0.0
+        frame[i, 1, k] = frame[p, 0, k]
+        if kind == ROLLING:
+            frame[i, 1, k], frame[i, 2, k] = frame[p, 1, k], frame[p, 2, k]
+    return 0.0
 
 
 @inner
