@@ -153,7 +153,14 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
     limits = {f"joints.{n}.limits": getattr(j, "limits", None) for n, j in mechanism.joints.items()}
     ideal = {f"joints.{n}": j for n, j in mechanism.joints.items() if j.ideal}
     gears = {f"couplings.{n}": pair for n, pair in mechanism.couplings.items()}
-    for owners, fields in ((contacts | limits | gears, ("stiffness", "hertz_stiffness", "damping")), (ideal, _RUBBING)):
+    materials = {f"materials.{n}": material for n, material in mechanism.materials.items()}
+    pressed = contacts | limits | gears, ("stiffness", "hertz_stiffness", "damping")
+    turning = materials | contacts, ("rolling_friction", "spinning_friction")
+    for key, owner in (materials | contacts).items():
+        if (table := getattr(owner, "friction_over_speed", None)) is not None:
+            name = f"friction over speed of {key.partition('.')[2]}"
+            yield from _entries(mechanism, table, CONTACT, name, f"{key}.friction_over_speed")
+    for owners, fields in (pressed, turning, (ideal, _RUBBING)):
         for key, owner in owners.items():
             for field in fields:
                 if (number := getattr(owner, field, None)) is not None:

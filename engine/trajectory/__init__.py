@@ -215,6 +215,7 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
     from engine.assembly import assemble
     from engine.assembly.frames import order_bodies
     from engine.kernels.contact_geometry.gaps import find_contacts
+    from engine.kernels.model import ROLLING
     from engine.kernels.motion import move
 
     mechanism = trajectory.mechanism()
@@ -223,6 +224,7 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
     # in the plain scheme the frames are those at the end of a step
     within = (0.0 if trajectory.settings["scheme"] == "moreau_jean" else trajectory.settings["theta"]) * step
     sign = np.where(contacts.a < len(order), 1.0, -1.0)
+    sign[contacts.kind >= ROLLING] = 0.0  # moments
     histories = [trajectory.contacts[name] for name in assembly.contact_names]
     points, forces = np.zeros((2, len(instants), len(sign), 3))
     since = instants[0]

@@ -74,10 +74,13 @@ def _of_body(mechanism: Mechanism, name: str, at: int) -> Iterator[Series]:
 
 
 def _of_contact(mechanism: Mechanism, name: str, at: int) -> Iterator[Series]:
-    group = f"contacts/{name}"
+    group, unit = f"contacts/{name}", mechanism.unit("impulse")
     about = "impulse of the step that led here, along (N, T1, T2); divided by /step: the force"
+    if "~" in name:  # what resists rolling or spinning, see `engine.kernels.rolling`
+        unit = f"{mechanism.unit('torque')} {mechanism.unit('time')}"
+        about = "the largest moment, then those about (T1, T2) or (N, nothing), times /step"
     yield _number(f"{group}/gap", at, mechanism.unit("length"), "signed gap")
-    yield _vector(f"{group}/impulse", at + 1, mechanism.unit("impulse"), about)
+    yield _vector(f"{group}/impulse", at + 1, unit, about)
     yield _number(f"{group}/active", at + 4, "1", "1 if the contact was in the index set of the step", "u1")
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from engine.errors import MechanismError
+from engine.kernels.contact_geometry.rounds import ALIGNED
 from tests.counts import many
 from tests.each import each
 from tests.engine.kernels.convex import bounds, found, scattered, two
@@ -49,7 +50,12 @@ some_draws = settings(max_examples=many(16), deadline=None)
 @some_draws
 @any_seed
 def test_the_smallest_gap_is_the_distance(kind, seed):
-    """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen."""
+    """Apart: between two bounds that are close to each other. Then pushed into each other: no less, and seen.
+
+    But for two discs, whose ends meet at their rims: a gap there is one along the normal of an end, and so up to
+    1 / 0.95 times as deep, as the ends of 0.95 are those that count as almost parallel.
+    """
+    longest = 1.0 / ALIGNED if kind == "cylinder-cylinder" else 1.0
     a, b, x, R = posed(kind, seed, 100)
     lower, upper, n = bounds(a, b, x, R)
     apart = upper > 1e-3
@@ -60,7 +66,7 @@ def test_the_smallest_gap_is_the_distance(kind, seed):
     for depth in (1e-3, 1e-6):
         x[:, 0] -= (gap[:, None] + depth) * n
         pushed = found(two(a, b), x, R)[0].min(axis=1)
-        assert np.all((pushed >= -depth - 1e-9) & (pushed < 0.0))
+        assert np.all((pushed >= -longest * depth - 1e-9) & (pushed < 0.0))
         x[:, 0] += (gap[:, None] + depth) * n
 
 
