@@ -156,8 +156,8 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
     materials = {f"materials.{n}": material for n, material in mechanism.materials.items()}
     pressed = contacts | limits | gears, ("stiffness", "hertz_stiffness", "damping")
     turning = materials | contacts, ("rolling_friction", "spinning_friction")
-    for key, owner in (materials | contacts).items():
-        if (table := getattr(owner, "friction_over_speed", None)) is not None:
+    for key, slides in (materials | contacts).items():
+        if (table := slides.friction_over_speed) is not None:
             name = f"friction over speed of {key.partition('.')[2]}"
             yield from _entries(mechanism, table, CONTACT, name, f"{key}.friction_over_speed")
     for owners, fields in (pressed, turning, (ideal, _RUBBING)):

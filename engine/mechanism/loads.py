@@ -341,7 +341,7 @@ class FrictionOverSpeed(TableLaw):
     @property
     def at_rest(self) -> float:
         """The factor of a contact that sticks."""
-        return self.points[0][1]
+        return float(self.points[0][1])
 
 
 class Resistance(TableLaw):

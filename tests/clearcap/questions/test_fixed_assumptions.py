@@ -11,6 +11,7 @@ from engine.mechanism import get_value, load_mechanism, set_values, unit_of
 from engine.mechanism.joints import AngleLimits
 from tests.engine.small import made
 from tests.engine.test_couplings import wheels
+from tests.engine.test_rolling_friction import ARM, ball
 
 
 @pytest.fixture
@@ -109,3 +110,18 @@ def test_friction_of_ideal_joints_and_backlash_are_there(plan):
     assert by_key["joints.second.limits.damping"].unit == "N m s/rad"
     button = fixed_assumptions(replace(plan, spec=spec, mechanism=load_mechanism("push_button")))
     assert {each.key: each.value for each in button}["springs.dome.law.table"] == "5 points"
+
+
+def test_what_resists_rolling_and_friction_over_speed_are_there(plan):
+    """An arm is a length, of a contact or a material; a table is its number of points."""
+    data = ball()
+    data["materials"] = {"oiled": {"friction": 0.2, "friction_over_speed": {"table": [[0, 2], [1, 1]]}}}
+    data["materials"]["oiled"]["spinning_friction"] = 0.003
+    spec = plan.spec.model_copy(update={"variables": {}, "responses": {}})
+    by_key = {each.key: each for each in fixed_assumptions(replace(plan, spec=spec, mechanism=made(data)))}
+    assert (by_key["contacts.touch.rolling_friction"].value, by_key["contacts.touch.rolling_friction"].unit) == (
+        ARM,
+        "m",
+    )
+    assert by_key["materials.oiled.spinning_friction"].value == 0.003
+    assert by_key["materials.oiled.friction_over_speed.table"].value == "2 points"
