@@ -1,5 +1,6 @@
-"""The processes of this machine or container: their environment, cores, which is which, a thread beside a block."""
+"""Processes and addresses of this machine or container: environment, cores, which is which, a thread for a block."""
 
+import ipaddress
 import os
 import re
 import socket
@@ -18,6 +19,7 @@ TOKEN = "CLEARCAP_TOKEN"  # the access token for the server; unlike options, oth
 # are left out: they belong to a machine, and change no digit of a row.
 _NUMERICAL = re.compile(r"(?!.*_NUM_THREADS$)((OPENBLAS|OMP|MKL|BLIS|NPY)_.*|NUMBA_(CPU_.*|OPT)|GLIBC_TUNABLES)")
 PROC = Path("/proc")  # of Linux
+ProcessName = tuple[str, int]  # machine, and number of a process there
 
 
 def numerical(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -29,6 +31,14 @@ def cores() -> int:
     """Return the number of cores that this process may use."""
     # macOS has no affinity
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host name or address is that of this machine (loopback)."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 @contextmanager

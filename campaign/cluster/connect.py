@@ -6,7 +6,6 @@ authority.
 """
 
 import asyncio
-import ipaddress
 import json
 import logging
 import time
@@ -25,7 +24,7 @@ from campaign.cluster.cluster import BATCH_SYSTEMS, KINDS, NEEDED, Cluster, conf
 from campaign.cluster.job_replacement import JobReplacement
 from campaign.cluster.local import SETTINGS, interrupts_held, local_client
 from campaign.errors import SpecError, UnreachableError
-from campaign.processes import cores
+from campaign.processes import cores, is_loopback
 
 logger = logging.getLogger(__name__)
 
@@ -155,14 +154,6 @@ def _check_address(address: str, cluster: Cluster) -> None:
             f"--scheduler {address}: not encrypted beyond this machine, so that anyone could run code on the workers;"
             " use tls:// with --tls-ca, --tls-cert and --tls-key (clearcap certificates makes them), or add --insecure"
         )
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is a loopback address."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def _reach(address: str, with_security: Security | None, within: float) -> None:

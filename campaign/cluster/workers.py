@@ -4,12 +4,15 @@ No other module submits work to dask.
 """
 
 import logging
+import os
 import secrets
+import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar, cast
 
@@ -21,6 +24,7 @@ from campaign.cluster.connect import connect
 from campaign.cluster.job_replacement import JobReplacement
 from campaign.compiling import announced_compilation
 from campaign.errors import CampaignError, UnreachableError
+from campaign.processes import ProcessName
 from campaign.store.files.retry_policy import outages_told
 from campaign.waits import LONGEST_DETAIL, Wait, counted
 from engine import missing_kernels, warm_up
@@ -274,7 +278,10 @@ class DaskWorkers:
             # not by this class, whose `cancel` forgets its calls: dask cancels them when the connection is lost
             raise SchedulerLost("connection closed")
         try:
-            future.set_result(task.result(timeout=ANSWERS_WITHIN))
+            answer = task.result(timeout=ANSWERS_WITHIN)
+            if isinstance(answer, Answered):  # not by a worker of an earlier version
+                future.worker = answer.worker  # type: ignore[attr-defined]  # any future takes attributes
+            future.set_result(answer.result if isinstance(answer, Answered) else answer)
         except TimeoutError as error:
             raise SchedulerLost("a finished call sends no result") from error
         except KilledWorker as error:
@@ -284,7 +291,21 @@ class DaskWorkers:
             future.set_exception(error)
 
 
-def _call(function: Callable[..., T], *arguments: Any) -> T:
+@dataclass(frozen=True)
+class Answered:
+    """What a call on a worker returned."""
+
+    result: Any
+    worker: ProcessName
+
+
+def worker_of(call: Future[Any]) -> ProcessName | None:
+    """Return the process in which a finished call ran; None if it is not known."""
+    found: ProcessName | None = getattr(call, "worker", None)
+    return found
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> Answered:
     """Call a function on a worker, whose address its error gets; tell at once of a store that refuses for minutes."""
     worker = get_worker()
 
@@ -293,7 +314,7 @@ def _call(function: Callable[..., T], *arguments: Any) -> T:
 
     try:
         with outages_told(tell):
-            return function(*arguments)
+            return Answered(function(*arguments), (socket.gethostname(), os.getpid()))
     except Exception as error:
         tell("")
         error.worker = str(worker.address)  # type: ignore[attr-defined]  # any exception takes attributes

@@ -21,7 +21,14 @@ from dataclasses import dataclass
 from functools import partial
 
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers, compile_first, connect_workers
+from campaign.cluster.workers import (
+    SchedulerLost,
+    WorkerDied,
+    Workers,
+    compile_first,
+    connect_workers,
+    worker_of,
+)
 from campaign.coordinator.dispatch import TRIES, Losses, Window, WorkQueue, isolated
 from campaign.coordinator.failed_runs import check_failures, lack_of_ok
 from campaign.coordinator.heartbeat import Heartbeat, Progress, Show
@@ -30,7 +37,7 @@ from campaign.coordinator.state import resume_command, write_state
 from campaign.coordinator.stopping_rule import Checkpoints, Verdict
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
-from campaign.processes import meanwhile
+from campaign.processes import ProcessName, meanwhile
 from campaign.store import Part, Store, Survey
 from campaign.store.files.retry_policy import Outage
 from campaign.store.layout import CANCEL, HEARTBEAT
@@ -359,15 +366,15 @@ class Coordinator:
         except Exception as error:
             raise CampaignError(f"{_text(requests)} cannot be computed: {type(error).__name__}: {error}") from error
         else:
-            self._take_in(window, results)
+            self._take_in(window, results, worker_of(future))
 
-    def _take_in(self, window: Window, results: list[BatchResult]) -> None:
-        """Count batches whose rows are in the store."""
+    def _take_in(self, window: Window, results: list[BatchResult], worker: ProcessName | None) -> None:
+        """Count batches whose rows are in the store, and who computed them."""
         self._store_failures = 0
         for result in results:
             if result.part is not None:
                 self.queue.complete(result.part)
-            self.progress.add(result)
+            self.progress.add(result, worker)
         # the slowest one: no call shall take longer than `CALL_SECONDS`
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
         check_failures(self.store, self.plan, self.progress)

@@ -5,7 +5,7 @@ Whoever follows campaigns does so by the heartbeats in the store.
 
 import logging
 import time
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
@@ -17,12 +17,14 @@ from campaign.coordinator.lease import HEARTBEAT_INTERVAL, STALE_AFTER, SignOfLi
 from campaign.coordinator.state import LATEST, state_of
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan, resolution
+from campaign.processes import ProcessName
 from campaign.store import Store, Survey
 from campaign.store.layout import HEARTBEAT, LEASE, PLAN
 from campaign.waits import STOPPING, Wait, in_words, is_wait
 from campaign.worker.messages import BatchResult, Moments, add_moments, moments
 
 RATE_WINDOW = 60.0  # s over which the rate of runs is averaged
+MOST_LISTED = 200  # workers in a heartbeat: those that were seen last
 STALLED = (3.0, 10.0)  # times a batch takes, and at the least seconds, after which it is odd that none has finished
 
 logger = logging.getLogger(__name__)
@@ -45,6 +47,18 @@ def _only_if(is_sound: Callable[[Any], bool]) -> AfterValidator:
 
 RESPONSE = {"n", "mean", "std", "cpk"}
 Response = Annotated[dict[str, Number | None], _only_if(lambda response: response.keys() >= RESPONSE)]
+
+
+@with_config(ConfigDict(extra="forbid"))
+@dataclass(frozen=True)
+class WorkerProgress:
+    """What one worker has computed of a campaign since its coordinator began."""
+
+    host: StrictStr  # its machine
+    pid: Count  # number of its process there
+    rows: Count
+    rate: Number  # rows per second, of the time in which it computed
+    seen: Number  # when its last batch came [s since 1970], by the coordinator's clock
 
 
 @with_config(ConfigDict(extra="forbid"))
@@ -74,6 +88,7 @@ class Heartbeat:
     repeated: Count = 0  # of these, those already repeated
     # what it waits for, see `campaign.waits.Wait`
     waiting: list[Annotated[dict[str, Any], _only_if(is_wait)]] = field(default_factory=list)
+    by_worker: list[WorkerProgress] = field(default_factory=list)  # by host and process, at most `MOST_LISTED`
 
     @property
     def waits_for(self) -> str:
@@ -111,6 +126,8 @@ class Progress:
         self.samples = plan.spec.samples
         self.computed = 0
         self.workers = 0
+        self._by_worker: dict[ProcessName, WorkerProgress] = {}
+        self._busy: defaultdict[ProcessName, float] = defaultdict(float)  # s that each has computed
         self._times: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
         self._batch_seconds = 0.0  # of the slowest of the last batches
         self.recount(store, survey)
@@ -125,8 +142,8 @@ class Progress:
             for table in store.stream(self.plan, columns):
                 add_moments(self.moments, moments(table, names))
 
-    def add(self, result: BatchResult) -> None:
-        """Count the rows of a batch, and its repeats."""
+    def add(self, result: BatchResult, worker: ProcessName | None = None) -> None:
+        """Count the rows of a batch, and its repeats; `worker` is the process that computed it, if that is known."""
         self.repeated += result.repeats
         if result.part is not None:
             self.statuses.update(result.part.statuses)
@@ -136,6 +153,19 @@ class Progress:
         self._times.append((time.monotonic(), self.computed))
         while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_WINDOW:
             self._times.popleft()
+        if worker is not None:
+            self._add_of(worker, result.part.rows if result.part and result.computed else 0, result.seconds)
+
+    def _add_of(self, worker: ProcessName, rows: int, seconds: float) -> None:
+        """Count the rows of a worker; the one that was seen last is the last."""
+        before = self._by_worker.pop(worker, None)
+        self._busy[worker] += seconds
+        total = rows + (before.rows if before else 0)
+        rate = total / self._busy[worker] if self._busy[worker] > 0 else 0.0
+        self._by_worker[worker] = WorkerProgress(*worker, total, rate, time.time())
+        if len(self._by_worker) > MOST_LISTED:  # of those that were replaced
+            oldest = next(iter(self._by_worker))
+            del self._by_worker[oldest], self._busy[oldest]
 
     @property
     def done(self) -> int:
@@ -182,6 +212,7 @@ class Progress:
             responses={name: self._response(name, m) for name, m in self.moments.items()},
             time=now,
             waiting=[wait.to_json() for wait in waiting],
+            by_worker=sorted(self._by_worker.values(), key=lambda each: (each.host, each.pid)),
             repeats=self.repeats,
             repeated=min(self.repeated, self.repeats),
             **of_coordinator,

@@ -62,6 +62,9 @@ class Monitored(BaseModel):
     responses: list[MonitoredIndex]
     campaign: str | None = Field(None, description="Campaign that computes what the rows do not answer")
     falls: list[Fall] = Field([], description="Of these parts and of earlier ones, the oldest first")
+    still_low: list[str] = Field(
+        [], description="Responses without an answer now that were below their requirement when they last had one"
+    )
 
 
 def read_monitored(store: Store, campaign_id: str) -> Monitored | None:
@@ -79,14 +82,17 @@ def read_monitored(store: Store, campaign_id: str) -> Monitored | None:
 
 def add_monitored(store: Store, campaign_id: str, new: Monitored, before: Monitored | None) -> Monitored:
     """Add what some parts say after what was read `before`, with the responses that fell below their requirement."""
-    low = {each.response for each in before.responses if each.below} if before else set[str]()
+    low = {each.response for each in before.responses if each.below}.union(before.still_low) if before else set[str]()
     number, earlier = (before.number + 1, before.falls) if before else (1, [])
     falls = [
         Fall.model_validate({**each.model_dump(), "number": number, "at": new.at})
         for each in new.responses
         if each.below and each.response not in low and each.index is not None and each.interval is not None
     ]
-    added = new.model_copy(update={"number": number, "falls": [*earlier, *falls][-KEPT_FALLS:]})
+    # no answer is no rise, so that the next index below is no news
+    silent = [each.response for each in new.responses if each.index is None and each.response in low]
+    kept = {"number": number, "falls": [*earlier, *falls][-KEPT_FALLS:], "still_low": silent}
+    added = new.model_copy(update=kept)
     if not store.create_json(f"{campaign_id}/{FOLDER}", f"{number:06d}.json", added.model_dump()):
         raise CampaignError(f"{campaign_id}: other parts were looked at at the same time; send these again")
     return added

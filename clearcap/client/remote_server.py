@@ -358,13 +358,10 @@ class RemoteServer:
             If there is no report yet, or the folder cannot be written.
         """
         names = self._document(_path(campaign_id, "reports"))["files"]
-        names = [name for name in names if _FILE.fullmatch(name)]  # a server must not choose a path
-        if not names:
+        files = self._downloaded(_path(campaign_id, "reports/own"), names, folder)
+        if not files:
             raise SpecError(f"campaign {campaign_id}: has no report yet; it is written when the campaign ends")
-        return {
-            name: download(self.connection, _path(campaign_id, f"reports/own/{name}"), Path(folder) / name)
-            for name in names
-        }
+        return files
 
     def pool(self, campaign_id: str, others: Iterable[str], folder: str | Path) -> dict[str, Path]:
         """Write one report of campaigns that differ only in their seeds, and download its files into a folder.
@@ -390,8 +387,12 @@ class RemoteServer:
         """
         made = self._document(_path(campaign_id, "pools"), "POST", json={"others": list(others)})
         below = _path(campaign_id, f"reports/pooled/{quote(made['pool'], safe='')}")
-        names = [name for name in made["files"] if _FILE.fullmatch(name)]  # a server must not choose a path
-        return {name: download(self.connection, f"{below}/{name}", Path(folder) / name) for name in names}
+        return self._downloaded(below, made["files"], folder)
+
+    def _downloaded(self, below: str, names: Iterable[str], folder: str | Path) -> dict[str, Path]:
+        """Download files of one place into a folder; return the path of each by name."""
+        named = [name for name in names if _FILE.fullmatch(name)]  # a server must not choose a path
+        return {name: download(self.connection, f"{below}/{name}", Path(folder) / name) for name in named}
 
     def what_if(self, campaign_id: str, *settings: str) -> dict[str, Any]:
         """Return the results under other distributions, the document of ``clearcap whatif --json``.

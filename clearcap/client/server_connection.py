@@ -1,6 +1,5 @@
 """Requests to a server: checked address and token, verified TLS, harmless repetition, and refusals as errors."""
 
-import ipaddress
 import logging
 import os
 import random
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
 from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
-from campaign.processes import SERVER, TOKEN
+from campaign.processes import SERVER, TOKEN, is_loopback
 
 if TYPE_CHECKING:
     from engine.errors import Fault
@@ -137,14 +136,6 @@ def checked_address(url: str) -> str:
         )
     shown = f"[{host}]" if ":" in host else host
     return f"{parts.scheme}://{shown}" + (f":{port}" if port is not None else "")
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is that of this machine (loopback)."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def checked_token(token: str | None) -> str:

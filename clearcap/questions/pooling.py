@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from campaign.errors import CampaignError, SpecError
+from campaign.errors import SpecError
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.plan import Plan
@@ -234,14 +234,12 @@ def possible_members(store: str, campaign: str, others: Sequence[str]) -> dict[s
     except SpecError as error:
         return {"seed": seed, "refusal": str(error).removeprefix("pool: "), "others": []}
     for other in others:
+        plan = opened.plan(other)  # an error here is the answer: this one would be kept without the campaign
+        told = {"campaign": other, "seed": plan.spec.seed, "samples": plan.spec.samples, "refusal": ""}
         try:
-            plan = opened.plan(other)
-            told = {"campaign": other, "seed": plan.spec.seed, "samples": plan.spec.samples, "refusal": ""}
             pooled([own, (opened, plan)])
         except SpecError as error:
             told["refusal"] = str(error).removeprefix("pool: ")
-        except CampaignError:  # deleted or broken meanwhile: the list says so
-            continue
         found.append(told)
     return {"seed": seed, "refusal": "", "others": found}
 

@@ -188,8 +188,13 @@ def check_whole(store: Store, header: PlanHeader) -> None:
         if survey.missing:
             batches = len(survey.missing)
             raise CampaignError(f"{table.campaign_id}: {batches} batches have no rows; continue the campaign first")
-    if not store.files.names(f"{header.campaign_id}/{REPORT}"):
-        raise CampaignError(f"{header.campaign_id} has no report; write it first: an approver signs what it says")
+    check_reported(store, header.campaign_id)
+
+
+def check_reported(store: Store, campaign_id: str) -> None:
+    """Raise CampaignError, with the remedy, unless a campaign has a report."""
+    if not store.files.names(f"{campaign_id}/{REPORT}"):
+        raise CampaignError(f"{campaign_id} has no report; write it first: an approver signs what it says")
 
 
 SIGNOFFS = "signoffs"  # folder of the documents

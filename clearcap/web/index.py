@@ -267,12 +267,6 @@ class CampaignIndex:
             except ValidationError:  # written by another version; read again from the store
                 continue
 
-    def refresh(self, store: Store, tokens: Mapping[str, str]) -> None:
-        """Read again all campaigns that have changed, and drop those that are gone; see `look` and `read_some`."""
-        self.look(tokens)
-        while self.is_behind:
-            self.read_some(store)
-
     def look(self, tokens: Mapping[str, str]) -> None:
         """Drop the campaigns that are gone, and find those that must be read again because they have changed.
 

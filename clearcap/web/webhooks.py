@@ -20,6 +20,7 @@ from urllib.parse import urlsplit
 import httpx
 
 from campaign.errors import SpecError
+from campaign.processes import is_loopback
 from clearcap.web.access.database import Database
 from clearcap.web.access.users import new_secret
 from clearcap.web.index import CampaignEntry
@@ -296,7 +297,7 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
         raise SpecError(f"url = {url!r:.200}: not an address; write https://HOST/PATH")
     if parts.username is not None or parts.password is not None or parts.fragment:
         raise SpecError("url: holds a user, a password or a fragment; news is signed instead: check the signature")
-    if parts.scheme != "https" and not (parts.scheme == "http" and is_allowed and _is_loopback(host)):
+    if parts.scheme != "https" and not (parts.scheme == "http" and is_allowed and is_loopback(host)):
         raise SpecError(f"url = {url!r:.200}: news is sent by https only")
     if port is not None and (port == 0 or (port != 443 and not is_allowed)):
         raise SpecError(
@@ -335,10 +336,3 @@ def is_public(address: str) -> bool:
         return is_public(str(mapped))
     is_special = any(parsed in network for network in _SPECIAL_NETWORKS if network.version == parsed.version)
     return parsed.is_global and not (parsed.is_multicast or parsed.is_reserved or is_special)
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

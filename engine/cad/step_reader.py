@@ -19,7 +19,7 @@ from engine.cad.archive import cached, cached_answer, keep_answer, unpacked
 from engine.cad.cad_model import CadAssembly
 from engine.errors import CadError
 from engine.faults.file_kinds import content_kind
-from engine.platform.child import Child, ChildEnded, ChildRaised, Limits
+from engine.platform.child import Child, ChildEnded, ChildRaised, Limits, within_own
 from engine.platform.regular_file import read_regular_file
 
 _FUNCTION = "engine.cad.occt.answers:answer"
@@ -56,31 +56,33 @@ def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limi
     """Return the answer of `engine.cad.occt` to a question, see its `answers`, about the content of a STEP file.
 
     The path is only named in messages. Raises CadError if OCCT is not installed, refuses the file, crashes, or takes
-    too much time or memory.
+    too much time or memory: than the limits, or than what is left to this process.
     """
     if find_spec("OCP") is None:
         raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
+    own = within_own(Limits(limits.memory_bytes, limits.seconds))
     with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as folder, Child(_FUNCTION, quiet=True) as child:
         step = Path(folder, "input.step")
         step.write_bytes(as_utf8(content))
         request = json.dumps({"path": str(step), **question}).encode()
         try:
-            return child.answer(request, Limits(limits.memory_bytes, limits.seconds), _WAIT * limits.seconds)
+            return child.answer(request, own, _WAIT * limits.seconds)
         except (ChildEnded, ChildRaised) as error:
-            raise CadError(f"{path}: {_why(error, limits)}") from None
+            raise CadError(f"{path}: {_why(error, own)}") from None
 
 
-def _why(error: ChildEnded | ChildRaised, limits: ReadingLimits) -> str:
+def _why(error: ChildEnded | ChildRaised, limits: Limits) -> str:
     """Return why there is no answer."""
     if isinstance(error, ChildEnded):
         if error.was_silent or error.status == -signal.SIGXCPU:
-            return f"OCCT needs more than {limits.seconds} s to read it; export only the parts of the mechanism"
+            needed = f"more than {limits.processor_s or 0:.0f} s"
+            return f"OCCT needs {needed} to read it; export only the parts of the mechanism"
         printed = f": {error.last_line:.200}" if error.last_line else ""
         return f"OCCT crashed while it read it ({error}{printed}); export it again, with other settings or fewer parts"
     if "UnreadableStep" in error.kinds:
         return error.message
     if "MemoryError" in error.kinds:
-        return f"takes more than {limits.memory_bytes / 2**30:g} GiB of memory; export only the parts of the mechanism"
+        return f"takes more than {(limits.memory or 0) / 2**30:g} GiB of memory; export only the parts of the mechanism"
     if "ImportError" in error.kinds:
         return f"the OCCT that is installed is not the one that is needed ({error}); pip install 'clearcap[cad]'"
     what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in error.trace), _SHAPES)

@@ -231,6 +231,21 @@ def silence(pipe: int, event: int = select.POLLIN) -> float | None:
     return None if poller.poll(1e3 * LOOK_INTERVAL) else LOOK_INTERVAL
 
 
+def within_own(limits: Limits) -> Limits:
+    """Return limits for a child, none of them wider than what is left to this process, which may be a job itself."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+
+    def least(limit: float | None, kind: int, taken: float = 0.0) -> float | None:
+        own = resource.getrlimit(kind)[0]
+        left = None if own == resource.RLIM_INFINITY else max(own - taken, 1.0)
+        return min((each for each in (limit, left) if each is not None), default=None)
+
+    return Limits(
+        least(limits.memory, resource.RLIMIT_DATA),
+        least(limits.processor_s, resource.RLIMIT_CPU, used.ru_utime + used.ru_stime),
+    )
+
+
 @contextmanager
 def limited(limits: Limits) -> Iterator[None]:
     """Limit this process in the block: further memory is a MemoryError, further processor time ends it by SIGXCPU."""

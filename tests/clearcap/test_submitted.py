@@ -1,7 +1,6 @@
 """Campaigns in the background: awaited without blocking the loop, waited for, and their rows told as they come."""
 
 import asyncio
-import time
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -109,6 +108,20 @@ def test_a_campaign_that_ends_otherwise(queued, state):
         RunningCampaign(clearcap.Results(store, plan)).wait()
 
 
+class Counted:
+    """A lock that counts who has come to it, whether he got it or waits."""
+
+    def __init__(self, lock):
+        self._lock, self.came = lock, 0
+
+    def __enter__(self):
+        self.came += 1
+        self._lock.acquire()
+
+    def __exit__(self, *_):
+        self._lock.release()
+
+
 def test_rows_are_told_once_however_often_it_is_awaited(queued, awaited, monkeypatch):
     """What the function raises ends the waiting, and loses no table; two who look at once read none twice."""
     store, plan, run = queued
@@ -127,10 +140,17 @@ def test_rows_are_told_once_however_often_it_is_awaited(queued, awaited, monkeyp
         with pytest.raises(InterruptedError):
             awaited(running)
     run(2)
-    stream = Store.stream
-    monkeypatch.setattr(Store, "stream", lambda *given: time.sleep(0.05) or stream(*given))
-    with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda _: running._follower.look(), range(8)))
+    looks = running._follower._looks = Counted(running._follower._looks)
+    stream, reading = Store.stream, []
+
+    def stream_with_another_reader(*given):
+        reading.append(given)
+        until(lambda: looks.came == 2 or len(reading) == 2, "the other thread looks too")
+        return stream(*given)
+
+    monkeypatch.setattr(Store, "stream", stream_with_another_reader)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda _: running._follower.look(), range(2)))
     write_state(store, plan.campaign_id, "completed")
     with pytest.warns(UserWarning, match=r"failures\.min_ok"):  # the stand-in lets some fail
         results = running.wait()

@@ -218,6 +218,8 @@ async def campaign_status(service: TheService, campaign: TheCampaign, who: Authe
     document = await run_in_threadpool(service.statuses.status, campaign)
     if document["heartbeat"]:
         document["heartbeat"]["token"] = ""  # the token of the coordinator's lease stays secret
+        if who.campaign:  # a shared link does not show the machines
+            document["heartbeat"]["by_worker"] = []
     compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}
     return CampaignStatus(**{**document, "comparisons": compared})
 

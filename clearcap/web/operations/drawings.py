@@ -25,8 +25,8 @@ from engine.mechanism import library_names
 
 DraftName = Annotated[str, InPath(pattern=NAME, description="Of the mechanism", examples=["latch"])]
 AcceptDamage = Annotated[bool, Form(description="Take what can be read of a damaged STEP file")]
-# OCCT has limits of its own; this is for the search for joints and stops, the pictures, and a wait for the processor
-LIMITS = JobLimits(processor_s=180.0, wall_s=600.0)
+# also of the process in which OCCT reads the file, which gets no more than is left to the job that starts it
+LIMITS = JobLimits(processor_s=300.0, wall_s=600.0)
 # the page of what was found runs its own script alone, which its own policy names by digest, and reaches nothing
 PAGE_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:;"

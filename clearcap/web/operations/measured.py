@@ -36,7 +36,6 @@ from engine.platform.toml_file import LARGEST
 PartsName = Annotated[str, InPath(pattern=NAME, description="Id of the measured parts", examples=["lever-0a1b2c3d4e"])]
 CURSOR = r"^\d{1,12}(\.\d{1,20})? [A-Za-z0-9][A-Za-z0-9_-]{0,99}$"
 PartsCursor = Annotated[str | None, Query(pattern=CURSOR, max_length=150, description="From the page before")]
-TABLE, LIMITS = "CSV, Parquet or Excel file, one row for each measured part", "TOML file with the characteristics"
 
 
 class PartsListing(BaseModel):

@@ -11,7 +11,15 @@ from starlette.responses import StreamingResponse
 
 from clearcap.questions.report import report_written_again
 from clearcap.questions.report_source import deciding_campaigns
-from clearcap.questions.signing import LONGEST_COMMENT, Signoff, Withdrawal, content_digest, digests_of, fingerprint
+from clearcap.questions.signing import (
+    LONGEST_COMMENT,
+    Signoff,
+    Withdrawal,
+    check_reported,
+    content_digest,
+    digests_of,
+    fingerprint,
+)
 from clearcap.web.access import Principal
 from clearcap.web.http.authentication import Approver, Authenticated, TheCampaign, TheService
 from clearcap.web.http.responses import Refusal
@@ -116,7 +124,8 @@ def list_signoffs(
 
 
 def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> SignedContent:
-    """Show the digests of the content that would be signed now."""
+    """Show the digests of the content that would be signed now; refused without a report, which is what is read."""
+    check_reported(service.store, campaign)
     with one_at_a_time():
         files = service.signing_service.content(campaign, anew=False)
     parts = dict(zip(("plan", "rows", "report"), digests_of(files), strict=True))

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.heartbeat import observe
+from campaign.errors import CampaignError, StoreError
 from clearcap.questions.pooling import possible_members
 from clearcap.questions.signing import LONGEST_COMMENT
 from clearcap.web.access import Principal, Role
@@ -132,7 +133,8 @@ async def pool_page(
     name = campaign.rpartition("-")[0]  # plans that differ only in the seed have one name, with which their ids begin
     named = [pair for pair in service.watcher.index.entries() if pair[0].campaign.rpartition("-")[0] == name]
     alike = {entry.campaign: entry for entry, _ in campaigns.in_order(named, "newest")}
-    others = [each for each in alike if each != campaign][: campaigns.MOST_POOLED]
+    sound = [each for each, entry in alike.items() if each != campaign and entry.state != "broken"]
+    others = sound[: campaigns.MOST_POOLED]
     job = service.answers.made(who.name, possible_members, service.store.files.full_url, campaign, tuple(others))
     found = json.loads(await job)
     refused: dict[str, list[str]] = {}
@@ -267,9 +269,16 @@ async def signoff_page(
     """Show who signed a campaign, and to an approver the content that they would sign."""
     shown = await frame(request, service, campaign, who)
     signed = await run_in_threadpool(signoffs.list_signoffs, service, campaign, who, check)
-    may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"
-    content = await run_in_threadpool(signoffs.show_content, service, campaign, who) if may_sign else None
-    values: dict[str, Any] = {"content": content, "checked": check, "longest_comment": LONGEST_COMMENT}
+    content, why_not = None, "only a completed campaign is signed"
+    if who.may(Role.APPROVER) and shown["entry"].state == "completed":
+        try:
+            content = await run_in_threadpool(signoffs.show_content, service, campaign, who)
+        except StoreError:
+            raise
+        except CampaignError as error:  # it has no report yet
+            why_not = str(error)
+    values: dict[str, Any] = {"content": content, "why_not": why_not, "checked": check}
+    values["longest_comment"] = LONGEST_COMMENT
     return page(request, "signoff", signoffs=signed, **values, **shown)
 
 

@@ -58,6 +58,7 @@ from clearcap.web.web_service import Service
 from engine.mechanism import library_names
 
 BLANK_ROWS = 1  # rows for further variables
+MOST_OPEN = 4  # variables or responses that are all unfolded; of more only those that lack something
 MOST_ROWS = 1000
 NO_MECHANISM: Tables = {"responses": {}, "keys": [], "picked": [], "matching": 0, "benches": {}, "presets": {}}
 _WHOLE = ("samples", "seed", "min_samples", "max_samples")
@@ -135,7 +136,9 @@ class CampaignForm:
     def _variables(self, densities: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         """Yield the rows of the variables, and some blank rows."""
         blank = [("", {"distribution": DEFAULT})] * BLANK_ROWS
-        for i, (name, table) in enumerate([*self._tables.get("variables", {}).items(), *blank]):
+        given = self._tables.get("variables", {})
+        is_few = len(given) <= MOST_OPEN
+        for i, (name, table) in enumerate([*given.items(), *blank]):
             kind = str(table.get("distribution", DEFAULT))
             keys = ("variables", name)
             fields = {
@@ -150,7 +153,9 @@ class CampaignForm:
             parameters = [each for key, each in fields.items() if key not in {*others, *RARE} or each.value]
             named = {"distribution", "target", *PARAMETERS.get(kind, {})}
             rest = [text for at, text in self._faults if name and at[:2] == keys and (at[2:3] or ("",))[0] not in named]
+            density = densities.get(name) if name else None
             yield {
+                "is_open": is_few or (bool(name) and density is None) or self._has_faults(*keys),
                 "name": FormField(f"v{i}.name", "name", name, tuple(rest)),
                 "distribution": self._field(f"v{i}.distribution", (*keys, "distribution"), kind),
                 "target": self._field(f"v{i}.target", (*keys, "target"), table.get("target")),
@@ -158,13 +163,15 @@ class CampaignForm:
                 "ways": {" ".join(each): ", ".join(each) for each in ways},
                 "parameters": parameters,
                 "rare": [each for key, each in fields.items() if key in RARE - others and not each.value],
-                "density": densities.get(name) if name else None,
+                "density": density,
             }
 
     def _responses(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of the responses: those of the mechanism, then others that the file names."""
         given, known = self._tables.get("responses", {}), self._known["responses"]
-        for i, name in enumerate([*known, *(name for name in given if name not in known)]):
+        names = [*known, *(name for name in given if name not in known)]
+        is_few = len(names) <= MOST_OPEN
+        for i, name in enumerate(names):
             keys, table = ("responses", name), given.get(name, {})
             every = [self._field(f"r{i}.{key}", (*keys, key), table.get(key), hint) for key, hint in LIMITS.items()]
             usual = DRAWN_LIMITS if {"nominal", "tolerance"} & table.keys() else USUAL_LIMITS
@@ -172,7 +179,12 @@ class CampaignForm:
             own = tuple(text for at, text in self._faults if at[:2] == keys and (at[2:3] or ("",))[0] not in LIMITS)
             about = known.get(name, {"title": "", "unit": ""})
             rare = [each for each in every if each not in limits]
-            yield {"name": FormField(f"r{i}.name", "name", name, own), "limits": limits, "rare": rare, **about}
+            row = {"name": FormField(f"r{i}.name", "name", name, own), "limits": limits, "rare": rare, **about}
+            yield row | {"is_open": is_few or self._has_faults(*keys)}
+
+    def _has_faults(self, table: str, name: str) -> bool:
+        """Return whether a row of a table has faults."""
+        return any(at[:2] == (table, name) for at, _ in self._faults)
 
     def _field(self, name: str, keys: tuple[str, ...], value: Any, hint: str = "") -> FormField:
         """Return a field with the faults of its key."""

@@ -3,6 +3,8 @@
 Which workers count as silent, and workers that are prestarted: for the first who connects, and ended in any case.
 """
 
+import os
+import socket
 from contextlib import contextmanager, nullcontext
 from queue import Empty
 from types import SimpleNamespace
@@ -11,7 +13,15 @@ import pytest
 
 from campaign.cluster import workers as of_dask
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.workers import LOOK_INTERVAL, DaskWorkers, Liveness, PrestartedWorkers, SchedulerLost, _call
+from campaign.cluster.workers import (
+    LOOK_INTERVAL,
+    DaskWorkers,
+    Liveness,
+    PrestartedWorkers,
+    SchedulerLost,
+    _call,
+    worker_of,
+)
 from campaign.coordinator.submit import plan_campaign
 from campaign.errors import SpecError, StoreError, UnreachableError
 from campaign.store.files.retry_policy import PATIENT, Outage
@@ -83,6 +93,17 @@ def test_result_is_released_on_arrival(client, workers):
     assert [workers.next_finished(1.0) for _ in range(2)] == futures
     assert [future.result() for future in futures] == ["result", "result"]
     assert client.released == 2
+
+
+def test_who_computed(client, workers, monkeypatch):
+    """A call says in which process of which machine it ran; one of a worker of an earlier version does not."""
+    monkeypatch.setattr(of_dask, "get_worker", lambda: SimpleNamespace(address="a", log_event=lambda *_: None))
+    for answer, who in ((_call(len, "abc"), (socket.gethostname(), os.getpid())), (3, None)):
+        future = workers.submit("call", len, "abc")
+        client.submitted[-1].result = lambda timeout, answer=answer: answer
+        client.submitted[-1].finish()
+        assert workers.next_finished(1.0) is future
+        assert (future.result(), worker_of(future)) == (3, who)
 
 
 def test_calls_are_taken_back_as_long_as_there_is_a_scheduler(client, workers):

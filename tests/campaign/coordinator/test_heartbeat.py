@@ -1,5 +1,6 @@
 """Heartbeats: counts of stored rows and their rate; one look tells a follower all, and nothing in it waits."""
 
+import json
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -42,6 +43,31 @@ def test_rows_that_were_there_are_counted_and_not_computed(store, plan, monkeypa
     assert (progress.computed, heartbeat.workers) == (10, 2)
     assert heartbeat.responses["FC-1"]["n"] == 25
     assert heartbeat.rate == 10 / 5.0
+
+
+def test_each_worker_has_a_line(store, plan, monkeypatch):
+    """Rows, rate while it computes, and when its last batch came; of many, those that were seen last."""
+    clock = SimpleNamespace(monotonic=lambda: 1000.0, time=lambda: 5000.0)
+    monkeypatch.setattr(following, "time", clock)
+    monkeypatch.setattr(following, "MOST_LISTED", 3)
+    progress = Progress(store, plan, store.survey(plan))
+    address = CampaignAddress.of(store, plan, fake_engine.simulate)
+    first, second = (replace(run_batch(address, BatchRequest(batch)), seconds=4.0) for batch in (0, 1))
+    again = replace(run_batch(address, BatchRequest(1)), seconds=2.0)  # the store had its rows
+    progress.add(first, ("node2", 7))
+    clock.time = lambda: 5003.0
+    progress.add(second, ("node2", 7))
+    progress.add(again, ("node1", 8))
+    progress.add(first)  # by nobody knows whom
+    beat = progress.heartbeat("running")
+    assert [(w.host, w.pid, w.rows, w.rate, w.seen) for w in beat.by_worker] == [
+        ("node1", 8, 0, 0.0, 5003.0),
+        ("node2", 7, 20, 2.5, 5003.0),
+    ]
+    assert Heartbeat.from_json(json.loads(json.dumps(beat.to_json()))) == beat
+    for pid in (9, 10):
+        progress.add(again, ("node1", pid))
+    assert [w.pid for w in progress.heartbeat("running").by_worker] == [8, 9, 10]
 
 
 def test_document_of_another_version_is_no_heartbeat():

@@ -18,6 +18,7 @@ from campaign.coordinator.state import write_state
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from campaign.store.store import change_tokens
 from clearcap.questions.report import report
 from clearcap.web.access import Role, users
 from clearcap.web.http.authentication import COOKIE, CSRF_HEADER
@@ -242,6 +243,13 @@ def reported(finished_store, settings):
     files.write(f"{campaign}/report/report.html", b"<p>Cpk 1.33</p>")
     files.write(f"{campaign}/report/capability.json", b'{"headline": "capable", "responses": []}')
     return campaign
+
+
+def read_all(index, store):
+    """Have an index read all campaigns of a store that have changed."""
+    index.look(change_tokens(store))
+    while index.is_behind:
+        index.read_some(store)
 
 
 def write_real_report(service, campaign):

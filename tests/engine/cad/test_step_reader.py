@@ -14,7 +14,7 @@ import engine.cad.step_reader
 from engine import CadError
 from engine.cad import ReadingLimits, read_step
 from engine.cad.archive import cached, keep_answer, packed
-from engine.platform.child import ChildRaised
+from engine.platform.child import ChildRaised, Limits, limited, within_own
 from tests.engine.cad.assemblies import differences, full_assembly
 from tests.until import until
 
@@ -161,6 +161,21 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
     (package / "__init__.py").write_text(program)
     monkeypatch.syspath_prepend(str(tmp_path))
     assert said in refusal(LATCH, **limits)
+
+
+def test_a_reader_gets_what_is_left_to_a_job(tmp_path, monkeypatch):
+    """Read by a job that has limits itself, a file is under these: no child of it has more."""
+    package = tmp_path / "OCP"
+    package.mkdir()
+    (package / "__init__.py").write_text("x = bytearray(2**40)")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with limited(Limits(memory=3 * 2**30, processor_s=1000.0)):
+        text = refusal(LATCH)
+        own, less = within_own(Limits(2.0**40, 5000.0)), within_own(Limits(2.0**20, 5.0))
+    assert "takes more than 3 GiB of memory" in text
+    assert (own.memory, less) == (3 * 2**30, Limits(2.0**20, 5.0))
+    assert 900.0 < own.processor_s <= 1001.0  # limits are whole seconds
+    assert within_own(Limits()) == Limits()
 
 
 @pytest.mark.parametrize(

@@ -43,4 +43,9 @@
   const all = () => document.querySelectorAll("textarea[data-editor]").forEach(number);
   all();
   document.addEventListener("htmx:afterSettle", all);
+  let open = []; // what is unfolded stays so when a part of the page is rendered again
+  document.addEventListener("htmx:beforeSwap", () => { open = [...document.querySelectorAll("details[id][open]")].map((each) => each.id); });
+  document.addEventListener("htmx:afterSwap", () => {
+    for (const each of document.querySelectorAll("details[id]")) if (open.includes(each.id)) each.open = true;
+  });
 })();

@@ -2,6 +2,8 @@
 
 import pytest
 
+from campaign.coordinator.heartbeat import Heartbeat, WorkerProgress
+from campaign.store.layout import HEARTBEAT
 from campaign.store.store import report_folder
 
 
@@ -49,6 +51,17 @@ def test_link_shows_no_comparison_with_another_campaign(client, service, as_user
     assert client.get(file, headers=as_user("viewer")).content == b"<p>both</p>"
     assert client.get(file, headers=guest).status_code == 404
     assert client.get(f"{home}/reports/own/report.html", headers=guest).status_code == 200
+
+
+def test_link_shows_no_machines(client, service, as_user, reported):
+    """Users see what each worker does; a guest sees the progress alone."""
+    line = WorkerProgress("node1", 77, 6, 2.5, 4990.0)
+    beat = Heartbeat(reported, "completed", 25, 25, 25, 0, 0, {"ok": 25}, 6.0, 3.0, 4, by_worker=[line])
+    service.store.write_json(reported, HEARTBEAT, beat.to_json())
+    _, secret = service.tokens.share(reported, "engineer", "", 60.0)
+    for headers, count in ((as_user("viewer"), 1), ({"Authorization": f"Bearer {secret}"}, 0)):
+        found = client.get(f"/api/v1/campaigns/{reported}/status", headers=headers).json()["heartbeat"]
+        assert (found["done"], len(found["by_worker"])) == (25, count)
 
 
 def test_links_come_in_pages(client, as_user, url):

@@ -317,6 +317,18 @@ def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, a
     assert (answer.status_code, "has changed since" in answer.json()["detail"]) == (409, True)
 
 
+def test_without_a_report_there_is_nothing_to_sign(client, service, campaign, as_user, browse, url):
+    """The call that shows what would be signed says so, and the page; an approver signs what he has read."""
+    files = service.store.files
+    for name in files.names(f"{campaign}/report"):
+        files.remove(f"{campaign}/report/{name}")
+    answer = client.get(f"{url}/content", headers=as_user("approver"))
+    assert (answer.status_code, "has no report" in answer.json()["detail"]) == (409, True)
+    browse("approver")
+    page = client.get(f"/campaigns/{campaign}/signoff")
+    assert (page.status_code, "has no report" in page.text, 'name="content"' in page.text) == (200, True, False)
+
+
 def test_only_completed_campaigns_are_signed(client, service, campaign, sign):
     write_state(service.store, campaign, "cancelled")
     answer = sign()

@@ -13,11 +13,11 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from campaign.coordinator.state import write_state
 from campaign.errors import StoreError
-from campaign.store.store import change_tokens
 from clearcap.web.http.monitoring import ServiceGauges, logger, show_requests
 from clearcap.web.index import CampaignIndex
 from clearcap.web.jobs.pool import JobPool, Quota
 from clearcap.web.watcher import Watcher
+from tests.clearcap.web.conftest import read_all
 from tests.clearcap.web.jobs import strange_jobs
 from tests.clearcap.web.running import until_true
 
@@ -130,7 +130,7 @@ def test_campaigns_by_state(store, plan, counted):
             assert value("clearcap_campaigns", state="queued") == 0
             for state, other in (("queued", "cancelled"), ("cancelled", "queued")):
                 write_state(store, plan.campaign_id, state)
-                watcher.index.refresh(store, change_tokens(store))
+                read_all(watcher.index, store)
                 assert value("clearcap_campaigns", state=state) == 1
                 assert value("clearcap_campaigns", state=other) == 0
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from campaign.coordinator.heartbeat import Heartbeat
+from campaign.coordinator.heartbeat import Heartbeat, WorkerProgress
 from campaign.coordinator.lease import beating, hold_lease
 from campaign.coordinator.state import write_state
 from campaign.store import open_store
@@ -65,7 +65,8 @@ def test_every_user_sees_queue_and_workers(client, browse, service, reported, se
     store = open_store(settings.store)
     with hold_lease(store, reported):
         write_state(store, reported, "running")
-        beat = Heartbeat(reported, "running", 25, 10, 10, 0, 15, {"ok": 10}, 6.0, 3.0, 4)
+        lines = [WorkerProgress("node<1>", 77, 6, 2.5, 4990.0), WorkerProgress("node2", 78, 4, 0.0, 5001.0)]
+        beat = Heartbeat(reported, "running", 25, 10, 10, 0, 15, {"ok": 10}, 6.0, 3.0, 4, time=5000.0, by_worker=lines)
         store.write_json(reported, HEARTBEAT, beat.to_json())
         service.watcher.hurry()
         answer = client.get("/work", headers={**browse("viewer"), "Accept": "text/html"})
@@ -74,6 +75,9 @@ def test_every_user_sees_queue_and_workers(client, browse, service, reported, se
     running = answer.text.partition("Campaigns that run")[2].partition("Campaigns that wait")[0]
     assert f'href="/campaigns/{reported}"' in running
     for cell in (">4<", ">15<", ">6.00<", ">1.50<", ">3 s<"):
+        assert cell in running
+    assert '<tr><th scope="row">node&lt;1&gt;</th><td class="number">77</td><td class="number">6</td>' in running
+    for cell in (">2.50<", ">10 s ago<", ">78<", ">0 s ago<"):
         assert cell in running
     assert "Started by this server" not in answer.text
     assert "Jobs of pages" not in answer.text

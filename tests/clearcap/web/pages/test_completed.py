@@ -14,6 +14,7 @@ def test_report_is_on_its_way(client, service, reported, browse, monkeypatch, is
     for name in files.names(f"{reported}/report"):
         files.remove(f"{reported}/report/{name}")
     write_state(service.store, reported, "completed")
+    client.portal.call(service.watcher.list_all)  # the pages show what the server has seen
     if is_late:
         monkeypatch.setattr("clearcap.web.pages.campaigns.REPORT_WITHIN", -1.0)
     browse("admin")

@@ -210,13 +210,14 @@ def test_measured_lots_are_posted_against_a_campaign(reported, client, as_user, 
 
 
 def test_a_fall_is_an_event(service, reported):
-    """Of the owner's webhooks, once for each fall, with what was measured."""
+    """Of the owner's webhooks, once for each fall, with what was measured; parts without an answer are no rise."""
     change_labels(service.store, reported, LabelChange(owner="engineer"), by="test")
     low = {"response": "FC-1", "by": "cpk", "index": 1.1, "interval": (1.0, 1.2), "requirement": 1.33, "below": True}
     empty = {"number": 1, "at": 1.7e9, "settings": [], "variables": []}
+    silent = {"response": "FC-1", "requirement": 1.33, "refusal": "too far from the rows"}
     before = None
-    for below in (True, True, False, True):
-        new = Monitored.model_validate({**empty, "responses": [{**low, "below": below}]})
+    for response in (low, low, {**low, "below": False}, low, silent, silent, low):
+        new = Monitored.model_validate({**empty, "responses": [response]})
         before = add_monitored(service.store, reported, new, before)
     events = campaign_events(entry_of(service.store, reported), "https://clearcap.example")
     falls = [event for event in events if event.content["event"] == "index.below"]

@@ -21,7 +21,7 @@ from clearcap.web import index as indexing
 from clearcap.web.access import Role
 from clearcap.web.index import REPORT_DOCUMENT, CampaignIndex, Weakest, entry_of
 from clearcap.web.watcher import Watcher
-from tests.clearcap.web.conftest import serving
+from tests.clearcap.web.conftest import read_all, serving
 from tests.clearcap.web.running import until_true
 
 COUNT = 7
@@ -109,7 +109,7 @@ def test_a_bug_in_one_campaign_hides_no_other(full_store, index, monkeypatch, ca
     bad = sorted(full_store.campaigns())[0]
     header = Store.plan_header
     monkeypatch.setattr(Store, "plan_header", lambda s, c: header(s, c) if c != bad else 1 // 0)
-    index.refresh(full_store, change_tokens(full_store))
+    read_all(index, full_store)
     assert _known(index) == set(full_store.campaigns())
     assert index.entry(bad).state == "broken"
     assert "ZeroDivisionError" in index.entry(bad).message

@@ -22,6 +22,7 @@ from campaign.store.store import change_tokens
 from clearcap.web import watcher as watching
 from clearcap.web.index import CampaignIndex, entry_of
 from clearcap.web.watcher import Watcher
+from tests.clearcap.web.conftest import read_all
 from tests.clearcap.web.running import PATIENCE, until_true
 from tests.until import until
 
@@ -62,23 +63,23 @@ def test_index_reads_only_what_changed(store, plan, index, exact, monkeypatch):
     read = []
     monkeypatch.setattr("clearcap.web.index.entry_of", lambda s, c: (read.append(c), entry_of(s, c))[1])
     for _ in range(2):
-        index.refresh(store, change_tokens(store))
+        read_all(index, store)
         assert read == [plan.campaign_id]
     change_labels(store, plan.campaign_id, LabelChange(owner="eva"))
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     assert index.entry(plan.campaign_id).owner == "eva"
     write_state(store, plan.campaign_id, "cancelled")
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     assert index.entry(plan.campaign_id).state == "cancelled"
     assert len(read) == 3
     write_state(store, plan.campaign_id, "queued")
     for _ in range(2):  # what moves is read each time
-        index.refresh(store, change_tokens(store))
+        read_all(index, store)
     assert len(read) == 5
 
 
 def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     again = CampaignIndex(tmp_path / "index.sqlite")
     assert again.entry(plan.campaign_id) == index.entry(plan.campaign_id)
     again.look(change_tokens(store))
@@ -87,7 +88,7 @@ def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
     (tmp_path / "index.sqlite").write_bytes(b"damaged" * 1000)
     new = CampaignIndex(tmp_path / "index.sqlite")
     assert list(new.entries()) == []
-    new.refresh(store, change_tokens(store))
+    read_all(new, store)
     assert list(new.entries()) == list(index.entries())
     new.close()
 
@@ -105,11 +106,11 @@ def test_full_disk_does_not_stop_the_index(store, plan, index, exact, tmp_path):
     pages = index._connection.execute("PRAGMA page_count").fetchone()[0]
     index._connection.execute(f"PRAGMA max_page_count = {pages}")
     change_labels(store, plan.campaign_id, LabelChange(note="x" * 2000))
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     assert index.entry(plan.campaign_id).note.startswith("xxx")
     again = CampaignIndex(tmp_path / "index.sqlite")
     assert again.entry(plan.campaign_id) is None
-    again.refresh(store, change_tokens(store))
+    read_all(again, store)
     assert again.entry(plan.campaign_id) == index.entry(plan.campaign_id)
     again.close()
 
@@ -127,7 +128,7 @@ def test_index_is_closed_when_no_thread_writes(store, plan, index):
         closing = threads.submit(lambda: (writing.wait(PATIENCE), index.close(), order.append("closed")))
         until(closing.running, "who closes is there")
         index._connection.set_trace_callback(slow)
-        threads.submit(index.refresh, store, change_tokens(store)).result(PATIENCE)
+        threads.submit(read_all, index, store).result(PATIENCE)
         closing.result(PATIENCE)
     assert order[-1] == "closed"
     assert any("COMMIT" in statement for statement in order)
@@ -139,7 +140,7 @@ def test_reader_that_ends_after_the_index_was_closed(store, plan, index, monkeyp
         "clearcap.web.index.entry_of", lambda s, c: (reading.set(), go_on.wait(PATIENCE), entry_of(s, c))[2]
     )
     with ThreadPoolExecutor(1) as thread:
-        late = thread.submit(index.refresh, store, change_tokens(store))
+        late = thread.submit(read_all, index, store)
         assert reading.wait(PATIENCE)
         index.close()
         go_on.set()
@@ -177,9 +178,9 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
 
 
 def test_index_forgets_what_is_gone(store, plan, index):
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     store.files.remove_tree(plan.campaign_id)
-    index.refresh(store, change_tokens(store))
+    read_all(index, store)
     assert list(index.entries()) == []
 
 
