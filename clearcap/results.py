@@ -16,6 +16,7 @@ from reporting.write import USUAL
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from distributed import Client
 
     from campaign.cluster.cluster import Cluster
@@ -84,6 +85,28 @@ class Results(Analysed):
     def ok(self) -> "pd.DataFrame":
         """The rows of the runs with status "ok", variables and responses only."""
         return self.rows.loc[self.rows["status"] == "ok", [*self.variables, *self.responses]]
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return `rows` as an xarray Dataset; needs ``pip install 'clearcap[xarray]'``.
+
+        Returns
+        -------
+        xarray.Dataset
+            One array per column, over the coordinate ``sample``. Attributes of each: ``units``, if it has a unit, and
+            of responses with a title, ``long_name``.
+        """
+        try:
+            import xarray as xr
+        except ModuleNotFoundError as error:
+            raise SpecError("to_xarray needs the package xarray: pip install 'clearcap[xarray]'") from error
+        found = xr.Dataset.from_dataframe(self.rows)
+        for name, unit in self.units.items():
+            found[name].attrs["units"] = unit
+        for name, response in self.plan.mechanism.responses.items():
+            if response.title:
+                found[name].attrs["long_name"] = response.title
+        found.attrs = {"campaign": self.id, "title": self.plan.spec.title}
+        return found
 
     @cached_property
     def _analysis(self) -> "Analysis":

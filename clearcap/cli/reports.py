@@ -103,19 +103,34 @@ def report(
 
 
 def capability(
+    context: typer.Context,
     parts: Parts,
     limits: Annotated[Path, typer.Option(metavar="FILE", help="TOML file with the characteristics and their limits.")],
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Where the report is written.")] = Path("capability"),
     pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf.")] = False,
     summary: Summary = False,
     excel: Excel = True,
+    # not from the environment: who does not ask for it keeps the parts to himself
+    server: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Send parts and limits to this server, which keeps them and their report."),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Write the capability report of measured parts, and print a summary."""
-    from clearcap.questions.measured import capability_report
+    """Write the capability report of measured parts, and print a summary; with --server, download the server's."""
     from reporting.write import NAMES
 
-    files = capability_report(parts, limits, folder, _kinds(pdf=pdf, excel=excel, summary=summary))
+    if remote := asked_server(context, server):
+        if pdf:
+            raise SpecError("--server: keeps no PDF of measured parts; leave out --pdf")
+        kinds = {NAMES[kind]: kind for kind in _kinds(pdf=False, excel=excel, summary=summary)}
+        with remote:
+            fetched = remote.capability(parts, limits, folder, kinds)["report"]
+        files = {kinds[name]: str(path) for name, path in fetched.items()}
+    else:
+        from clearcap.questions.measured import capability_report
+
+        files = capability_report(parts, limits, folder, _kinds(pdf=pdf, excel=excel, summary=summary))
     document = loads((folder / NAMES["json"]).read_text("utf-8"))
     if json:
         verdicts = {r["spec"]["name"]: r["verdict"] for r in document["responses"]}
@@ -167,9 +182,11 @@ def validate(
 
 
 def monitor(
+    context: typer.Context,
     campaign: CampaignId,
     parts: Parts,
     store: StoreUrl = "runs",
+    server: ServerUrl = None,
     limits: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Limits file of the parts: names of columns, lots.")
     ] = None,
@@ -182,9 +199,16 @@ def monitor(
 
     Exit status 1 if one is below for certain, or if a response has no answer.
     """
-    from clearcap.questions.monitoring import monitored
+    if remote := asked_server(context, server):
+        from campaign.store.monitored_library import Monitored
 
-    found = monitored(*opened_campaign(store, campaign), parts, limits, rerun=again)
+        with remote:
+            document = remote.monitor(remote.find(campaign), parts, limits, rerun=again)
+        found = Monitored.model_validate(document)
+    else:
+        from clearcap.questions.monitoring import monitored
+
+        found = monitored(*opened_campaign(store, campaign), parts, limits, rerun=again)
     low = [each for each in found.responses if each.below]
     if json:
         print_json(found.model_dump())

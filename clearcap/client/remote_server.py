@@ -440,6 +440,64 @@ class RemoteServer:
         wanted = {"content": content, "comment": comment}
         return self._document(_path(campaign_id, "signoffs"), "POST", json=wanted)
 
+    # -- measured parts ---------------------------------------------------------------------------------------------
+
+    def capability(
+        self, parts: str | Path, limits: str | Path, folder: str | Path, files: Iterable[str] | None = None
+    ) -> dict[str, Any]:
+        """Send measured parts, which the server keeps, and download the capability report that it makes of them.
+
+        Parameters
+        ----------
+        parts : str or Path
+            CSV, Parquet or Excel file, one row a part.
+        limits : str or Path
+            TOML file with the characteristics and their limits.
+        folder : str or Path
+            It is created if it is missing.
+        files : iterable of str, optional
+            Names of the files to download; by default all of the report.
+
+        Returns
+        -------
+        dict
+            ``id``, ``title``, ``parts`` (how many), ``headline``, ``verdicts`` by characteristic, and ``report``, the
+            path of each file by name.
+        """
+        # the same table with the same limits is kept once, so that the request may be repeated
+        made = self._document("/measured", "POST", repeats=True, files=_measured_upload(parts, limits))
+        if files is None:
+            from clearcap.questions.uploaded_parts import KINDS
+            from reporting.write import NAMES
+
+            files = [NAMES[kind] for kind in KINDS]
+        below = f"/measured/{quote(made['id'], safe='')}/files"
+        return made | {"report": self._downloaded(below, files, folder)}
+
+    def monitor(
+        self, campaign_id: str, parts: str | Path, limits: str | Path | None = None, *, rerun: bool = False
+    ) -> dict[str, Any]:
+        """Give a campaign's variables the distributions of measured parts; see `clearcap.monitor_campaign`.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Full id of the campaign, which must be the token's user's own.
+        parts : str or Path
+            CSV, Parquet or Excel file, one row a part.
+        limits : str or Path, optional
+            Limits file of the parts.
+        rerun : bool
+            Whether a campaign with the new distributions is queued where the rows give no answer.
+
+        Returns
+        -------
+        dict
+            The fields of `Monitored`.
+        """
+        data, files = {"rerun": str(rerun).lower()}, _measured_upload(parts, limits)
+        return self._document(_path(campaign_id, "monitor"), "POST", files=files, data=data)
+
     # -- mechanisms -------------------------------------------------------------------------------------------------
 
     def mechanisms(self) -> dict[str, Any]:
@@ -470,6 +528,18 @@ class RemoteServer:
         answer = self.connection.get(path, **more) if method == "GET" else self.connection.ask(method, path, **more)
         document: dict[str, Any] = answer.json()
         return document
+
+
+def _measured_upload(parts: str | Path, limits: str | Path | None) -> dict[str, tuple[str, bytes]]:
+    """Return the files of a request with measured parts."""
+    from campaign.store.measured_library import LARGEST_PARTS
+    from engine.platform.toml_file import LARGEST
+
+    table = Path(parts)
+    files = {"file": (table.name, _content(table, LARGEST_PARTS, f"parts {parts}"))}
+    if limits is not None:
+        files["limits"] = ("limits.toml", _content(Path(limits), LARGEST, f"limits {limits}"))
+    return files
 
 
 def _path(campaign_id: str, below: str = "") -> str:

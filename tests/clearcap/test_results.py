@@ -1,6 +1,7 @@
 """The results of a campaign as tables of pandas."""
 
 import dataclasses
+import sys
 import tomllib
 from pathlib import Path
 
@@ -43,6 +44,29 @@ def test_rows(results):
     assert set(results.units) >= {*results.variables, *results.responses}
     assert list(results.ok.columns) == [*results.variables, *results.responses]
     assert len(results.ok) == results.statuses["ok"]
+
+
+def test_rows_as_xarray(results):
+    """Each column over the sample numbers, with its unit; what is missing is NaN, as in the rows."""
+    xr = pytest.importorskip("xarray")
+    found = results.to_xarray()
+    assert (found.sizes, found.attrs["campaign"]) == ({"sample": 25}, results.id)
+    assert found.sample.values.tolist() == results.rows.index.tolist()
+    for name, column in results.rows.items():
+        pd.testing.assert_series_equal(found[name].to_series(), column, check_names=False, check_dtype=False)
+        assert found[name].attrs.get("units") == results.units.get(name)
+    titles = {name: each.title for name, each in results.plan.mechanism.responses.items() if each.title}
+    assert titles
+    assert {name: found[name].attrs["long_name"] for name in titles} == titles
+    assert float(found["FC-1"].where(found.status == "ok").mean()) == pytest.approx(results.ok["FC-1"].mean())
+    assert isinstance(found, xr.Dataset)
+
+
+def test_without_xarray(results, monkeypatch):
+    """The message says what to install."""
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(SpecError, match=r"clearcap\[xarray\]"):
+        results.to_xarray()
 
 
 def test_capability_is_that_of_the_report(results, monkeypatch):

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from campaign.store.labels import LabelChange, change_labels
+from campaign.store.measured_library import measured_parts
 from clearcap.web.access import Role
 from tests.campaign.commands import clearcap_here
 from tests.clearcap.client.conftest import finished as finished  # a fixture
@@ -19,7 +21,7 @@ def ask(live_server, capsys, monkeypatch):
     monkeypatch.delenv("CLEARCAP_STORE", raising=False)
 
     def run(*words, at="server"):
-        place = ("--server", address) if at == "server" else ("--store", service.settings.store)
+        place = {"server": ("--server", address), "store": ("--store", service.settings.store)}.get(at, ())
         return clearcap_here(capsys, monkeypatch, *words, *place)
 
     return run
@@ -56,9 +58,36 @@ def test_submit_cancel_resume_report(ask, finished, tmp_path):
     assert (tmp_path / "here" / "report.html").read_text() == "<p>Cpk 1.33</p>"
 
 
+def test_measured_parts(ask, finished, live_server, tmp_path):
+    """Report and summary are those that this machine makes; the server keeps them, and what it says of a campaign."""
+    service, _ = live_server
+    (tmp_path / "parts.csv").write_text("\n".join(["d", *(f"{20 + row % 7 / 1000}" for row in range(30))]))
+    (tmp_path / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nlsl = 19.9\nusl = 20.1\n')
+    words = ("capability", tmp_path / "parts.csv", "--limits", tmp_path / "limits.toml", "--no-excel", "--folder")
+    said = {}
+    for at in ("server", "here"):
+        code, said[at], fault = ask(*words, tmp_path / at, at=at)
+        assert code == 0, fault
+    assert said["server"].replace("server", "here") == said["here"]
+    names = ["capability.json", "capability.parquet", "report.html"]
+    assert sorted(each.name for each in (tmp_path / "server").iterdir()) == names
+    assert len(measured_parts(service.store)) == 1
+    rows = [f"{0.07 + 0.0002 * (7 * row % 61 - 30):.4f}" for row in range(61)]
+    (tmp_path / "night.csv").write_text("\n".join(["J1", *rows]))
+    change_labels(service.store, finished, LabelChange(owner="engineer"), by="test")
+    answers = [ask("monitor", finished[:-2], tmp_path / "night.csv", "--json", at=at) for at in ("server", "store")]
+    documents = [json.loads(output) for _, output, _ in answers]
+    assert (answers[0][0], answers[0][2]) == (answers[1][0], answers[1][2])
+    assert [each["number"] for each in documents] == [1, 2]
+    for key in ("settings", "variables", "responses", "sha256", "table"):
+        assert documents[0][key] == documents[1][key]
+    assert documents[0]["by"] == "engineer"
+
+
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
+        (("capability", __file__, "--limits", __file__, "--pdf"), "leave out --pdf"),
         (("status", "--store", "runs"), "--server, --store: both are given"),
         (("submit", "c60", "--workers", "2"), "decides where and in which batches"),
         (("submit", "c60", "--batch-size", "2"), "decides where and in which batches"),

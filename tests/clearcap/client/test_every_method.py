@@ -10,6 +10,7 @@ import clearcap
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
+from campaign.store.labels import LabelChange, change_labels
 from clearcap.client.remote_server import RemoteServer
 from clearcap.questions.mechanisms import mechanism_summary
 from clearcap.web.access import Role
@@ -19,6 +20,7 @@ from tests.campaign.commands import clearcap_here
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 from tests.clearcap.web.conftest import write_real_report
+from tests.until import until
 
 SETTING = "J1.std=0.015"
 VALUES = {"J1": 0.05}
@@ -98,7 +100,8 @@ def check_campaign(server, finished, store, tmp_path):
 
 
 def check_campaigns(server, finished, store, tmp_path):
-    assert sorted(entry["campaign"] for entry in server.campaigns(archived=True)) == store.campaigns()
+    # the server lists what others have added to its store a few seconds later
+    until(lambda: sorted(entry["campaign"] for entry in server.campaigns(archived=True)) == store.campaigns())
     assert [entry["campaign"] for entry in server.campaigns(search="no such words")] == []
 
 
@@ -160,6 +163,33 @@ def check_pool(server, finished, store, tmp_path):
     assert "report.html" in files
     with pytest.raises(clearcap.SpecError, match="seed = 7"):
         server.pool(finished, [finished], tmp_path)
+
+
+def check_capability(server, finished, store, tmp_path):
+    (tmp_path / "lever.csv").write_text("\n".join(["d", *(f"{20 + row % 7 / 1000}" for row in range(30))]))
+    (tmp_path / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nlsl = 19.9\nusl = 20.1\n')
+    made = server.capability(tmp_path / "lever.csv", tmp_path / "limits.toml", tmp_path / "report")
+    assert (made["file"], made["parts"], made["by"]) == ("lever.csv", 30, "engineer")
+    for name, file in made["report"].items():
+        assert file.read_bytes() == Path(store.url, "measured", made["id"], name).read_bytes()
+    assert "report.html" in made["report"]
+    few = server.capability(str(tmp_path / "lever.csv"), tmp_path / "limits.toml", tmp_path / "few", ["report.html"])
+    assert (few["id"], [*few["report"]]) == (made["id"], ["report.html"])
+    with pytest.raises(clearcap.SpecError, match=r"nothing\.csv: cannot be read"):
+        server.capability(tmp_path / "nothing.csv", tmp_path / "limits.toml", tmp_path)
+
+
+def check_monitor(server, finished, store, tmp_path):
+    (tmp_path / "night.csv").write_text("\n".join(["J1", *(f"{0.04 + row / 1000}" for row in range(61))]))
+    with pytest.raises(clearcap.SpecError, match="owner"):
+        server.monitor(finished, tmp_path / "night.csv")
+    change_labels(store, finished, LabelChange(owner="engineer"), by="test")
+    found = server.monitor(finished, tmp_path / "night.csv")
+    assert (found["table"], found["variables"][0]["variable"]) == ("night.csv", "J1")
+    limits = tmp_path / "limits.toml"
+    limits.write_text('[characteristics.J2]\ncolumn = "J1"\n')
+    again = server.monitor(finished, str(tmp_path / "night.csv"), limits)
+    assert (again["number"], again["variables"][0]["variable"]) == (found["number"] + 1, "J2")
 
 
 def check_close(server, finished, store, tmp_path):
