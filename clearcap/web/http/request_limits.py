@@ -33,7 +33,7 @@ UPLOADS = (
     *("/api/v1/campaigns", "/api/v1/checks/campaign", "/api/v1/drawings", "/api/v1/measured"),
     *("/campaigns/new", "/mechanisms/drawings", "/measured"),
 )
-_UPLOAD = re.compile(r"/api/v1/campaigns/[^/]+/monitor")  # the same of a campaign
+_UPLOAD = re.compile(r"(/api/v1)?/campaigns/[^/]+/monitor")  # the same of a campaign
 LARGEST_DOCUMENT = 2 * 1024**2  # bytes of all other bodies: no other request is answered while one is parsed
 MOST_VALUES = 10_000  # in a JSON document: each would become an object in memory
 OPEN_FORMS, LARGEST_OPEN_FORM = ("/login", "/login/link"), 64 * 1024  # open to everybody, and largest body [bytes]

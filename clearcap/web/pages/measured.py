@@ -1,17 +1,21 @@
-"""The pages of measured parts: a list with the form that sends some, and the report of each."""
+"""The pages of measured parts: a list with the form that sends some, the report of each, and lots against a plan."""
 
 from datetime import UTC, datetime
-from urllib.parse import quote
+from typing import Annotated, Any
+from urllib.parse import quote, urlencode
 
-from fastapi import APIRouter, Request, UploadFile
+from fastapi import APIRouter, Form, Request, UploadFile
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
 from campaign.errors import CampaignError
-from clearcap.web.http.authentication import Engineer, TheService, Viewer
+from campaign.store.monitored_library import read_monitored
+from clearcap.web.http.authentication import Engineer, OwnCampaign, TheCampaign, TheService, Viewer
 from clearcap.web.http.responses import Refusal, refusal_of
+from clearcap.web.jobs.queries import MOST_SETTINGS
 from clearcap.web.operations import measured as operations
 from clearcap.web.operations.measured import PartsCursor, PartsName
+from clearcap.web.pages.campaigns import frame
 from clearcap.web.pages.rendering import page
 from clearcap.web.web_service import Service
 
@@ -63,3 +67,45 @@ async def delete_form(service: TheService, who: Engineer, measured: PartsName) -
     """Delete measured parts."""
     await operations.delete_parts(service, who, measured)
     return RedirectResponse("/measured", 303)
+
+
+@router.get("/campaigns/{campaign}/monitor")
+async def monitor_page(request: Request, service: TheService, campaign: TheCampaign, who: Viewer) -> Response:
+    """Show what the last measured lots say of a campaign."""
+    return await _monitored(request, service, campaign, who)
+
+
+@router.post("/campaigns/{campaign}/monitor")
+async def monitor_form(
+    request: Request,
+    service: TheService,
+    campaign: OwnCampaign,
+    who: Engineer,
+    file: UploadFile,
+    limits: UploadFile | None = None,
+    rerun: Annotated[bool, Form()] = False,
+) -> Response:
+    """Judge a campaign by measured lots, and show what they say."""
+    given = limits if limits is not None and limits.filename else None  # a browser sends an empty field too
+    try:
+        await operations.monitor(service, campaign, who, file, given, rerun)
+    except (CampaignError, Refusal) as error:
+        refusal = refusal_of(error)
+        assert refusal is not None
+        return await _monitored(request, service, campaign, who, refusal)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/monitor", 303)
+
+
+async def _monitored(
+    request: Request, service: Service, campaign: str, who: Viewer, refusal: Refusal | None = None
+) -> Response:
+    """Return the page of measured lots of a campaign, with the refusal of what was sent."""
+    found = await run_in_threadpool(read_monitored, service.store, campaign)
+    values: dict[str, Any] = {"found": found, "at": None, "falls": [], "what_if": ""}
+    if found is not None:
+        values["at"] = datetime.fromtimestamp(found.at, UTC)
+        values["falls"] = [(each, datetime.fromtimestamp(each.at, UTC)) for each in reversed(found.falls)]
+        if len(found.settings) <= MOST_SETTINGS:
+            values["what_if"] = urlencode({"set": found.settings}, doseq=True)
+    values |= await frame(request, service, campaign, who)
+    return page(request, "monitor", refusal=refusal, address=service.settings.address, **values)

@@ -337,6 +337,7 @@ HOW = {
     "POST /campaigns/{campaign}/delete": lambda w: deleted(w, form=True),
     "POST /campaigns/{campaign}/samples/{sample}/replay": lambda w: Call({"campaign": w.real, "sample": 0}),
     "POST /campaigns/{campaign}/compare": lambda w: of_finished(w, data={"with": w.other}),
+    "POST /campaigns/{campaign}/monitor": lambda w: of_finished(w, files=w.measured_inputs()),
     "POST /campaigns/{campaign}/pool": lambda w: pooled(w, data={"others": w.seeds[1:]}),
     "POST /campaigns/{campaign}/share": lambda w: of_new("queued", w, data={"days": "7"}),
     "POST /campaigns/{campaign}/share/{share}/revoke": lambda w: Call(w.shared()),

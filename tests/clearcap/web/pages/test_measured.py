@@ -10,13 +10,14 @@ from starlette.concurrency import run_in_threadpool
 
 from campaign.store import measured_library
 from campaign.store.labels import LabelChange, change_labels
-from campaign.store.monitored_library import Monitored, add_monitored
+from campaign.store.monitored_library import Monitored, add_monitored, read_monitored
 from clearcap.questions import measurement_table
 from clearcap.questions.measured import capability_report
 from clearcap.web.http.authentication import CSRF_FIELD, CSRF_HEADER
 from clearcap.web.index import entry_of
 from clearcap.web.operations import measured as operations
 from clearcap.web.webhooks import campaign_events
+from tests.clearcap.web.pages.forms import Page
 from tests.each import each
 
 CALL = "/api/v1/measured"
@@ -207,6 +208,44 @@ def test_measured_lots_are_posted_against_a_campaign(reported, client, as_user, 
     wrong = client.post(where, files={"file": ("night.csv", b"x\n1\n")}, headers=as_user("engineer"))
     assert wrong.status_code == 422
     assert "no column has the name of a variable" in wrong.json()["detail"]
+
+
+def test_page_of_measured_lots(reported, client, browse, service):
+    """The owner sends lots by a form, with or without limits; all users read what they say of the campaign."""
+    change_labels(service.store, reported, LabelChange(owner="engineer"), by="test")
+    home = f"/campaigns/{reported}/monitor"
+    browse("viewer")
+    shown = client.get(home)
+    assert Page(shown.text).faults == []
+    assert ("No measured lots" in shown.text, 'type="file"' in shown.text) == (True, False)
+    for role, status in (("viewer", 403), ("approver", 403), ("engineer", 303)):
+        rows = "\n".join(["J1,wrong", *(f"{0.07 + 0.0002 * (7 * row % 61 - 30):.4f},1" for row in range(61))])
+        files = {"file": ("<night>.csv", rows.encode()), "limits": ("", b"")}  # as a browser sends an empty field
+        answer = client.post(home, files=files, data={"rerun": "false"}, headers=browse(role))
+        assert answer.status_code == status, answer.text
+    assert answer.headers["location"] == home
+    shown = client.get(home)
+    assert Page(shown.text).faults == []
+    assert 'type="file" name="limits"' in shown.text
+    assert "&lt;night&gt;.csv" not in shown.text  # what a name may not have was replaced
+    assert "Lots number 1, _night_.csv, sent by engineer" in shown.text
+    for words in ('<th scope="row">J1</th><td class="number">61</td>', '<th scope="row">FC-1</th>', "whatif?set=J1."):
+        assert words in shown.text
+    wrong = client.post(home, files={"file": ("night.csv", b"x\n1\n")}, headers=browse("engineer"))
+    assert (wrong.status_code, "no column has the name of a variable" in wrong.text) == (422, True)
+    assert "Lots number 1," in wrong.text
+    with_limits = {"file": ("night.csv", rows.replace("J1", "bore").encode())}
+    with_limits["limits"] = ("l.toml", b'[characteristics.J1]\ncolumn = "bore"\n')
+    assert client.post(home, files=with_limits, headers=browse("engineer")).status_code == 303
+    low = {"response": "FC-2", "by": "cpk", "index": 1.1, "interval": (1.0, 1.2), "requirement": 1.33, "below": True}
+    silent = {"response": "FC-1", "requirement": 1.33, "refusal": "too <far>"}
+    last = read_monitored(service.store, reported)
+    new = Monitored(number=1, at=1.7e9, settings=[], variables=[], responses=[low, silent])
+    add_monitored(service.store, reported, new, last)
+    text = client.get(home).text
+    assert "below the requirement" in text.partition("FC-2")[2]
+    assert "too &lt;far&gt;" in text
+    assert "lots number 3: <strong>FC-2</strong> 1.100, required 1.33" in text
 
 
 def test_a_fall_is_an_event(service, reported):

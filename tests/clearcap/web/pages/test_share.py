@@ -103,4 +103,4 @@ def test_others_are_refused_in_words(guest, explored):
 def test_users_have_the_tab(computing, explored):
     client, headers = computing
     shown = client.get(f"/campaigns/{explored[2]}", headers=headers("viewer")).text
-    assert Offered(shown).tabs == TABS | {"Compare", "Pool"}
+    assert Offered(shown).tabs == TABS | {"Compare", "Pool", "Measured lots"}
