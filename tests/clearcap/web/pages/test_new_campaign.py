@@ -197,6 +197,27 @@ def test_begun_with_a_shipped_campaign(begun):
     assert "ifference" not in forged.text
 
 
+def rows_of(answer):
+    """Return for each row of variables and responses whether it is unfolded, by its text."""
+    found = re.findall(r'<details class="row"[^>]*?( open)?><summary>(.*?)</summary>', answer.text)
+    return {re.sub("<.*?>", "", text).strip(): bool(is_open) for is_open, text in found}
+
+
+@pytest.mark.processes
+def test_many_rows_are_folded(begun):
+    """Each says what it is in a line; what lacks something or has a fault is unfolded, and so are few."""
+    client, fields, _ = begun
+    assert set(rows_of(send(client, fields, "check")).values()) >= {True}
+    start = client.get(f"{NEW}?shipped=c60")
+    rows = rows_of(start)
+    assert not any(rows.values())
+    assert [text for text in rows if text.startswith("J1 truncated normal, mean 0.07")]
+    assert [text for text in rows if text.startswith("FC-1 [N]") and "LSL 9" in text and "USL 16" in text]
+    wrong = {**fields_of(start), "v2.mean": "x", "r0.usl": "1"}
+    rows = rows_of(send(client, wrong, "check"))
+    assert sorted(text.split()[0] for text, is_open in rows.items() if is_open) == ["FC-1", "J3"]
+
+
 @pytest.mark.processes
 def test_change_of_one_side_reaches_the_other(begun):
     """Check and submit take the side that changed; where both did, nobody's work is lost."""
