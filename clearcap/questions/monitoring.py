@@ -29,8 +29,8 @@ from campaign.store.monitored_library import (
     add_monitored,
     read_monitored,
 )
-from clearcap.questions.measured import asked_of_parts
-from clearcap.questions.measurement_table import LARGEST_TABLE, read_parts
+from clearcap.questions.measured import asked_of_parts, limits_of_columns
+from clearcap.questions.measurement_table import LARGEST_TABLE
 from clearcap.questions.report_source import sha256
 from clearcap.questions.submissions import submit_changed
 from clearcap.questions.uploaded_parts import own_folder
@@ -187,24 +187,16 @@ def _measured_variables(
     plan: Plan, parts: "str | Path | pd.DataFrame", limits: Any
 ) -> list[tuple[MonitoredVariable, list[str], _Values]]:
     """Return what the parts say of each variable, the settings that make it the campaign's, and their values."""
-    variables = plan.spec.variables
-    if limits is None:
-        frame = read_parts(parts) if isinstance(parts, str | Path) else parts
-        there = {str(column) for column in frame.columns}
-        if not there & variables.keys():
-            known = ", ".join(variables)
-            raise SpecError(f"parts: no column has the name of a variable; rename them, or give --limits: {known}")
-        limits = {"characteristics": {name: {} for name in variables if name in there}}
-    table, spec = asked_of_parts(parts, limits)
+    variables, targets = plan.spec.variables, plan.spec.targets()
+    units = {name: unit_of(plan.mechanism, targets[name]) for name in variables}
+    table, spec = asked_of_parts(parts, limits_of_columns(parts, units, "variable") if limits is None else limits)
     if foreign := [each.name for each in spec.responses if each.name not in variables]:
         words = f"the campaign has no such variable; allowed: {', '.join(variables)}"
         raise SpecError(f"characteristics.{foreign[0]}: {words}")
-    targets = plan.spec.targets()
     for each in spec.responses:
-        unit = unit_of(plan.mechanism, targets[each.name])
-        if each.unit not in ("1", unit):
+        if each.unit not in ("1", units[each.name]):
             where = f'characteristics.{each.name}.unit = "{each.unit}"'
-            raise SpecError(f"{where}: the variable is in {unit}; convert the values")
+            raise SpecError(f"{where}: the variable is in {units[each.name]}; convert the values")
     try:
         samples = read_samples(table, spec)
     except ReportError as error:
