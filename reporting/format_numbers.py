@@ -50,6 +50,13 @@ def index(value: float | None, most: float = math.inf) -> str:
     return fixed(value, 3, (1.0, 1.33))
 
 
+def deciding_index(value: float | None, low: float | None) -> str:
+    """Return the index that decides a verdict; where no reject gives it a value, that it exceeds its lower end."""
+    if value is None:
+        return "-" if low is None else f"> {index(low)}"
+    return index(value)
+
+
 def index_interval(ends: tuple[float | None, float | None], most: float = math.inf) -> str:
     """Return the interval of a capability index; an end of None is unbounded, one above `most` is only "larger"."""
     low, high = ends

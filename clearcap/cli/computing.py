@@ -311,13 +311,13 @@ def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
     """Return the verdicts of the report just written."""
     from campaign.store.files.files import LARGEST
     from campaign.store.layout import REPORT
-    from reporting.format_numbers import index
+    from reporting.format_numbers import deciding_index
     from reporting.write import NAMES
 
     content = store.read_json(plan.campaign_id, f"{REPORT}/{NAMES['json']}", LARGEST) or {}
     responses = {response["spec"]["name"]: response for response in content["responses"]}
     words = {name: r["verdict"] + (", not certain" if r["certain"] is False else "") for name, r in responses.items()}
-    indices = {name: index(r["index"]) for name, r in responses.items() if r["index"] is not None}
+    indices = {name: deciding_index(r["index"], r["index_low"]) for name, r in responses.items()}
     return Verdicts(content["headline"], words, indices)
 
 

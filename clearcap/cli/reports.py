@@ -310,11 +310,11 @@ def _kinds(*, pdf: bool, excel: bool, summary: bool) -> list[str]:
 
 
 def _cells(response: dict[str, Any]) -> tuple[str, ...]:
-    from reporting.format_numbers import index
+    from reporting.format_numbers import deciding_index, index
 
     spec, found = response["spec"], response["capability"]
     verdict = response["verdict"] + (", not certain" if response["certain"] is False else "")
-    decides = "-" if response["index"] is None else index(response["index"])
+    decides = deciding_index(response["index"], response["index_low"])
     ppm = "-" if found["ppm_observed"] is None else f"{found['ppm_observed']:.0f}"
     mean = mean_number(found["mean"], found["std"])
     numbers = mean, number(found["std"], 3), number(spec["lsl"]), number(spec["usl"])

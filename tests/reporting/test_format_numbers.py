@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reporting.format_numbers import (
+    deciding_index,
     decimals_for,
     fixed,
     grouped,
@@ -117,3 +118,9 @@ def test_what_is_beyond_the_runs_is_only_bounded() -> None:
     assert [ppm(1.0, least) for least in (250.0, 16_667.0)] == ["< 250", "< 17\u202f000"]  # 4 values, and less than one
     assert [z_score(value, 4.61) for value in (22.6, 4.0, None)] == ["> 4.61", "4.000", "–"]
     assert [index(value, 1.54) for value in (7.0, 1.4, None)] == ["> 1.54", "1.400", "–"]
+
+
+def test_an_index_without_a_reject_is_more_than_its_lower_end() -> None:
+    assert deciding_index(None, 1.6212) == "> 1.621"
+    assert deciding_index(1.4590, 1.427) == index(1.4590)
+    assert deciding_index(None, None) == "-"
