@@ -99,7 +99,7 @@ def compile_first(workers: Workers) -> None:
         except WorkerDied as error:
             if attempt == ATTEMPTS:
                 raise UnreachableError(
-                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; find"
+                    f"the engine could not be loaded or compiled, {attempt} times in a row, last by {error}; find"
                     " out what ends the workers (memory?), and try fewer: --workers N"
                 ) from error
             logger.warning("loading the engine was given to %s; trying again", error)

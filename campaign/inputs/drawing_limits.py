@@ -147,7 +147,7 @@ def dimension_limits(text: str) -> Limits:
     if found := _CLASSED.fullmatch(rest):
         return _limits(size, *_deviations(size, found["letter"], int(found["letter_grade"])), text)
     raise ValueError(
-        f"{text!r}: no dimension with its limits; write such as '20 ±0.1', '20 +0.05/-0.01', '12 H7' or '30 ISO 2768-m'"
+        f"{text!r}: not a dimension with limits; write such as '20 ±0.1', '20 +0.05/-0.01', '12 H7' or '30 ISO 2768-m'"
     )
 
 
@@ -157,7 +157,7 @@ def fit_limits(text: str) -> tuple[Limits, Limits]:
     found = _PAIRED.fullmatch(rest)
     if found is None or not found["hole"].isupper() or not found["shaft"].islower():
         raise ValueError(
-            f"{text!r}: no fit; write size, class of the hole in capitals and class of the shaft, such as '12 H7/g6'"
+            f"{text!r}: not a fit; write size, class of the hole in capitals and class of the shaft, such as '12 H7/g6'"
         )
     hole = _limits(size, *_deviations(size, found["hole"], int(found["hole_grade"])), text)
     return hole, _limits(size, *_deviations(size, found["shaft"], int(found["shaft_grade"])), text)

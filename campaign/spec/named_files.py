@@ -107,7 +107,7 @@ class GivenFiles:
         for name in contents:
             if len(name) > LONGEST_NAME or not name.isprintable() or not re.fullmatch(_RELATIVE, name):
                 raise SpecError(
-                    f"{name!a:.120}: no name of a file that is given with a campaign; allowed: relative names such as"
+                    f"{name!a:.120}: not a usable name of a file given with a campaign; allowed: relative names such as"
                     f" latch.toml or data/gaps.csv, up to {LONGEST_NAME} characters, without .. and \\; rename it"
                 )
         self._contents = dict(contents)
@@ -224,7 +224,7 @@ def _finite(values: Array, name: str) -> list[float]:
         raise SpecError(f"column {name} is empty; it must hold at least one number")
     if wrong.size:
         raise SpecError(
-            f"column {name}, row {wrong[0] + 1} of {values.size}: no finite number, as in {wrong.size - 1} other rows;"
+            f"column {name}, row {wrong[0] + 1} of {values.size}: not finite, nor in {wrong.size - 1} other rows;"
             " complete or remove these rows"
         )
     numbers: list[float] = values.tolist()

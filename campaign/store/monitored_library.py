@@ -94,5 +94,5 @@ def add_monitored(store: Store, campaign_id: str, new: Monitored, before: Monito
     kept = {"number": number, "falls": [*earlier, *falls][-KEPT_FALLS:], "still_low": silent}
     added = new.model_copy(update=kept)
     if not store.create_json(f"{campaign_id}/{FOLDER}", f"{number:06d}.json", added.model_dump()):
-        raise CampaignError(f"{campaign_id}: other parts were looked at at the same time; send these again")
+        raise CampaignError(f"{campaign_id}: another table of parts was judged at the same time; send this one again")
     return added

@@ -229,9 +229,9 @@ def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
 
 def _deed(ending: _Ending) -> str:
     if ending.exit_status == -signal.SIGALRM:
-        return "took no notice of its time limit and was ended"
+        return "ignored its time limit and was ended"
     if ending.was_silent:
-        return f"took no notice of its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
+        return f"ignored its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
     if -ending.exit_status in AMBIGUOUS:
         return (
             f"ended with its process, killed by {ending.error} {TRIES} times in a row; perhaps it needs more memory"

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from campaign.cluster.workers import PrestartedWorkers
     from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
+    from campaign.spec.load import Campaign as Loaded
     from campaign.store import Store
 
 
@@ -58,37 +59,43 @@ def run(
     decide: Decide = None,
     no_report: NoReport = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the campaign and print what would be submitted with --cluster.")
+        bool, typer.Option("--dry-run", help="Check the campaign and print its variables, and with --cluster its jobs.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Simulate a campaign to its end, decide what it leaves open, and write its capability report.
+    """Compute a campaign, with further runs for verdicts that are not certain, and write its capability report.
 
-    If plain samples leave a verdict not certain, up to 4,000 further runs are drawn where rejects are expected, as
-    campaigns of their own; the table decide of the campaign file sets another number. The same command, given again,
-    continues where the earlier one stopped, and computes nothing if the campaign is complete.
+    If the samples leave a verdict uncertain, up to 4,000 further runs are drawn where rejects are likely, as campaigns
+    of their own; the table decide of the campaign file sets another number. The same command, given again, continues
+    where the earlier one stopped, and computes nothing if the campaign is complete.
     """
     from campaign.cluster.workers import PrestartedWorkers
     from campaign.coordinator.submit import plan_campaign
+    from campaign.spec.load import load_campaign
     from campaign.store.layout import CANCEL
 
     if dry_run:
-        from campaign.cluster.batch_systems import submission
-        from campaign.spec.load import load_campaign
-
-        if where.starts_here or where.scheduler:
-            raise SpecError(
-                "--dry-run: submits nothing in any case without --cluster slurm, oar, pbs or kubernetes; add it"
-            )
-        loaded = load_campaign(campaign, samples=samples, seed=seed)
-        say(f"{counted(loaded.spec.samples, 'sample')}; nothing is submitted")
-        print_text(submission(where), lines=True)
+        _print_plan(load_campaign(campaign, samples=samples, seed=seed), where)
         return
     with PrestartedWorkers(where) as early:
         opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
         opened.remove(plan.campaign_id, CANCEL)
         say(f"campaign {plan.campaign_id}: {counted(plan.spec.samples, 'sample')}, store {opened.url}")
         drive(opened, plan, where, with_report=not no_report, as_json=json, early=early, decide=decide)
+
+
+def _print_plan(loaded: "Loaded", where: "Cluster") -> None:
+    """Print what a campaign varies, and the jobs that a batch system would get; nothing is computed or submitted."""
+    from engine.mechanism import full_key
+
+    say(f"{counted(loaded.spec.samples, 'sample')}; nothing is computed")
+    targets, variables = loaded.spec.targets(), loaded.spec.variables
+    rows = [[name, full_key(loaded.mechanism, targets[name]), each.text()] for name, each in variables.items()]
+    print_table("What varies", ["variable", "key", "distribution"], rows)
+    if not where.starts_here and not where.scheduler:
+        from campaign.cluster.batch_systems import submission
+
+        print_text(submission(where), lines=True)
 
 
 @on_cluster
@@ -191,7 +198,7 @@ def repeat(
     no_report: NoReport = False,
     json: Json = False,
 ) -> None:
-    """Repeat samples with half the step, so that the report tells how far results depend on it."""
+    """Simulate samples again with half the step, so that the report shows how much results depend on it."""
     from campaign.coordinator.lease import hold_lease
     from campaign.coordinator.requests import refuse_signed
     from campaign.store.layout import CANCEL
@@ -238,7 +245,9 @@ def submit(
     """
     if remote := asked_server(context, server):
         if batch_size is not None or where.options():
-            raise SpecError("--server: decides where and in which batches it computes; leave those options out")
+            raise SpecError(
+                "--server: the server decides where and in which batches to compute; leave those options out"
+            )
         from campaign.spec.campaign_cautions import campaign_questions
 
         for question in campaign_questions(campaign):
@@ -272,7 +281,7 @@ def submit(
 def cancel(
     context: typer.Context, campaign: Id = None, store: StoreUrl = "runs", server: ServerUrl = None, json: Json = False
 ) -> None:
-    """Stop a campaign; unfinished runs are given up, finished rows stay, and "clearcap resume" continues it."""
+    """Stop a campaign; finished rows stay, unfinished runs are given up, and "clearcap resume" continues it."""
     if remote := asked_server(context, server):
         with remote:
             campaign_id = remote.find(campaign)

@@ -47,7 +47,7 @@ def import_step(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Propose a mechanism file from a STEP file: parts, joints, play, and marked questions about what only you know."""
+    """Propose a mechanism file from a STEP file: parts, joints, play, and questions about what it does not say."""
     from clearcap.questions.step_import import campaign_file, picture_files, propose
 
     if (output is None) == (update is None):

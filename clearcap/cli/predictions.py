@@ -42,7 +42,7 @@ def whatif(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Estimate the capability under other distributions by weighting the computed samples, without new runs.
+    """Estimate the capability under other distributions from the computed samples, without new runs.
 
     Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
     answers of the other responses are printed all the same.
@@ -73,7 +73,7 @@ def whatif(
     for reason in dict.fromkeys(answer.emulated for answer in answers.values() if answer.emulated):
         names = [name for name, answer in answers.items() if answer.emulated == reason]
         runs = max(answers[name].runs for name in names)
-        say(f"{', '.join(names)}: emulated, as {reason}; {runs} new runs with these distributions would make it sure")
+        say(f"{', '.join(names)}: emulated, as {reason}; {runs} new runs with these distributions would confirm it")
     refused = refusals(answers)
     for each in refused:
         of = "any response" if len(each.responses) == len(answers) > 1 else ", ".join(each.responses)
@@ -238,7 +238,7 @@ def design(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Write a campaign file with importance sampling, aimed where the rows of a campaign come near their limits."""
+    """Write a campaign file with importance sampling, which draws samples where rejects of a campaign are likely."""
     import tomli_w
 
     from clearcap.questions.decision import aimed_campaign
@@ -286,9 +286,10 @@ def calibrate(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Estimate unknown constants, such as a friction or a preload, from bench measurements: first what they can tell.
+    """Estimate unknown constants, such as friction or preload, from bench measurements, if these determine them.
 
-    The campaign varies the constants; its rows are emulated, and its distributions are what is assumed of them before.
+    The campaign varies the constants. Its distributions are their priors, and an emulator of its rows stands in for
+    further runs.
     """
     from clearcap.questions.calibration import calibrated, load_measurements, write_draws
 

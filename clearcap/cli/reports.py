@@ -60,7 +60,7 @@ def report(
     if remote := asked_server(context, server):
         if against is not None or pool or pdf or summary:
             raise SpecError(
-                "--server: fetches the report that there is; leave out --against, --pool, --pdf and --summary"
+                "--server: downloads the report that the server has; leave out --against, --pool, --pdf and --summary"
             )
         with remote:
             campaign_id = remote.find(campaign)
@@ -197,7 +197,7 @@ def monitor(
 ) -> None:
     """Give a campaign's variables the distributions of measured parts, and say which index is then too small.
 
-    Exit status 1 if one is below for certain, or if a response has no answer.
+    Exit status 1 if an index is certainly below its requirement, or if a response has no answer.
     """
     if remote := asked_server(context, server):
         from campaign.store.monitored_library import Monitored
@@ -253,7 +253,7 @@ def gauge(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say how well a gauge measures: repeatability and reproducibility, and bias where reference values are known."""
+    """Judge a gauge: repeatability and reproducibility, and bias where reference values are known."""
     from clearcap.questions.measured import gauge_study
 
     found = gauge_study(table, value, part, operator, reference, nested=nested, tolerance=tolerance)

@@ -244,7 +244,7 @@ def restore(
     encrypted: Encrypted = False,
     json: Json = False,
 ) -> None:
-    """Make the folder of a server from a backup, and compare its sign-offs with the store.
+    """Restore the folder of a server from a backup, and compare its sign-offs with the store.
 
     Restore the store first. A folder that is not empty is refused: move it away.
     """
@@ -286,7 +286,7 @@ def _differing(store: str, folder: Path) -> list[str]:
 
 
 def doctor(store: StoreUrl = "runs", data: Data = None, json: Json = False) -> None:
-    """Look at a store and at the folder of its server: versions, access, room, clocks, queue, database.
+    """Check a store and the folder of its server: versions, access, room, clocks, queue, database.
 
     Exit status 1 if anything is at fault; nothing is changed.
     """

@@ -173,7 +173,9 @@ def replay(
     trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw curves over time: .png, .svg or .pdf.")] = None,
     animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
-    halved: Annotated[bool, typer.Option("--repeat", help="The sample's repeat, with half the step.")] = False,
+    halved: Annotated[
+        bool, typer.Option("--repeat", help="Replay the sample's repeat, which has half the step.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Repeat one run of a campaign in this process, and compare it with its stored row, bit for bit."""

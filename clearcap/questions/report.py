@@ -145,7 +145,7 @@ def report_again(store: Store, plan: Plan) -> dict[str, bytes]:
     if NAMES["json"] not in names:
         raise CampaignError(f"{plan.campaign_id} has no report; write it first: an approver signs what it says")
     if unknown := [name for name in names if name not in kinds]:
-        raise CampaignError(f"{folder}/{unknown[0]:.100}: is no file of a report; remove it from the store")
+        raise CampaignError(f"{folder}/{unknown[0]:.100}: is not a file of a report; remove it from the store")
     date = stated_date(store.files.read(f"{folder}/{NAMES['json']}"))
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
         write_into(Path(temporary), store, plan, [kinds[name] for name in names], written=date)

@@ -236,8 +236,8 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
     for name in changed:
         if getattr(spec.variables[name], "joint", None) or getattr(new.variables[name], "joint", None):
             raise SpecError(
-                f"--set {name}: the variable takes its values from the rows of a table, together with others, and no"
-                " weights of the samples make it another; run a campaign with other values"
+                f"--set {name}: its values are taken from the rows of a table, together with those of others, which"
+                " weights of the samples cannot change; run a campaign with other values"
             )
     assumptions = []
     for name, distribution in changed.items():

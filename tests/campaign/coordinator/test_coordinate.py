@@ -132,7 +132,7 @@ def test_runs_that_end_their_process_are_rows(tmp_path, campaign_file, wrong_one
     found = {row["sample"]: row for row in rows(store, outcome).to_pylist()}
     expected = {
         "segfault": ("crashed", "SIGSEGV"),
-        "never ends": ("timeout", "took no notice of its time limit"),
+        "never ends": ("timeout", "ignored its time limit"),
         "eats memory": ("crashed", "out of memory: the process may use 1.5 GiB"),
         "exits": ("crashed", "exit status 7"),
         "not a number": ("invalid", "no finite value of FC-1"),

@@ -351,7 +351,7 @@ def test_measured_values_become_part_of_the_campaign(campaign_file, tmp_path, ki
     [
         ('"gap"', '"gop"', 'variables.J1.file = "gaps.csv": no column gop; columns: gap, name, holes; did you mean'),
         ('"gap"', '"name"', "column name holds string; it must hold numbers"),
-        ('"gap"', '"holes"', "column holes, row 2 of 3: no finite number"),
+        ('"gap"', '"holes"', "column holes, row 2 of 3: not finite"),
         ("gaps.csv", "no.csv", r'variables.J1.file = "no.csv": no such file'),
         ("gaps.csv", "gaps.xlsx", "its name ends neither in .csv nor in .parquet"),
         ("gaps.csv", "empty.csv", "not csv: Empty CSV file"),
@@ -388,7 +388,7 @@ def test_list_reads_a_column_for_each_variable(campaign_file, tmp_path):
     [
         ("preload\n0.91\n", 'table.file = "rows.csv": no column J1; columns: preload'),
         ("preload,J1\n0.91,0.2\n0.92,0.05\n", "table.columns.J1: value 0.2 .number 0. lies outside"),
-        ("preload,J1\n0.91,nan\n0.92,0.05\n", "column J1, row 1 of 2: no finite number"),
+        ("preload,J1\n0.91,nan\n0.92,0.05\n", "column J1, row 1 of 2: not finite"),
         ("preload,J1,J1\n0.91,0.1,0.1\n", "2 columns J1"),
     ],
 )

@@ -90,7 +90,7 @@ def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
     stopped = partial(fake_engine.stops_at_first, 2, str(tmp_path / "stops"))
     first, second = rows_in_subprocess(CampaignAddress.of(store, plan, stopped), range(2), 1)
     assert (first["status"], second["status"]) == ("crashed", "ok")
-    assert "took no notice of its time limit 2 times in a row; perhaps someone stopped" in first["message"]
+    assert "ignored its time limit 2 times in a row; perhaps someone stopped" in first["message"]
 
 
 @pytest.mark.processes

@@ -89,8 +89,8 @@ def test_measured_parts(ask, finished, live_server, tmp_path):
     [
         (("capability", __file__, "--limits", __file__, "--pdf"), "leave out --pdf"),
         (("status", "--store", "runs"), "--server, --store: both are given"),
-        (("submit", "c60", "--workers", "2"), "decides where and in which batches"),
-        (("submit", "c60", "--batch-size", "2"), "decides where and in which batches"),
+        (("submit", "c60", "--workers", "2"), "the server decides where and in which batches"),
+        (("submit", "c60", "--batch-size", "2"), "the server decides where and in which batches"),
         (("report", "--pdf"), "leave out --against"),
         (("report", "--pool", "c60"), "leave out --against"),
     ],

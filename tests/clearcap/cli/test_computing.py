@@ -12,6 +12,7 @@ from campaign.store import open_store
 from campaign.store.store import read_repeats
 from clearcap.cli import app
 from engine import simulate
+from engine.mechanism import full_key
 from tests.campaign.driving import computed
 
 BLOCKS = """\
@@ -95,3 +96,14 @@ def test_without_repeats(faked, campaign_file):
     assert "No sample was repeated with half the step" in text
     assert f"To repeat some: clearcap repeat {run['campaign']} --share 0.1" in text
     assert "repeats" not in faked.invoke(app, ["status"]).stdout
+
+
+def test_a_dry_run_shows_what_varies(faked, campaign_file, tmp_path):
+    """Each variable has the key that it sets and its distribution in words; nothing is planned or computed."""
+    found = faked.invoke(app, ["run", str(campaign_file), "--dry-run"])
+    assert found.exit_code == 0
+    campaign = load_campaign(str(campaign_file))
+    shown = " ".join(found.stdout.split())
+    for name, variable in campaign.spec.variables.items():
+        assert f"{name} {full_key(campaign.mechanism, variable.target or name)} {variable.text()}" in shown
+    assert not (tmp_path / "runs").exists()

@@ -61,7 +61,7 @@ def test_what_samples_do_not_carry_is_grey(user, finished):
     mean = user.browser.find_element("id", "v.J1.mean").get_attribute("value")
     user.until(lambda: user.browser.find_elements("css selector", ".card.refused"), "a refusal")
     assert "grayscale" in user.browser.execute_script(GREY)
-    assert "the samples do not carry this" in user.text
+    assert "the samples cannot answer this" in user.text
     user.look()
     user.go("Which tolerances may grow, which must shrink?", "button")
     assert "Spread may grow by" in user.text

@@ -70,7 +70,7 @@ def _submit(user, server):
     assert "The store holds no campaign yet" in user.text
     user.go("admin")
     user.look()
-    user.write("Name, to know it by", "journey")
+    user.write("Name of the token", "journey")
     user.go("Make a token")
     user.look(is_answer=True)
     secret = re.search(r"clearcap_token_[\w-]+\S+", user.text)[0]

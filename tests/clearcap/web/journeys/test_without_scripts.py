@@ -128,7 +128,7 @@ def test_a_campaign_is_made_and_ended(unscripted):
     user.open(home)
     user.press("Delete", "summary")
     own_id = home.removeprefix("/campaigns/")
-    user.write(f"All rows are lost for ever. Type the id {own_id} to delete it", own_id)
+    user.write(f"All rows will be lost. Type the id {own_id} to delete it", own_id)
     user.go("Delete", "button")
     assert user.path == "/campaigns"
     user.open(home)

@@ -134,7 +134,7 @@ def test_long_trail_is_checked_when_asked(service, visit, monkeypatch):
     for _ in range(2):
         service.audit.add("eva", "session", "127.0.0.1", "POST /x", "", 201)
     assert "Check whether" in visit("/admin/audit", "admin")[0]
-    assert "The trail is whole" in visit("/admin/audit?check=true")[0]
+    assert "The trail is intact" in visit("/admin/audit?check=true")[0]
 
 
 def test_system(visit, service):

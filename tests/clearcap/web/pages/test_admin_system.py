@@ -34,7 +34,7 @@ def test_nothing_at_work(show):
     assert "None runs." in text
     assert "None waits." in text
     assert "0 at work, 0 waiting" in text
-    assert '<dt>It can be read</dt><dd><span class="good">yes</span>' in text
+    assert '<dt>Readable</dt><dd><span class="good">yes</span>' in text
 
 
 def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
@@ -46,7 +46,7 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
         store.write_json(reported, HEARTBEAT, beat.to_json())
         service.watcher.hurry()
         text = show()
-        running = text.partition("Campaigns that run")[2].partition("Campaigns that wait")[0]
+        running = text.partition("Running campaigns")[2].partition("Waiting campaigns")[0]
         assert f'href="/campaigns/{reported}"' in running
         for cell in (">4<", ">15<", ">5.00<", ">3 s<"):
             assert cell in running
@@ -54,7 +54,7 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
         assert "<dt>Workers that compute</dt><dd>4</dd>" in text
     service.watcher.hurry()
     text = show()
-    waiting = text.partition("Campaigns that wait")[2]
+    waiting = text.partition("Waiting campaigns")[2]
     assert f'href="/campaigns/{reported}"' in waiting
     assert "interrupted" in waiting
     assert "<dt>Workers that compute</dt><dd>0</dd>" in text
@@ -72,7 +72,7 @@ def test_every_user_sees_queue_and_workers(client, browse, service, reported, se
         answer = client.get("/work", headers={**browse("viewer"), "Accept": "text/html"})
     assert answer.status_code == 200
     assert Page(answer.text).faults == []
-    running = answer.text.partition("Campaigns that run")[2].partition("Campaigns that wait")[0]
+    running = answer.text.partition("Running campaigns")[2].partition("Waiting campaigns")[0]
     assert f'href="/campaigns/{reported}"' in running
     for cell in (">4<", ">15<", ">6.00<", ">1.50<", ">3 s<"):
         assert cell in running
@@ -98,7 +98,7 @@ def test_a_store_that_is_away(show, settings, service):
     service.watcher.hurry()
     text = show()
     assert "The store cannot be read" in text
-    assert '<dt>It can be read</dt><dd><span class="fault">no: ' in text
+    assert '<dt>Readable</dt><dd><span class="fault">no: ' in text
 
 
 def test_campaigns_that_cannot_be_read_are_named(show, settings, service):

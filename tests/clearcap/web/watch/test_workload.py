@@ -123,8 +123,8 @@ def test_page_of_a_server_at_work(tmp_path):
         pid = int(re.search(r"process (\d+) on \S+,\s*<span class=\"good\">alive", text)[1])
         assert "coordinate" in psutil.Process(pid).cmdline()
         assert psutil.Process(pid).ppid() == server.process.pid
-        running, _, waiting = text.partition("Campaigns that wait")
-        assert f"process {pid} on" in running.partition("Campaigns that run")[2]
+        running, _, waiting = text.partition("Waiting campaigns")
+        assert f"process {pid} on" in running.partition("Running campaigns")[2]
         assert re.search(r"<th scope=\"row\"><a href=\"/campaigns/b-\w+\">", waiting)
 
 
