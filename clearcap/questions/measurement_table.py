@@ -361,7 +361,7 @@ def ranks_of(table: "pd.DataFrame", name: str, key: str) -> "np.ndarray[Any, np.
         return np.argsort(times.to_numpy(), kind="stable")
     if is_time.any():
         at = int(np.argmin(is_time))
-        raise SpecError(f"{key}: column {name}, row {rows[at]}: {texts[at]:.40} is not a time, as in other rows; correct it")
+        raise SpecError(f"{key}: column {name}, row {rows[at]}: {texts[at]:.40} is no time, as others are; correct it")
     # numbers within texts count as numbers: part 9 was made before part 10
     words = []
     for text in texts:
