@@ -80,7 +80,8 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, point, direction, problem.bilateral.J)
     J = _bilateral_rows(assembly)
     worst = float(max(-state.gap.min(initial=0.0), np.abs(off).max(initial=0.0)))
-    chosen = np.flatnonzero((state.gap <= REACH * worst) & (contacts.kind < JOINT_FRICTION))
+    rigid = (contacts.kind < JOINT_FRICTION) & (contacts.stiffness == 0.0)  # a contact with a stiffness gives way
+    chosen = np.flatnonzero(rigid & (state.gap <= REACH * worst))
     for j, i in enumerate(chosen):
         whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, j)
     N = _contact_rows(assembly, chosen.size)[:, 0]
@@ -206,7 +207,7 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
     if code == time_loop.PENETRATION:
         return "not_converged", (
             f"{where}: penetration {now[time_loop.MAX_PENETRATION]:.3g} {length} {at}; "
-            f"allowed: simulation.penetration = {sim.penetration:g}"
+            f"allowed: simulation.penetration = {sim.penetration:g}; a smaller simulation.step may help"
         )
     if code == time_loop.VIOLATION:
         row = int(np.where(_within_slack(assembly), 0.0, abs(assembly.work.bilateral.violation)).argmax())
@@ -216,7 +217,9 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
         )
     if n[time_loop.STOPPED_BY] == CANCELLED:
         return "cancelled", f"cancelled {at}"
-    return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"
+    pace = f"its last step was {now[time_loop.STEP]:.3g} {mechanism.unit('time')} long"
+    remedy = "raise the limit, or look for what makes the steps short: clearcap mechanism check warns of known causes"
+    return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}; {pace}; {remedy}"
 
 
 def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:

@@ -299,7 +299,7 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
                 f"{PREFIX}{first}; keep one of them, or add a parameter of its own to the expression",
             )
         else:
-            ends = {*variable.ends(), *_extremes(raw, name)}
+            ends = {*variable.tried(), *_extremes(raw, name)}
             found = list(_faults_of(name, target, ends, mechanism, counted))
             yield from found or _drawing_faults(name, target, variable, mechanism)
 

@@ -298,8 +298,10 @@ class Contact(PairLaw):
         check_spring(self)
         check_one_at_rest(self)
         if self.kind not in (*PAIRS, *SEVERAL):
-            what, allowed = f"{self.a.kind} against {self.b.kind} has no gap function", ", ".join((*PAIRS, *SEVERAL))
-            raise refuse(f"{what}; allowed pairs: {allowed}; {_remedy({self.a.kind, self.b.kind})}")
+            kinds = list(dict.fromkeys((self.a.kind, self.b.kind)))
+            allowed = "; ".join(f"{kind} against {', '.join(_partners(kind))}" for kind in kinds)
+            text = f"{self.a.kind} against {self.b.kind} has no gap function; allowed: {allowed}; "
+            raise refuse(text + _remedy(set(kinds)))
         first, second = self.sides
         key = f"{'a' if first is self.a else 'b'}.{first.kind}"
         one, other = first.primitive, second.primitive
@@ -327,8 +329,17 @@ class Contact(PairLaw):
         return self
 
 
+def _partners(kind: str) -> list[str]:
+    """Return what a primitive can touch."""
+    pairs = [pair.split("-") for pair in (*PAIRS, *SEVERAL)]
+    met = {other for pair in pairs for one, other in (pair, pair[::-1]) if one == kind}
+    return [each for each in PRIMITIVES if each in met]
+
+
 def _remedy(kinds: set[str]) -> str:
     """Return what to write instead of a pair that is not supported."""
+    if "extruded" in kinds and kinds & {"cylinder", "capsule", "box"}:
+        return "for a pin or a block write its section as an extruded profile, or for a pin a sphere in its middle"
     if kinds <= set(FLATS):
         return "for a face on a face write three points of one, or its edges as arcs, against the other"
     if kinds <= {"cylinder", "bore"}:

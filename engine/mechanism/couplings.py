@@ -30,7 +30,8 @@ class Term(TableModel):
     of: Literal["angle", "travel"] | None = optional(
         "which coordinate of a cylindrical joint; the others have only one"
     )
-    factor: Annotated[Number, Quantity("number")] = Field(
+    # no quantity: a number of teeth has no unit, a radius that of a length, and either may be a parameter
+    factor: Number = Field(
         description="what it is multiplied with, not 0: a number of teeth, a radius, a lead over 2 pi"
     )
 

@@ -12,6 +12,7 @@ from engine.errors import EngineError, some
 from engine.mechanism import Mechanism, set_values
 from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.geometry.drawn_features import length
+from engine.preflight.drawn_cautions import hollow_corners, pressed_starts, time_cautions
 from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
 from engine.simulate import simulate
 
@@ -120,7 +121,7 @@ LONGEST_TRIAL = 10.0  # s
 def cautions(mechanism: Mechanism) -> list[Caution]:
     """Return the cautions about a mechanism that `engine.check` accepts: numbers, then motions, in the file's order."""
     drawn = [
-        *(*_moved_start(mechanism), *start_gap_cautions(mechanism)),
+        *(*time_cautions(mechanism), *_as_assembled(mechanism), *start_gap_cautions(mechanism)),
         *(*duplicates(mechanism), *fast_spins(mechanism), *_closed_loops(mechanism)),
     ]
     numbers = [*implausible_numbers(mechanism), *stiff_springs(mechanism)]
@@ -141,11 +142,14 @@ def cautions(mechanism: Mechanism) -> list[Caution]:
     ]
 
 
-def _moved_start(mechanism: Mechanism) -> Iterator[Caution]:
-    """Yield a caution if the assembly step moves bodies from where they are drawn."""
+def _as_assembled(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield cautions about the start pose, one if the assembly step moves bodies from where they are drawn."""
     from engine.assembly import assemble
 
-    moved, unit = assemble(mechanism).travel, mechanism.unit("length")
+    assembly, unit = assemble(mechanism), mechanism.unit("length")
+    yield from pressed_starts(mechanism, assembly)
+    yield from hollow_corners(mechanism, assembly)
+    moved = assembly.travel
     if moved:
         text = "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
         text += f" so: it moves a body by {moved:.4g} {unit}"

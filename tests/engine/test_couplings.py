@@ -306,3 +306,23 @@ def test_couplings_that_make_no_sense_are_refused_with_what_is_allowed():
     named["couplings"]["first"] = named["couplings"].pop("mesh")
     del named["responses"]["forward"], named["responses"]["backward"]
     assert "joints.first has the same name" in fault(named)
+
+
+def test_one_parameter_is_radius_of_a_rack_and_place_of_its_pinion():
+    """Its factor is a length, as is the place; what varies is one number."""
+    terms = [{"joint": "slide", "factor": 1.0}, {"joint": "first", "factor": "-r"}]
+    mechanism = made(
+        small(
+            parameters={"r": 0.01},
+            bodies={
+                "ground": {"fixed": True},
+                "rack": {"mass": 1.0, "inertia": [1, 1, 1]},
+                "pinion": {"mass": 1.0, "inertia": [1, 1, 1], "origin": [0, "r", 0]},
+            },
+            joints={"slide": sliding("rack", [1, 0, 0]), "first": revolute("pinion", at=[0, "r", 0])},
+            couplings={"mesh": {"terms": terms}},
+            responses={"x": coordinates("rack")["x"]},
+        )
+    )
+    assert mechanism.parameter_units == {"r": "m"}
+    assert set_values(mechanism, {"parameters.r": 0.02}).couplings["mesh"].terms[1].factor == -0.02

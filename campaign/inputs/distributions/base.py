@@ -94,6 +94,10 @@ class Distribution(TableModel, strict=True):
         """Return ``count`` points (x, density) between the ends, for plotting; empty if there is no density."""
         return ()
 
+    def tried(self) -> tuple[float, float]:
+        """Return the two values at which the variable is tried on the mechanism: its ends."""
+        return self.ends()
+
     def ends(self) -> tuple[float, float]:
         """Return the support, with an infinite end replaced by the quantile that has probability 1e-6 beyond it."""
         low, high = self.support()

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_parameter_groups
+from campaign.inputs.distributions.base import TAIL, Continuous, StandardDeviation, check_parameter_groups
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
 from reporting.distributions.forms import ClosedForm
@@ -52,6 +52,12 @@ class Skewed(Continuous):
                 f"std = {self.std:g} is {self.variation:.3g} times the mean above the origin, {self.height:g}; allowed:"
                 f" {1.0 / WIDEST:g} to {WIDEST:g} times; change std, mean or origin"
             )
+
+    def tried(self) -> tuple[float, float]:
+        """Return the ends, with the quantile also in place of the origin, which is never drawn."""
+        low, high = self.ends()
+        cut = self.batch is not None or (self.lower is not None and self.lower > self.origin)
+        return (low if cut else float(self.ppf(np.array([TAIL]))[0])), high
 
     @property
     def height(self) -> float:

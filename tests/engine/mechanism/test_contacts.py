@@ -62,6 +62,9 @@ def row(mechanism: Mechanism, side: str = "b") -> np.ndarray:
     return rows[assembly.contact_names.index("stop")]
 
 
+SOLID = {"cylinder", "capsule", "box"}
+
+
 @each("first", PRIMITIVES)
 @each("second", PRIMITIVES)
 def test_every_pair_is_taken_in_both_orders_or_refused(first, second):
@@ -76,9 +79,12 @@ def test_every_pair_is_taken_in_both_orders_or_refused(first, second):
     else:
         (line,) = faults(data)
         assert line.startswith(
-            f"contacts.stop: {first} against {second} has no gap function; allowed pairs: point-plane"
+            f"contacts.stop: {first} against {second} has no gap function; allowed: {first} against "
         )
+        met = line.partition(f"allowed: {first} against ")[2].partition(";")[0].split(", ")
+        assert met == [kind for kind in PRIMITIVES if f"{first}-{kind}" in allowed or f"{kind}-{first}" in allowed]
         remedy = "three points" if {first, second} <= set(FLATS) else ""
+        remedy = "as an extruded profile" if "extruded" in (first, second) and {first, second} & SOLID else remedy
         remedy = "rings, circles" if {first, second} <= {"cylinder", "bore"} else remedy
         assert (remedy or "points, spheres or arcs") in line
 

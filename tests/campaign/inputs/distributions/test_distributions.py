@@ -325,6 +325,24 @@ def test_unbounded_ends_are_quantiles():
     assert make(C60).ends() == (0.01, 0.13)
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"distribution": "lognormal", "mean": 3.0, "std": 0.5, "origin": 2.0},
+        {"distribution": "weibull", "shape": 0.8, "scale": 1.0, "origin": 2.0},
+        {"distribution": "gamma", "shape": 4.0, "scale": 0.5, "origin": 2.0, "lower": 1.0},
+        {"distribution": "exponential", "scale": 1.0, "origin": 2.0, "lower": 2.0},
+    ],
+)
+def test_the_origin_is_never_drawn_and_no_end(keys):
+    """A stiffness > 0 may be lognormal: it is tried where one in a million lies below, and not at 0."""
+    variable = make(keys)
+    low, _ = variable.tried()
+    assert low > variable.ends()[0] == 2.0
+    assert float(variable.cdf(np.array([low]))[0]) == pytest.approx(1e-6)
+    assert make({**keys, "lower": 2.5}).tried()[0] == 2.5
+
+
 def test_constant():
     """A constant is drawn as itself and has no density."""
     variable = make({"distribution": "constant", "value": 3.0})
