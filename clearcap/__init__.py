@@ -36,7 +36,6 @@ if TYPE_CHECKING:
         Run,
         TextPosition,
         Trajectory,
-        check,
         library_names,
         load_mechanism,
         load_mechanism_text,
@@ -45,6 +44,7 @@ if TYPE_CHECKING:
         set_values,
         simulate,
     )
+    from engine.preflight import check
     from reporting import Capability, ReportError, capability
 
 # fmt: off
@@ -74,6 +74,7 @@ _HOMES = {
     "clearcap.questions.monitoring": ("monitor_campaign",),
     "clearcap.results": ("PooledResults", "Results", "open_campaign", "report", "run_campaign"),
     "clearcap.submitted": ("RunningCampaign", "submit_campaign"),
+    "engine.preflight": ("check",),
     "reporting": ("Capability", "ReportError", "capability"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

@@ -14,6 +14,7 @@ from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCe
 from engine.mechanism.geometry.drawn_features import length
 from engine.preflight.drawn_cautions import hollow_corners, pressed_starts, time_cautions
 from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
+from engine.simulate import check as can_start
 from engine.simulate import simulate
 
 AGREE = 1e-5  # largest difference [mm] between the two gaps, beyond the errors of recognising and converting the faces
@@ -116,6 +117,33 @@ MOST_BODIES = 40  # in a mechanism whose small motions are examined; the time gr
 HALVINGS = 4
 UNSTEADY = ("not_at_rest", "diverged")  # how a run ends with a step that is too long
 LONGEST_TRIAL = 10.0  # s
+
+
+def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> list[Caution]:
+    """Check that a mechanism can start with the given values, and return what looks wrong although it can run.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The description, see `load_mechanism`; on a test bench, `Mechanism.on_bench`.
+    values : mapping, optional
+        Numbers to set in it, as for `simulate`.
+
+    Returns
+    -------
+    list of Caution
+        The warnings of ``clearcap mechanism check``: each has ``key``, ``value``, ``unit``, ``text``, ``customary`` and
+        ``remedy``, and as a string is one sentence.
+
+    Raises
+    ------
+    MechanismError
+        If a value is not allowed; NotAssemblable, if parts overlap at the start pose or ideal joints are open, and no
+        pose nearby puts that right.
+    """
+    mechanism = set_values(mechanism, values) if values else mechanism
+    can_start(mechanism)
+    return cautions(mechanism)
 
 
 def cautions(mechanism: Mechanism) -> list[Caution]:

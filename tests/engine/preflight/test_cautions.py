@@ -2,10 +2,11 @@
 
 import pytest
 
+import clearcap
 from engine import library_names, load_mechanism, set_values
 from engine.preflight import cautions
 from tests.each import each
-from tests.engine.preflight.examples import lever, warned
+from tests.engine.preflight.examples import guided, lever, warned
 from tests.engine.small import block_on_floor, made
 
 
@@ -38,3 +39,14 @@ def test_a_start_that_is_not_the_drawn_one_is_said():
     assert "it moves a body by 0.001 m" in found[0].text
     data["bodies"]["block"]["origin"] = [0, 0, 0.1]
     assert not [caution for caution in cautions(made(data)) if caution.key == "simulation.assembly_travel"]
+
+
+def test_python_gets_the_warnings_of_the_command():
+    """`clearcap.check` has them with the values that it is given; what cannot start raises."""
+    data = guided(phases=[{"name": "run", "duration": 0.5}])
+    assert clearcap.check(made(data)) == []
+    (caution,) = clearcap.check(made(data), {"bodies.ball.mass": 2e6})
+    assert caution.key == "bodies.ball.mass"
+    assert caution.value == 2e6
+    with pytest.raises(clearcap.MechanismError, match="did you mean"):
+        clearcap.check(made(data), {"bodies.ball.mas": 1.0})
