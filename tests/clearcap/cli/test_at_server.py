@@ -65,12 +65,12 @@ def test_measured_parts(ask, finished, live_server, tmp_path):
     (tmp_path / "limits.toml").write_text('[characteristics.d]\nunit = "mm"\nlsl = 19.9\nusl = 20.1\n')
     words = ("capability", tmp_path / "parts.csv", "--limits", tmp_path / "limits.toml", "--no-excel", "--folder")
     said = {}
-    for at in ("server", "here"):
-        code, said[at], fault = ask(*words, tmp_path / at, at=at)
+    for at, folder in (("server", "sent"), ("here", "kept")):
+        code, said[at], fault = ask(*words, tmp_path / folder, at=at)
         assert code == 0, fault
-    assert said["server"].replace("server", "here") == said["here"]
+    assert said["server"].replace("/sent/", "/kept/") == said["here"]
     names = ["capability.json", "capability.parquet", "report.html"]
-    assert sorted(each.name for each in (tmp_path / "server").iterdir()) == names
+    assert sorted(each.name for each in (tmp_path / "sent").iterdir()) == names
     assert len(measured_parts(service.store)) == 1
     rows = [f"{0.07 + 0.0002 * (7 * row % 61 - 30):.4f}" for row in range(61)]
     (tmp_path / "night.csv").write_text("\n".join(["J1", *rows]))
