@@ -3,6 +3,8 @@
 import pytest
 
 from campaign.coordinator.heartbeat import Heartbeat, WorkerProgress
+from campaign.coordinator.lease import hold_lease
+from campaign.coordinator.state import write_state
 from campaign.store.layout import HEARTBEAT
 from campaign.store.store import report_folder
 
@@ -56,12 +58,14 @@ def test_link_shows_no_comparison_with_another_campaign(client, service, as_user
 def test_link_shows_no_machines(client, service, as_user, reported):
     """Users see what each worker does; a guest sees the progress alone."""
     line = WorkerProgress("node1", 77, 6, 2.5, 4990.0)
-    beat = Heartbeat(reported, "completed", 25, 25, 25, 0, 0, {"ok": 25}, 6.0, 3.0, 4, by_worker=[line])
-    service.store.write_json(reported, HEARTBEAT, beat.to_json())
+    beat = Heartbeat(reported, "running", 25, 20, 20, 0, 5, {"ok": 20}, 6.0, 3.0, 4, by_worker=[line])
     _, secret = service.tokens.share(reported, "engineer", "", 60.0)
-    for headers, count in ((as_user("viewer"), 1), ({"Authorization": f"Bearer {secret}"}, 0)):
-        found = client.get(f"/api/v1/campaigns/{reported}/status", headers=headers).json()["heartbeat"]
-        assert (found["done"], len(found["by_worker"])) == (25, count)
+    with hold_lease(service.store, reported):
+        write_state(service.store, reported, "running")
+        service.store.write_json(reported, HEARTBEAT, beat.to_json())
+        for headers, count in ((as_user("viewer"), 1), ({"Authorization": f"Bearer {secret}"}, 0)):
+            found = client.get(f"/api/v1/campaigns/{reported}/status", headers=headers).json()["heartbeat"]
+            assert (found["done"], len(found["by_worker"])) == (20, count)
 
 
 def test_links_come_in_pages(client, as_user, url):
