@@ -61,7 +61,7 @@ class Follower:
         self._looks = Lock()  # two may await one campaign, and a thread outlives the await that was cancelled
 
     def look(self) -> Observation:
-        """Read what is new in the store; another thread than that of `tell` may do so."""
+        """Read progress and new rows from the store; this may be another thread than that of `tell`."""
         with self._looks:
             # first the state: when it says that all is computed, all rows are there
             self._last = seen = observe(self._store, self._plan.campaign_id, self._last)
@@ -79,7 +79,7 @@ class Follower:
             self._read.update(starts[n] for n in table["sample"].to_pylist() if n in starts)
 
     def tell(self) -> None:
-        """Call the functions with what is new."""
+        """Call the user's functions with the news that `look` has read."""
         while self._tables:  # one by one: what a function raises leaves the others for the next call
             table = self._tables.popleft()
             if self._rows is not None and table.num_rows:
@@ -121,7 +121,7 @@ def compute(store: Store, plan: Plan, verb: str, options: list[str], progress: P
 
 
 def _observed(process: "subprocess.Popen[str]", follower: Follower) -> str:
-    """Tell functions, in this thread, what is new until the process ends; return its last message."""
+    """Call the user's functions, in this thread, with news until the process ends; return its last message."""
     said: list[str] = []
     reader = Thread(target=lambda: said.append(_follow(process, None)), daemon=True)
     reader.start()

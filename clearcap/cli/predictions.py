@@ -317,7 +317,7 @@ def calibrate(
 
 
 def _print_calibration(found: "Calibration", units: "dict[str, str]") -> None:
-    """Print what the data tell, then the constants, then what the measurements are worth."""
+    """Print which combinations of constants the data determine, then the constants, then each measurement explained."""
     for words in found.told:
         print_text(words)
     rows: list[tuple[str, ...]] = [

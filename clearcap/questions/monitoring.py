@@ -69,7 +69,7 @@ _SKEWED = ("lognormal", "weibull", "gamma", "exponential")  # they have an origi
 
 @dataclass(frozen=True)
 class Capacity:
-    """What a server computes; without one everything may be asked for."""
+    """What a server allows to compute; without a server there is no bound."""
 
     most_samples: int = 100_000_000
     workers: int | None = None

@@ -107,7 +107,7 @@ def _seen(neighbours: tuple[float, float], trend: tuple[float, float], groups: t
 
 
 def _finding(what: str, p: float, seen: str) -> str:
-    """Return what is wrong and what to do."""
+    """Return which departure from a random order was found, and what to do."""
     remedy = "; if they were made in lots, give the lot of each" if what == "values" else ""
     chance = "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
     said = f"The {what} are not in random order (p {chance}): {seen}."

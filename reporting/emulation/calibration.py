@@ -308,7 +308,7 @@ def _main_direction(scores: Array) -> Array:
 
 
 def _directions(model: _Model, scores: Array, k: int) -> tuple[Direction, ...]:
-    """Return the eigenvectors of the Fisher information at the mean of the draws, the best told first."""
+    """Return the eigenvectors of the Fisher information at the mean of the draws, the best determined first."""
     centre = scores.mean(axis=0)
     centre[k:] = np.sqrt(np.mean(scores[:, k:] ** 2, axis=0))  # signs of a half-normal scale mean nothing
     steps = np.zeros((k, centre.size))

@@ -102,7 +102,7 @@ def _judged(analysis: Analysis) -> int:
 
 @dataclass(frozen=True)
 class Notes:
-    """The notes on the responses' numbers, each said once."""
+    """The notes on the responses' numbers, equal ones of several responses as one."""
 
     of: dict[str, tuple[str, ...]]  # by response: those of this response alone
     shared: dict[str, tuple[str, ...]]  # by note: the responses that share it

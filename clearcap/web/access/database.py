@@ -146,7 +146,7 @@ class Database:
             return connection.execute(statement, values).fetchall()
 
     def note(self, statement: str, *values: object) -> None:
-        """Write what may get lost, unless another writes or the disk fails: who only reads is answered at once."""
+        """Write what may get lost, unless another connection writes or the disk fails, so that readers never wait."""
         if not self._writing.acquire(blocking=False):
             return
         try:

@@ -88,7 +88,7 @@ async def samples_page(
 
 
 def _address(home: str, asked: Mapping[str, Any]) -> str:
-    """Return the address of a question without what is empty."""
+    """Return the address of a page with the parameters that are not empty."""
     query = urlencode(asked, doseq=True)
     return f"{home}?{query}" if query else home
 
