@@ -13,7 +13,7 @@ NEWEST ?= 3.13
 # Wheels with compiled kernels are for one Python each
 RELEASED := 3.11 3.12 3.13
 PYTHONS ?= $(PYTHON)
-EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
+EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web xarray
 # Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 # A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
