@@ -180,16 +180,18 @@ def check_capability(server, finished, store, tmp_path):
 
 
 def check_monitor(server, finished, store, tmp_path):
-    (tmp_path / "night.csv").write_text("\n".join(["J1", *(f"{0.04 + row / 1000}" for row in range(61))]))
+    rows = [f"{0.04 + row / 1000},{0.05 + row / 1000}" for row in range(61)]
+    (tmp_path / "night.csv").write_text("\n".join(["J1,bore", *rows]))
     with pytest.raises(clearcap.SpecError, match="owner"):
         server.monitor(finished, tmp_path / "night.csv")
     change_labels(store, finished, LabelChange(owner="engineer"), by="test")
     found = server.monitor(finished, tmp_path / "night.csv")
     assert (found["table"], found["variables"][0]["variable"]) == ("night.csv", "J1")
     limits = tmp_path / "limits.toml"
-    limits.write_text('[characteristics.J2]\ncolumn = "J1"\n')
+    limits.write_text('[characteristics.J1]\ncolumn = "bore"\n')
     again = server.monitor(finished, str(tmp_path / "night.csv"), limits)
-    assert (again["number"], again["variables"][0]["variable"]) == (found["number"] + 1, "J2")
+    assert (again["number"], again["variables"][0]["variable"]) == (found["number"] + 1, "J1")
+    assert again["settings"] != found["settings"]
 
 
 def check_close(server, finished, store, tmp_path):
