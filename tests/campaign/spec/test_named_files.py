@@ -256,7 +256,7 @@ def test_text_that_is_no_campaign(text, said):
 )
 def test_names_of_given_files(name):
     """Only those that a file in the campaign's folder can have."""
-    with pytest.raises(SpecError, match="no name of a file that is given with a campaign"):
+    with pytest.raises(SpecError, match="name of a file given with a campaign"):
         GivenFiles({name: b""})
 
 

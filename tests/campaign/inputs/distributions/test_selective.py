@@ -94,7 +94,7 @@ def test_a_fit_of_two_equal_tolerances_has_no_spread_but_that_of_a_class():
 
 @each(
     ("keys", "said"),
-    [({"fit": "12 g6/H7"}, "no fit"), ({"classes": 0}, "greater than or equal to 1"), ({"cpk": 0.0}, "cpk")],
+    [({"fit": "12 g6/H7"}, "12 g6/H7"), ({"classes": 0}, "greater than or equal to 1"), ({"cpk": 0.0}, "cpk")],
 )
 def test_what_is_refused(keys, said):
     """What is not a fit, no class, no capability."""

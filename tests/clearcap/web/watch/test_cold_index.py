@@ -155,10 +155,10 @@ def test_page_says_so_and_comes_again_soon(cold):
 def test_nothing_found_so_far_is_not_an_empty_store(cold):
     """Only when all is read does the page say that no campaign fits."""
     service, client, headers = cold
-    assert "No campaign fits" not in client.get("/campaigns?state=failed", headers=headers).text
+    assert "No campaign matches" not in client.get("/campaigns?state=failed", headers=headers).text
     while service.watcher.index.is_behind:
         service.watcher.index.read_some(service.store)
-    assert "No campaign fits" in client.get("/campaigns?state=failed", headers=headers).text
+    assert "No campaign matches" in client.get("/campaigns?state=failed", headers=headers).text
 
 
 def test_quota_counts_campaigns_that_are_not_listed_yet(cold):
