@@ -305,10 +305,8 @@ def _numbers(name: str, texts: list[str], rows: list[int], mark: str) -> Array:
         except ValueError:
             faults.append(at)
     if faults:
-        text, more = (
-            texts[faults[0]],
-            f", nor are those of {len(faults) - 1} more row{'s' * (len(faults) > 2)}" * (len(faults) > 1),
-        )
+        text, others = texts[faults[0]], len(faults) - 1
+        more = f", nor are those of {others} more row{'s' * (others > 1)}" if others else ""
         remedy = "correct it, or leave it empty: the part then counts as a reject"
         if text.startswith(("<", ">")):
             remedy = "write the number that the gauge showed; an empty cell would count as a reject"

@@ -116,7 +116,7 @@ REFUSED = [
     ("joints.stop", pendulum()["joints"]["J1"], "contacts.stop: joints.stop has the same name", "rename"),
     ("contacts.stop.b.point", ..., "contacts.stop.b: has no primitive", "exactly one of"),
     ("contacts.stop.a.point", [0, 0, 0], "contacts.stop.a: has point and plane", "exactly one of"),
-    ("contacts.stop.a", {"body": "ground", "point": [0] * 3}, "contacts.stop: point against point", "point against sphere"),
+    ("contacts.stop.a", {"body": "ground", "point": [0] * 3}, "contacts.stop: point against point", "against sphere"),
     ("contacts.stop.a.plane.normal", [0, 0, 0], "contacts.stop.a.plane.normal", "has no direction"),
     ("contacts.stop.friction", ..., "contacts.stop.material: missing", "give friction"),
     ("springs.pull.type", "liner", "springs.pull.type = 'liner'", "did you mean 'linear'?"),
