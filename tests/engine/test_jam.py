@@ -91,6 +91,15 @@ def test_a_ball_between_a_floor_and_a_plate_that_is_lowered(friction):
     assert run.certificate.time == pytest.approx(0.5, abs=1e-2)  # 10 cm at 0.2 m/s
 
 
+def test_a_contact_with_a_stiffness_gives_way():
+    """A step that is too long for a stiff floor is no jam: no contact that yields is named as what blocks."""
+    stiff = press(simulation={"step": 2e-2})
+    stiff["contacts"]["below"]["stiffness"] = 1e7
+    run = simulate(made(stiff))
+    assert (run.status, run.responses) == ("not_converged", {}), run.message
+    assert "simulation.step" in run.message
+
+
 def test_a_wedge_slips_out_or_locks():
     """Under a tilted plate a ball escapes where friction is less than the tangent of half the angle; else it locks."""
     escaped = simulate(made(press(0.1, 0.5)))
