@@ -63,7 +63,7 @@ def step(context):
     # impulses at the contacts of that pose; the active set grows until no contact is driven into penetration
     body_speeds(work.free, work.broad_phase.speed)
     find_near_contacts(contacts, state, work.broad_phase, work.sites, after, 0.0, work.gap)
-    free_relative_velocities(contacts, laws, state, work, after, theta, plain, bounce)
+    free_relative_velocities(contacts, laws, state, work, (after, h), plain, bounce)
     first_active_set(laws, state, work, after, plain, bounce)
     begin_rolling(contacts, state, work, time)
     if plain:
@@ -81,7 +81,7 @@ def step(context):
             residual = max(residual, left)
         apply_impulses(bodies, state, work, problem, nc)
         if status == CONVERGED:
-            grown = 0 if plain else grow_active_set(contacts, laws, state, work, after, theta, growth >= ALONE, bounce)
+            grown = 0 if plain else grow_active_set(contacts, laws, state, work, (after, h), growth >= ALONE, bounce)
             if grown + bend(contacts, work, problem, nc, after) + match_rolling(contacts, state, work, time) == 0:
                 break
             if growth == GROWTH_ROUNDS:

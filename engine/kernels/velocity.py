@@ -14,28 +14,28 @@ STANDS = 1e-4  # share of the speed that friction takes in a step; the solver le
 
 
 @inner
-def free_relative_velocities(contacts, laws, state, work, dt, theta, plain, bounce):
+def free_relative_velocities(contacts, laws, state, work, within, plain, bounce):
     """Write the relative velocities without impulses, and the impact law's shifts, of all near contacts.
 
-    The time ``dt`` is what remains of the step, its share ``theta``, and ``bounce`` a factor of the coefficients of
+    The times ``within`` are what remains of the step and its length; ``bounce`` is a factor of the coefficients of
     restitution.
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
             if not plain:
-                aim_centred(contacts, state, work, work.free, dt, i)
-            free_relative_velocity(contacts, laws, state, work, dt, theta, plain, bounce, i)
+                aim_centred(contacts, state, work, work.free, within[0], i)
+            free_relative_velocity(contacts, laws, state, work, within, plain, bounce, i)
 
 
 @inner
-def free_relative_velocity(contacts, laws, state, work, dt, theta, plain, bounce, i):
+def free_relative_velocity(contacts, laws, state, work, within, plain, bounce, i):
     """Write contact i's relative velocity without impulses, and the shift of its law.
 
-    Without restitution a contact may close within the remaining time ``dt`` of the step but not overshoot,
+    Without restitution a contact may close within the remaining time of the step but not overshoot,
     u_N + max(g_N, 0)/dt >= 0. One that lasts, and that a curved path has opened, closes until the middle of the next
-    step instead, in the time ``dt / theta``: if it closed sooner, it would overlap there, and open again in every
-    second step, and its force would swing about the right one, however short the step. The path of a ring in its bore
-    is hollow and opens nothing. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
+    step instead, a whole step from here: if it closed sooner, it would overlap there, and open again in every second
+    step, and its force would swing about the right one, however short the step. The path of a ring in its bore is
+    hollow and opens nothing. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
     (eq. 6).
     """
     x, R = state.x, state.R
@@ -45,8 +45,9 @@ def free_relative_velocity(contacts, laws, state, work, dt, theta, plain, bounce
         contact_velocity(contacts, x, R, work.sites, work.start.v, i, work.u)
         work.shift[i] = min(e * work.u[i, 0], 0.0)
     else:
+        rest, whole = within
         lasts = work.start.r[i, 0] > 0.0 and contacts.kind[i] != RING_BORE
-        work.shift[i] = 0.0 if plain else max(work.gap[i] * (theta if lasts else 1.0) / dt, 0.0)
+        work.shift[i] = 0.0 if plain else max(work.gap[i] / (whole if lasts else rest), 0.0)
 
 
 @inner
@@ -142,14 +143,14 @@ def apply_impulses(bodies, state, work, problem, n):
 
 
 @inner
-def grow_active_set(contacts, laws, state, work, dt, theta, all_near, bounce):
+def grow_active_set(contacts, laws, state, work, within, all_near, bounce):
     """Activate each contact that the new twists would drive into penetration (eq. 22); return their number.
 
     An impact that runs along a chain closes its contacts one after the other, and each would require a problem of its
     own. With ``all_near`` the first of them activates all near contacts; those that stay open get no impulse. Contacts
     with restitution are excluded, because Newton's law would hold them although they are open.
     """
-    broad_phase, added = work.broad_phase, 0
+    broad_phase, dt, added = work.broad_phase, within[0], 0
     body_speeds(state.v, broad_phase.speed)
     for i in range(work.active.shape[0]):
         if not broad_phase.near[i]:
@@ -157,10 +158,10 @@ def grow_active_set(contacts, laws, state, work, dt, theta, all_near, bounce):
                 continue
             update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
             aim_centred(contacts, state, work, state.v, dt, i)
-            free_relative_velocity(contacts, laws, state, work, dt, theta, False, bounce, i)
+            free_relative_velocity(contacts, laws, state, work, within, False, bounce, i)
         # a centred pin is aimed again, as the impulses found so far may drive it: a needle that another part pushes
         elif not work.active[i] and aim_centred(contacts, state, work, state.v, dt, i):
-            free_relative_velocity(contacts, laws, state, work, dt, theta, False, bounce, i)
+            free_relative_velocity(contacts, laws, state, work, within, False, bounce, i)
         contact_velocity(contacts, state.x, state.R, work.sites, state.v, i, work.u)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
