@@ -8,12 +8,12 @@ import sys
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
 from clearcap.cli.campaigns import compact, delete, label, list_campaigns, status, watch
 from clearcap.cli.computing import cancel, repeat, rerun, resume, run, submit
+from clearcap.cli.help_pages import Group
 from clearcap.cli.mechanism import mechanism_app, schema_app
 from clearcap.cli.output import print_text, say, show_logs, visible
 from clearcap.cli.predictions import advise, calibrate, design, whatif
@@ -23,7 +23,7 @@ from clearcap.cli.single_runs import bench, polarisation, replay, simulate
 from clearcap.cli.termination import terminated_in_order
 
 
-class _Verbs(TyperGroup):
+class _Verbs(Group):
     """The group of verbs; on Ctrl-C it names the interrupted verb, unless that verb has printed this itself."""
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override]  # typer's own context

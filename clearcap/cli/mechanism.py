@@ -8,13 +8,14 @@ import typer
 
 from campaign.errors import SpecError
 from campaign.waits import counted
+from clearcap.cli.help_pages import Group
 from clearcap.cli.options import named_mechanism
 from clearcap.cli.output import PLOTS, Json, check_output, labelled, print_json, print_text, replacing, say
 
 if TYPE_CHECKING:
     from engine.cad_import.found_geometry import FoundGeometry
 
-mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
+mechanism_app = typer.Typer(cls=Group, help="List, show and check mechanisms.", no_args_is_help=True)
 MechanismName = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
 
 
@@ -267,7 +268,7 @@ def _write(path: Path, content: str | bytes) -> None:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-schema_app = typer.Typer(help="Print the JSON Schema of a file format.", no_args_is_help=True)
+schema_app = typer.Typer(cls=Group, help="Print the JSON Schema of a file format.", no_args_is_help=True)
 
 
 @schema_app.command()
