@@ -169,7 +169,7 @@ class TableModel(BaseModel):
             for number in _numbers(value) if isinstance(value, tuple | dict) else (value,):
                 if isinstance(number, float) and number and not smallest <= abs(number) <= LARGEST_NUMBER:
                     sizes = f"0, and sizes from {smallest:g} to" if smallest else "sizes up to"
-                    text = f"no size of a real quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
+                    text = f"implausible for a physical quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
                     key = next(key for key, (own, _) in fields_by_key(type(self)).items() if own == name)
                     raise refuse(text, key=key, value=number)
         return self
@@ -304,7 +304,7 @@ def _unit(value: tuple[float, float, float]) -> UnitVector:
 
 def _divisible(value: float) -> float:
     if value < SMALLEST_NUMBER:
-        raise refuse(f"no size of a real quantity; allowed: from {SMALLEST_NUMBER:g}; correct it")
+        raise refuse(f"too small for a physical quantity; allowed: from {SMALLEST_NUMBER:g}; correct it")
     return value
 
 

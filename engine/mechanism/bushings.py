@@ -34,7 +34,9 @@ Six = tuple[float, float, float, float, float, float]
 def _none_negative(value: tuple[float, float, float]) -> tuple[float, float, float]:
     for axis, number in zip("xyz", value, strict=True):
         if number < 0:
-            raise refuse("drives what it should hold; allowed: >= 0; correct it", key=axis, value=number)
+            raise refuse(
+                "negative, so it would drive what it should hold; allowed: >= 0; correct it", key=axis, value=number
+            )
     return value
 
 

@@ -276,7 +276,7 @@ OneWay = Annotated[
 def stations(value: Any) -> tuple[float, ...]:
     """Read stations along an axis [length]: at least one, no two alike."""
     if not are_numbers(value):
-        raise refuse("not a list of ring stations; allowed: one or more finite numbers; two rings carry tilt")
+        raise refuse("not a list of ring stations; allowed: one or more finite numbers; two rings resist tilting")
     if len(set(value)) != len(value):
         raise refuse("two rings at one station; allowed: different stations; remove one")
     return tuple(float(s) for s in value)

@@ -110,7 +110,9 @@ class Sine(TableModel):
     @model_validator(mode="after")
     def _how_fast(self) -> Self:
         if (self.frequency is None) == (self.period is None):
-            raise refuse("how fast is it? allowed: exactly one of frequency, period; keep or add one")
+            raise refuse(
+                "its rate is missing, or given twice; allowed: exactly one of frequency, period; keep or add one"
+            )
         return self
 
 

@@ -149,7 +149,7 @@ def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
             finite = math.inf
         if math.isfinite(finite):
             if abs(finite) > LARGEST_NUMBER:
-                text = f"no size of a real quantity; allowed: sizes up to {LARGEST_NUMBER:g}; correct it"
+                text = f"implausible for a physical quantity; allowed: sizes up to {LARGEST_NUMBER:g}; correct it"
                 raise _refused(key, text, number, unit())
             return finite
     raise _refused(key, f"not a finite number; allowed: a number in {unit()}; give one", number)

@@ -401,7 +401,7 @@ class FreeFormSurface(TableModel):
     def _is_a_surface(self) -> Self:
         given = [key for key in _OF_A_SPLINE if getattr(self, key) is not None]
         if (self.patches is not None) + bool(given) + (self.faces is not None) != 1:
-            raise refuse(f"which form? allowed: {_FORMS}")
+            raise refuse(f"has no form, or more than one; allowed: {_FORMS}")
         if self.faces is not None and not 1 <= len(self.faces) <= MOST_WRITTEN:
             text = f"{len(self.faces)} faces; allowed: 1 to {MOST_WRITTEN}; name the faces of the contact"
             raise refuse(text, key="faces")

@@ -172,9 +172,12 @@ def test_a_description_loads_without_tables_and_cluster():
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("mass = 1e101", "bodies.a.mass = 1e+101 g: no size of a real quantity; allowed: sizes up to 1e+100"),
-        ("mass = 5e-324", "bodies.a.mass = 5e-324 g: no size of a real quantity; allowed: from 1e-100"),
-        ("mass = 1.0\norigin = [0, 1e300, 0]", "bodies.a.origin = 1e+300 mm: no size of a real quantity"),
+        (
+            "mass = 1e101",
+            "bodies.a.mass = 1e+101 g: implausible for a physical quantity; allowed: sizes up to 1e+100",
+        ),
+        ("mass = 5e-324", "bodies.a.mass = 5e-324 g: too small for a physical quantity; allowed: from 1e-100"),
+        ("mass = 1.0\norigin = [0, 1e300, 0]", "bodies.a.origin = 1e+300 mm: implausible for a physical quantity"),
     ],
 )
 def test_a_number_of_absurd_size_is_refused(key, text):

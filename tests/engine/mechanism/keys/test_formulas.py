@@ -102,7 +102,7 @@ def test_what_follows_from_a_parameter():
     [
         (0.0, "parameters.length = 0.0 mm: then bodies.link.inertia.xx = 0: not positive definite"),
         (0.8, "parameters.length = 0.8 mm: then joints.J1.journal.radius.1 = 0: not a radius"),
-        (1e101, "parameters.length = 1e+101 mm: no size of a real quantity"),
+        (1e101, "parameters.length = 1e+101 mm: implausible for a physical quantity"),
     ],
 )
 def test_a_refusal_names_the_parameter_and_what_follows(length, said):

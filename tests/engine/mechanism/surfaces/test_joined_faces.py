@@ -69,7 +69,7 @@ def test_what_is_refused():
     flat = spline([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]])
     steep = spline([[[1.001, 0, 0], [1.001, 1, 0]], [[0, 0, -0.5], [0, 1, -0.5]]])
     for table, words in (
-        ({"faces": [flat], **flat}, "which form?"),
+        ({"faces": [flat], **flat}, "has no form, or more than one"),
         ({"faces": [flat], "weights": [[1.0]]}, "belongs to a B-spline surface"),
         ({"faces": []}, "0 faces; allowed: 1 to 1000"),
         ({"faces": [{**flat, "degree": [3, 1]}]}, "2 control points for degree 3"),

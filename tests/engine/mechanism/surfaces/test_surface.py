@@ -47,8 +47,8 @@ TURNED[1] = TURNED[1].transpose(1, 0, 2)
 LINE = np.array(FLAT["patches"])
 LINE[1, :, :, 1] = 0.0
 REFUSED = [
-    (FLAT, {"patches": ...}, "surface: which form?", "write one of them"),
-    (FLAT, {"degree": [3, 3]}, "surface: which form?", "allowed: patches, or degree"),
+    (FLAT, {"patches": ...}, "surface: has no form, or more than one", "write one of them"),
+    (FLAT, {"degree": [3, 3]}, "surface: has no form, or more than one", "allowed: patches, or degree"),
     (FLAT, {"weights": [[1.0]]}, "surface.weights", "belongs to a B-spline"),
     (FLAT, {"patches": [[[0, 0, 0]]]}, "surface.patches", "[0] has 1 entries and not 4"),
     (FLAT, {"patches": []}, "surface.patches", "0 entries and not 1 to 1000"),
