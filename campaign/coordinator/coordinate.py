@@ -366,9 +366,9 @@ class Coordinator:
         except Exception as error:
             raise CampaignError(f"{_text(requests)} cannot be computed: {type(error).__name__}: {error}") from error
         else:
-            self._take_in(window, results, worker_of(future))
+            self._record(window, results, worker_of(future))
 
-    def _take_in(self, window: Window, results: list[BatchResult], worker: ProcessName | None) -> None:
+    def _record(self, window: Window, results: list[BatchResult], worker: ProcessName | None) -> None:
         """Count batches whose rows are in the store, and who computed them."""
         self._store_failures = 0
         for result in results:

@@ -34,7 +34,7 @@ def plan_keys(store: Store, campaign: str) -> dict[str, Any]:
 def plan_differences(store: Store, campaign: str, other_store: Store, other: str) -> list[PlanDifference]:
     """Return what differs between two plans, at most `MOST` keys: first what changes rows, then the rest."""
     plans = (_plan(*each) for each in ((store, campaign), (other_store, other)))
-    return table_differences(*map(_told, plans))
+    return table_differences(*map(_content, plans))
 
 
 def table_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[PlanDifference]:
@@ -56,7 +56,7 @@ def _plan(store: Store, campaign: str) -> dict[str, Any]:
     return parse_plan(store.files.read(f"{campaign}/{PLAN}").decode())[1]
 
 
-def _told(plan: Mapping[str, Any]) -> dict[str, Any]:
+def _content(plan: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a plan says: its campaign file before its mechanism, which may be long."""
     spec = {key: value for key, value in plan["spec"].items() if key != "mechanism"}
     return {**spec, "mechanism": plan.get("mechanism", {}), "row_build": plan.get("row_build")}

@@ -263,7 +263,7 @@ def calibrate(
     fitted = _fitted(model, scores)
     together = np.atleast_2d(np.corrcoef(values.T))
     return Calibration(
-        told=tuple(_told(constants, directions)),
+        told=tuple(_conclusions(constants, directions)),
         constants=constants,
         correlations=tuple(
             (prior.constants[i], prior.constants[j], float(together[i, j]))
@@ -327,7 +327,7 @@ def _directions(model: _Model, scores: Array, k: int) -> tuple[Direction, ...]:
     )
 
 
-def _told(constants: tuple[Constant, ...], directions: tuple[Direction, ...]) -> list[str]:
+def _conclusions(constants: tuple[Constant, ...], directions: tuple[Direction, ...]) -> list[str]:
     """Return what the data tell, and what they cannot, in sentences."""
     words = []
     for each in directions:

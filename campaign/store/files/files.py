@@ -194,7 +194,7 @@ class Files:
     def _do(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool = False) -> T:
         """Return the result of an action on a file, trying again after faults that may pass while the policy allows."""
         check_name(self.url, name)
-        with self._breaker.asking() if self._breaker else nullcontext():
+        with self._breaker.guarding() if self._breaker else nullcontext():
             return self._try(action, name, what, must_exist=must_exist)
 
     def _try(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool) -> T:

@@ -102,7 +102,7 @@ class CircuitBreaker:
         return self._fault
 
     @contextmanager
-    def asking(self) -> Iterator[None]:
+    def guarding(self) -> Iterator[None]:
         """Guard a block that asks the store; StoreError at once if it is known not to answer and was just asked."""
         begin = time.monotonic()
         with self._lock:

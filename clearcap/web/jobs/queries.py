@@ -52,7 +52,9 @@ def _opened(rows: AskedRows) -> tuple[str, Plan, SampleColumns]:
     return store.url, plan, ColumnCache(Path(rows.folder)).columns(store, plan, rows.version)
 
 
-def _asked(rows: AskedRows, settings: Sequence[str], preview: bool) -> tuple[str, Plan, SampleColumns, dict[str, Any]]:
+def _opened_rows(
+    rows: AskedRows, settings: Sequence[str], preview: bool
+) -> tuple[str, Plan, SampleColumns, dict[str, Any]]:
     """Return what is `_opened`, and an entry ``preview`` of the document if that leaves samples out, else none."""
     if len(settings) > MOST_SETTINGS or any(len(setting) > LONGEST_SETTING for setting in settings):
         raise SpecError(
@@ -70,21 +72,21 @@ def what_if_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -> d
     """Return the document of ``clearcap whatif --json``; without ``preview`` in it, it is of all samples."""
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
-    url, plan, columns, mark = _asked(rows, settings, preview)
+    url, plan, columns, mark = _opened_rows(rows, settings, preview)
     answers = what_if_from(plan, columns, settings, emulates=not preview)  # a slider asks many times a second
     return what_if_document(plan, url, settings, answers) | mark
 
 
 def histogram_answer(rows: AskedRows, response: str, settings: Sequence[str], preview: bool) -> dict[str, Any]:
     """Return ``campaign``, ``set`` and the `Bins` of a response."""
-    _, plan, columns, mark = _asked(rows, settings, preview)
+    _, plan, columns, mark = _opened_rows(rows, settings, preview)
     (bins,) = histograms(plan, columns, settings, [response])
     return {"campaign": plan.campaign_id, "set": list(settings), **bins.model_dump()} | mark
 
 
 def histograms_answer(rows: AskedRows, settings: Sequence[str], preview: bool) -> dict[str, Any]:
     """Return ``campaign``, ``set`` and ``histograms``, the `Bins` of each response."""
-    _, plan, columns, mark = _asked(rows, settings, preview)
+    _, plan, columns, mark = _opened_rows(rows, settings, preview)
     bins = histograms(plan, columns, settings, plan.mechanism.responses)
     found = {"histograms": [each.model_dump() for each in bins]}
     return {"campaign": plan.campaign_id, "set": list(settings), **found} | mark
@@ -243,12 +245,12 @@ class QueryService:
                     known.until = max(known.until, until)
             return content
 
-        return await self._once(key, compute)
+        return await self._computed_once(key, compute)
 
     async def made(self, user: str, job: Callable[..., Any], *arguments: object) -> bytes:
         """Return the result of a job that depends on its arguments alone; those with equal ``repr`` are the same."""
         key = hashlib.sha256(repr((job.__module__, job.__name__, arguments)).encode(errors="surrogatepass")).hexdigest()
-        return await self._once(key, lambda: self._pool.run(user, job, *arguments))
+        return await self._computed_once(key, lambda: self._pool.run(user, job, *arguments))
 
     async def version(self, campaign: str) -> str:
         """Return the `rows_version` of a campaign, looked up again after a second or more; see `LOOKING_SHARE`."""
@@ -269,7 +271,7 @@ class QueryService:
         self._versions[campaign] = _Version(name, now + keep)
         return name.encode()
 
-    async def _once(self, key: str, compute: Callable[[], Coroutine[None, None, bytes]]) -> bytes:
+    async def _computed_once(self, key: str, compute: Callable[[], Coroutine[None, None, bytes]]) -> bytes:
         """Return a kept answer, or compute and keep it, once for all who ask meanwhile."""
         content = self._kept.get(key)
         if content is None:

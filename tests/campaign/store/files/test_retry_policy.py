@@ -180,7 +180,7 @@ def test_an_outage_is_too_long_after_the_time_of_the_policy(clock):
 def ask(outage, clock, takes=0.0, fault=None):
     """Ask; say what came of it."""
     try:
-        with outage.asking():
+        with outage.guarding():
             clock.now += takes
             if fault is not None:
                 raise fault
@@ -213,7 +213,7 @@ def test_a_file_that_does_not_exist_is_an_answer(clock):
     outage = CircuitBreaker()
     ask(outage, clock, 8.0, StoreError("silent"))
     clock.now += ASK_EVERY
-    with pytest.raises(FileNotFoundError), outage.asking():
+    with pytest.raises(FileNotFoundError), outage.guarding():
         raise FileNotFoundError("x")
     assert ask(outage, clock) == "answered"
 
@@ -224,7 +224,7 @@ def test_while_one_asks_nobody_else_does(clock):
     clock.now += 10.0 * ASK_EVERY
 
     def wait():
-        with outage.asking():
+        with outage.guarding():
             asks.set()
             over.wait(600.0)
 
