@@ -5,7 +5,7 @@ rows of `kernels.contact_geometry.solids`, one per line or arc.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -37,8 +37,9 @@ from engine.kernels.model import (
     Surfaces,
     Terms,
 )
-from engine.mechanism.closed_profiles import Piece
+from engine.mechanism.closed_profiles import Piece, off_axis
 from engine.mechanism.contacts import PAIRS, SEVERAL, Contact, Side
+from engine.mechanism.divided_profiles import divided
 from engine.mechanism.models import Mechanism
 from engine.mechanism.surfaces.patches import mean_direction
 
@@ -72,9 +73,11 @@ KINDS = {
 
 def profile_pieces(side: Side, scale: float = 1.0) -> Array:
     """Return the pieces of a side's profile, (np, PIECE), with its lengths times ``scale``; empty if it has none."""
-    if side.kind not in ("turned", "extruded", "capsule"):
-        return NO_PIECES
-    curve = side.primitive.curve
+    return curve_pieces(side.primitive.curve, scale) if side.kind in ("turned", "extruded", "capsule") else NO_PIECES
+
+
+def curve_pieces(curve: Sequence[Piece], scale: float) -> Array:
+    """Return the rows of the pieces of a closed curve, (np, PIECE), with their lengths times ``scale``."""
     rows = np.array([_piece_row(piece, curve[i - 1], curve[(i + 1) % len(curve)]) for i, piece in enumerate(curve)])
     rows[:, :8] *= scale
     rows[rows[:, 7] != 0.0, 8:10] *= scale  # the centres of arcs; a line has its direction there
@@ -155,10 +158,23 @@ def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list
 
 
 @cached
-def contact_profiles(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[Array]:
-    """Return the pieces of side b's profile for each contact in [contacts], shapes (np, PIECE)."""
-    sides = [contact.sides[1] for _, contact in single_contacts(mechanism)]
-    return [profile_pieces(side, frames[side.body].scale) for side in sides]
+def contact_profiles(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[list[Array]]:
+    """Return the pieces of side b's profile for each contact in [contacts], (np, PIECE), or of each of its parts."""
+    sides = [contact.sides for _, contact in single_contacts(mechanism)]
+    return [_parts(one, other, frames[other.body].scale) for one, other in sides]
+
+
+def _parts(one: Side, other: Side, scale: float) -> list[Array]:
+    """Return the pieces of a profile, part by part where side ``one`` is a ball or arc that fits into its notches."""
+    shape, solid = one.primitive, other.primitive
+    if one.kind not in ("sphere", "arc") or other.kind not in ("turned", "extruded"):
+        return [profile_pieces(other, scale)]
+    round_ = (
+        (shape.radius, math.tau) if one.kind == "sphere" else (shape.radius + shape.edge_radius, 2 * shape.half_angle)
+    )
+    if other.kind == "extruded":
+        return [curve_pieces(part, scale) for part in divided(solid.curve, *round_)]
+    return [curve_pieces(off_axis(part), scale) for part in divided(solid.closed, *round_)]
 
 
 @cached
@@ -176,29 +192,33 @@ def single_contacts(mechanism: Mechanism) -> list[tuple[str, Contact]]:
 
 
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
-    """Yield the contacts in [contacts] that touch at one point."""
+    """Yield the contacts in [contacts] that touch at one point, or of a profile with notches at one of each part.
+
+    The latter are named CONTACT.part0, CONTACT.part1, ...
+    """
     geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism, frames)
     trees = surface_trees(mechanism, frames)
-    for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
+    for (name, contact), (geometry_a, geometry_b, clearance), parts in zip(
         single_contacts(mechanism), geometry, profiles, strict=True
     ):
         a, b = contact.sides
-        yield Pair(
-            name=name,
-            kind=KINDS[contact.kind],
-            a=frames[a.body].index,
-            b=frames[b.body].index,
-            geometry_a=geometry_a,
-            geometry_b=geometry_b,
-            clearance=clearance,
-            law=mechanism.contact_law(contact),
-            sticking=mechanism.static_friction(contact),
-            table=f"contacts.{name}",
-            pieces=pieces,
-            surface=trees.get(name),
-            spring=contact.spring,
-            hertz=contact.hertz_stiffness is not None,
-        )
+        for number, pieces in enumerate(parts):
+            yield Pair(
+                name=name if len(parts) == 1 else f"{name}.part{number}",
+                kind=KINDS[contact.kind],
+                a=frames[a.body].index,
+                b=frames[b.body].index,
+                geometry_a=geometry_a,
+                geometry_b=geometry_b,
+                clearance=clearance,
+                law=mechanism.contact_law(contact),
+                sticking=mechanism.static_friction(contact),
+                table=f"contacts.{name}",
+                pieces=pieces,
+                surface=trees.get(name),
+                spring=contact.spring,
+                hertz=contact.hertz_stiffness is not None,
+            )
 
 
 def contact_arrays(

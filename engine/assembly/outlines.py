@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.contacts import Pair, geometry_row, profile_pieces, row_b
+from engine.assembly.contacts import Pair, curve_pieces, geometry_row, profile_pieces, row_b
 from engine.assembly.frames import BodyFrame
 from engine.assembly.table_cache import cached
 from engine.errors import Fault, MechanismError
 from engine.kernels.model import ON_EXTRUDED, State
-from engine.mechanism.contacts import OUTLINES
+from engine.mechanism.contacts import OUTLINES, Side
+from engine.mechanism.divided_profiles import divided
 from engine.mechanism.models import Mechanism
 
 TILT = 1e-3  # largest angle between the axes as drawn [rad]
@@ -33,11 +34,11 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
 
     Raise MechanismError if the axes of two profiles are not parallel, or their solids pass beside each other.
     """
-    for name, (pieces, features) in _outlines(mechanism, frames, state).items():
+    for name, features in _outlines(mechanism, frames, state).items():
         contact = mechanism.contacts[name]
         sides, law = {"a": contact.a, "b": contact.b}, mechanism.contact_law(contact)
         offset = contact.offset * frames[contact.a.body].scale
-        for feature, (one, other), row in features:
+        for feature, (one, other), row, pieces in features:
             yield Pair(
                 name=f"{name}.{feature}",
                 kind=ON_EXTRUDED,
@@ -47,7 +48,7 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
                 geometry_b=row_b(sides[other], frames[sides[other].body]),
                 clearance=-offset,
                 law=law,
-                pieces=pieces[other],
+                pieces=pieces,
                 sticking=mechanism.static_friction(contact),
                 table=f"contacts.{name}",
             )
@@ -56,8 +57,8 @@ def outline_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], state: Sta
 @cached
 def _outlines(
     mechanism: Mechanism, frames: dict[str, BodyFrame], state: State
-) -> dict[str, tuple[dict[str, Array], list[tuple[str, tuple[str, str], Array]]]]:
-    """Return, by contact, the pieces of both profiles, and name, sides and geometry row of each of their points."""
+) -> dict[str, list[tuple[str, tuple[str, str], Array, Array]]]:
+    """Return, by contact, name, sides and geometry row of each of their points, and the pieces that it touches."""
     found = {}
     for name, contact in mechanism.contacts.items():
         if contact.kind != OUTLINES:
@@ -67,19 +68,30 @@ def _outlines(
         pieces = {key: profile_pieces(side, scales[key]) for key, side in sides.items()}
         solids = {key: row_b(side, frames[side.body]) for key, side in sides.items()}
         heights = _heights(mechanism, name, frames, state, solids)
-        found[name] = (
-            pieces,
-            [
-                (feature, way, row)
-                for way in FEATURES
-                for feature, row in _features(way[0], pieces[way[0]], solids[way[0]], heights[way[0]])
-            ],
-        )
+        found[name] = [
+            (f"{feature}{part}", (one, other), row, touched)
+            for one, other in FEATURES
+            for feature, piece, row in _features(one, pieces[one], solids[one], heights[one])
+            for part, touched in _touched(sides[one], sides[other], piece, feature, pieces[other], scales[other])
+        ]
     return found
 
 
-def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator[tuple[str, Array]]:
-    """Yield name and geometry row of every convex corner and arc of a profile, and of its edges' middles."""
+def _touched(
+    side: Side, other: Side, number: int, feature: str, pieces: Array, scale: float
+) -> Iterator[tuple[str, Array]]:
+    """Yield the pieces that a corner or arc touches: all, or where an arc fits into a notch, part by part."""
+    arc = side.primitive.curve[number]
+    parts = divided(other.primitive.curve, arc.radius, arc.sweep) if feature.startswith("arc") else []
+    if len(parts) < 2:
+        yield "", pieces
+        return
+    for i, part in enumerate(parts):
+        yield f".part{i}", curve_pieces(part, scale)
+
+
+def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator[tuple[str, int, Array]]:
+    """Yield name, piece and geometry row of a profile's convex corners and arcs, and of the middles of its edges."""
     n, u = solid[3:6], solid[6:9]
     v, foot = np.cross(n, u), solid[:3] + height * n
     size = SHALLOW * float(np.hypot(*(pieces[:, :2] - pieces[0, 4:6]).T).max())
@@ -93,12 +105,12 @@ def _features(side: str, pieces: Array, solid: Array, height: float) -> Iterator
         line, before = piece[7] == 0.0, pieces[i - 1]
         if piece[17] > 0.0:  # between the directions out of the two pieces that meet there
             half = 0.5 * math.acos(max(-1.0, min(float(_out(before, 1.0) @ _out(piece, 0.0)), 1.0)))
-            yield f"corner_{side}{i}", row(foot + piece[:2] @ (u, v), piece[13:15] @ (u, v), half=half)
+            yield f"corner_{side}{i}", i, row(foot + piece[:2] @ (u, v), piece[13:15] @ (u, v), half=half)
         if line:
-            yield f"edge_{side}{i}", row(foot + piece[4:6] @ (u, v), _out(piece, 0.0) @ (u, v))
+            yield f"edge_{side}{i}", i, row(foot + piece[4:6] @ (u, v), _out(piece, 0.0) @ (u, v))
         elif piece[7] > 0.0:
             half = 2.0 * math.atan(piece[12])
-            yield f"arc_{side}{i}", row(foot + piece[8:10] @ (u, v), n, piece[10:12] @ (u, v), piece[7], half)
+            yield f"arc_{side}{i}", i, row(foot + piece[8:10] @ (u, v), n, piece[10:12] @ (u, v), piece[7], half)
 
 
 def _out(piece: Array, share: float) -> Array:

@@ -173,15 +173,15 @@ def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float)
             other, close = pieces[j], CLOSE * size
             meetings = [p for p in (piece.start, piece.end) if other.has(p, close)]
             meetings += [p for p in (other.start, other.end) if piece.has(p, close)]
-            crossings = _crossings(piece, other, close)
-            meetings += [p for p in crossings if piece.has(p, close) and other.has(p, close)]
+            points = crossings(piece, other, close)
+            meetings += [p for p in points if piece.has(p, close) and other.has(p, close)]
             for at in meetings:
                 if all(abs(at - corner) > BESIDE_A_CORNER * size for corner in shared):
                     text = f"{names[i]} meets {names[j]} at [{at.real:.6g}, {at.imag:.6g}]; allowed: a curve that "
                     raise refuse(f"{text}neither crosses nor touches itself; correct one of the two", key="profile")
 
 
-def _crossings(one: Piece, other: Piece, close: float) -> list[complex]:
+def crossings(one: Piece, other: Piece, close: float) -> list[complex]:
     """Return the points where the infinite lines and full circles of two pieces cross or almost touch each other."""
     if one.centre is None and other.centre is None:
         a, b = one.direction(0.0), other.direction(0.0)
@@ -234,6 +234,11 @@ class ProfileSegment(TableModel):
 Segments = Annotated[tuple[ProfileSegment, ...], Field(json_schema_extra={"minItems": 1, "maxItems": MOST_SEGMENTS})]
 
 
+def off_axis(curve: Sequence[Piece]) -> tuple[Piece, ...]:
+    """Return the pieces of a curve that do not lie on the axis."""
+    return tuple(piece for piece in curve if piece.centre is not None or piece.start.real or piece.end.real)
+
+
 class Turned(TableModel):
     """A solid turned from a profile [r, z]: distance from the axis, height along it."""
 
@@ -245,16 +250,17 @@ class Turned(TableModel):
     @cached_property
     def curve(self) -> tuple[Piece, ...]:
         """The pieces of the profile that are surfaces of the solid, not on its axis; material on their left."""
-        return tuple(piece for piece in self._closed if piece.centre is not None or piece.start.real or piece.end.real)
+        return off_axis(self.closed)
 
     @cached_property
-    def _closed(self) -> list[Piece]:
-        return closed_curve(complex(*self.start), self.profile, on_axis=True)
+    def closed(self) -> tuple[Piece, ...]:
+        """All pieces of the profile, with those on the axis."""
+        return tuple(closed_curve(complex(*self.start), self.profile, on_axis=True))
 
     @model_validator(mode="after")
     def _beside_the_axis(self) -> Self:
-        size = max(abs(p - q) for q in self._closed[0].extremes() for piece in self._closed for p in piece.extremes())
-        least = min((p.real, p.imag) for piece in self._closed for p in piece.extremes())
+        size = max(abs(p - q) for q in self.closed[0].extremes() for piece in self.closed for p in piece.extremes())
+        least = min((p.real, p.imag) for piece in self.closed for p in piece.extremes())
         if least[0] < -CLOSE * size:
             text = f"reaches the other side of the axis at [{least[0]:.6g}, {least[1]:.6g}]; allowed: r >= 0; draw one "
             raise refuse(f"{text}half of the section", key="profile")

@@ -12,7 +12,7 @@ from engine.errors import EngineError, some
 from engine.mechanism import Mechanism, set_values
 from engine.mechanism.geometry.cad_table import DrawnGap, DrawnJoint, GeometryCertificate
 from engine.mechanism.geometry.drawn_features import length
-from engine.preflight.drawn_cautions import hollow_corners, pressed_starts, time_cautions
+from engine.preflight.drawn_cautions import pressed_starts, time_cautions
 from engine.preflight.plausibility import Caution, duplicates, fast_spins, implausible_numbers, stiff_springs
 from engine.simulate import check as can_start
 from engine.simulate import simulate
@@ -176,7 +176,6 @@ def _as_assembled(mechanism: Mechanism) -> Iterator[Caution]:
 
     assembly, unit = assemble(mechanism), mechanism.unit("length")
     yield from pressed_starts(mechanism, assembly)
-    yield from hollow_corners(mechanism, assembly)
     moved = assembly.travel
     if moved:
         text = "parts overlap as drawn, or ideal joints are open, so runs start from the nearest pose where that is not"
