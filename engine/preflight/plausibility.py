@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from engine.mechanism import Mechanism
+from engine.mechanism.keys.values import settable_numbers
 from engine.mechanism.loads import Damper, Spring
 from engine.run import LARGEST_TURN
 
@@ -81,6 +82,16 @@ def implausible_numbers(mechanism: Mechanism) -> Iterator[Caution]:
         kind, custom = ("stiffness", STIFFNESS) if spring.type == "linear" else ("torsional stiffness", TORSION)
         if spring.stiffness is not None:
             yield from _out_of_range(mechanism, f"springs.{name}.stiffness", spring.stiffness, kind, custom)
+    yield from _degrees(mechanism)
+
+
+def _degrees(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield cautions about angles of more than a turn, as only motions have them: they may be in degrees."""
+    for number in settable_numbers(mechanism):
+        if number.unit == "rad" and math.tau < abs(number.value) <= 360.0 and not number.key.startswith("motions."):
+            text = f"{number.value / math.tau:.3g} turns"
+            remedy = f'if that is in degrees, write "radians({number.value:g})"'
+            yield Caution(number.key, number.value, "rad", text, "up to one turn", remedy)
 
 
 def _factor(mechanism: Mechanism, quantity: str) -> float:

@@ -67,6 +67,19 @@ def test_stiffnesses_in_another_unit(stiffness):
     assert any(text.startswith(f"springs.return.stiffness = {stiffness:g} N mm/rad: unusually") for text in texts)
 
 
+def test_angles_in_degrees():
+    """Of a torsion spring; the same angle as a formula of degrees is an ordinary one, and a motion may turn often."""
+    data = lever()
+    data["springs"]["return"]["free_angle"] = 34.4
+    texts = [text for text in warned(data) if text.startswith("springs.return.free_angle")]
+    assert texts == [
+        "springs.return.free_angle = 34.4 rad: 5.47 turns; customary: up to one turn; if that is in degrees, write"
+        ' "radians(34.4)"'
+    ]
+    data["springs"]["return"]["free_angle"] = "radians(34.4)"
+    assert warned(data) == []
+
+
 def test_it_is_data_too():
     """Key, value, unit, and the three parts of the sentence."""
     from engine.preflight import cautions
