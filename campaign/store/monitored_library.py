@@ -9,6 +9,7 @@ from campaign.store.store import Store
 
 FOLDER = "monitored"  # within the folder of the campaign
 KEPT_FALLS = 50
+_OF_THE_RECORD = {"number", "at", "by", "falls", "still_low"}
 _FILE = re.compile(r"(\d{6})\.json")
 
 
@@ -81,7 +82,13 @@ def read_monitored(store: Store, campaign_id: str) -> Monitored | None:
 
 
 def add_monitored(store: Store, campaign_id: str, new: Monitored, before: Monitored | None) -> Monitored:
-    """Add what some parts say after what was read `before`, with the responses that fell below their requirement."""
+    """Add what some parts say after what was read `before`, with the responses that fell below their requirement.
+
+    What says the same of the same table, as when a request is repeated whose answer was lost, is not added again.
+    """
+    same = before and new.model_dump(exclude=_OF_THE_RECORD) == before.model_dump(exclude=_OF_THE_RECORD)
+    if before and same and new.sha256:
+        return before
     low = {each.response for each in before.responses if each.below}.union(before.still_low) if before else set[str]()
     number, earlier = (before.number + 1, before.falls) if before else (1, [])
     falls = [
