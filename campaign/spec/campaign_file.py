@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import tomli_w
@@ -16,7 +16,7 @@ from engine.mechanism.base import Number, PositiveNumber, TableModel
 from engine.mechanism.faults import did_you_mean
 
 if TYPE_CHECKING:
-    from engine.cad_import.proposed_joints import Diameter
+    from engine.cad_import.drawn_tolerances import Diameter, Zone
 
 
 # statuses that other settings could avoid; an ``invalid`` run is a result, and settings do not cause a crash
@@ -38,8 +38,8 @@ Levels = (
 CPK = 1.33  # assumed for a dimension if only its limits are known, as in the docs
 SAMPLES = 1000
 _HEAD = """\
-# Proposed by clearcap mechanism import from the limits of size in the CAD file: of each diameter the middle of its
-# limits, and half of what lies between them. The Cpk with which it is made is an assumption.
+# Proposed by clearcap mechanism import from the limits and zones in the CAD file: of each diameter its class, or the
+# middle of its limits and half of what lies between them, with an assumed Cpk; in a zone all places are alike.
 #? variables: with which Cpk, or which distribution, is each of these diameters made?
 #? responses: what are the limits of what is read off? Give lsl and usl in [responses.NAME]
 """
@@ -484,17 +484,22 @@ def _given(value: Any) -> Any:
     return value
 
 
-def proposed_campaign(diameters: "Iterable[Diameter]", mechanism: str, name: str) -> str:
-    """Return the text of a campaign file that varies diameters of a mechanism file, whose path is relative to it."""
-    variables = {
-        diameter.parameter: {
+def proposed_campaign(diameters: "Iterable[Diameter]", zones: "Iterable[Zone]", mechanism: str, name: str) -> str:
+    """Return the text of a campaign file that varies diameters and zones of a mechanism file, relative to it."""
+    variables: dict[str, dict[str, Any]] = {}
+    for diameter in diameters:
+        middle, half = (diameter.lower + diameter.upper) / 2, (diameter.upper - diameter.lower) / 2
+        limits = {"nominal": round(middle, 9), "tolerance": round(half, 9)}
+        variables[diameter.parameter] = {
             "target": f"parameters.{diameter.parameter}",
             "distribution": "normal",
-            "nominal": round((diameter.lower + diameter.upper) / 2, 9),
-            "tolerance": round((diameter.upper - diameter.lower) / 2, 9),
+            **({"dimension": diameter.words} if diameter.tolerance_class else limits),
             "cpk": CPK,
         }
-        for diameter in diameters
-    }
+    for zone in zones:
+        way = f"{zone.keys}.{zone.way}"
+        variables[zone.variable] = {"target": zone.target, "distribution": "position", "zone": zone.width}
+        turn = {"distribution": "uniform", "lower": 0.0, "upper": round(2 * pi, 9)}
+        variables[f"{zone.stem}_{zone.way}"] = {"target": way, **turn}
     tables = {"format": 1, "name": name, "mechanism": mechanism, "samples": SAMPLES}
     return _HEAD + campaign_text(tables | ({"variables": variables} if variables else {}))

@@ -302,6 +302,7 @@ def _refuse_existing(path: Path, why: str) -> None:
 
 def _document(found: "FoundGeometry") -> dict[str, Any]:
     """Return the found geometry as plain data; lengths in mm."""
+    from engine.cad_import.drawn_tolerances import unused_tolerances
     from engine.cad_import.found_features import pivot_text
 
     face = {f.number: f for f in found.assembly.faces}
@@ -363,12 +364,14 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             for miss in found.refused
         ],
         "left_out": list(found.assembly.cautions),
+        "not_used": unused_tolerances(found),
     }
 
 
 def _print_found(found: "FoundGeometry") -> None:
     from engine.cad_import.found_features import (
         folded_features,
+        folded_tolerances,
         found_features,
         group_text,
         part_text,
@@ -386,5 +389,6 @@ def _print_found(found: "FoundGeometry") -> None:
         *folded_features(found, found_features(found)),
         *(pivot_text(found, pivot) for pivot in found.pivots),
         *(f"left out: {text}" for text in found.assembly.cautions),
+        *folded_tolerances(found),
     ):
         print_text(text)

@@ -21,6 +21,7 @@ from clearcap.pictures.view import View, best_view
 from engine.arrays import Array, Integers
 from engine.cad.cad_model import TriangleMesh
 from engine.cad.silhouette import silhouette
+from engine.cad_import.drawn_tolerances import unused_tolerances
 from engine.cad_import.found_features import FoundFeature, part_text
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_joints import AXIAL_PLAY, RADIAL_PLAY
@@ -165,6 +166,7 @@ def import_page(found: FoundGeometry, places: list[FoundFeature], text: str, fil
         plays=[(key, label) for key, label in PLAYS.items() if f"# {key} = " in text],
         materials=sorted(DENSITIES),
         deviation=deviation,
+        not_used=unused_tolerances(found),
         scene=Markup(json.dumps(scene).replace("<", "\\u003c")),  # so that no text can end the script element
         **{name: Markup((_FILES / file).read_text("utf-8")) for name, file in STATIC.items()},
     )

@@ -23,10 +23,10 @@ from clearcap.questions.mechanisms import geometry_lines, mechanism_summary, mec
 from engine import load_mechanism
 from engine.cad import RECOGNITION, CadAssembly
 from engine.cad import read_step as read_assembly
+from engine.cad_import.drawn_tolerances import Diameter, Zone, all_diameters, all_zones
 from engine.cad_import.found_features import found_features
 from engine.cad_import.found_geometry import FoundGeometry, find_geometry
 from engine.cad_import.proposed_groups import groups_of_bodies, listed_groups
-from engine.cad_import.proposed_joints import all_diameters
 from engine.cad_import.proposed_mechanism import proposed_mechanism, unloaded_directions
 from engine.cad_import.proposed_text import OpenQuestion, open_questions
 from engine.cad_import.updated_proposal import (
@@ -86,8 +86,8 @@ def propose(
     name = name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
     file = os.path.relpath(step_file, output.parent)
     text, written = proposed_mechanism(found, file, name), [output]
-    if diameters := all_diameters(found):
-        write(campaign_file(output), proposed_campaign(diameters, output.name, f"{name}-limits"))
+    if any(varied := _varied(found)):
+        write(campaign_file(output), proposed_campaign(*varied, output.name, f"{name}-limits"))
         written.append(campaign_file(output))
     write(output, text)
     drawing = _draw(found, text, step_file, output, write) if pictures else None
@@ -196,12 +196,17 @@ def _campaign_texts(
 ) -> dict[Path, tuple[str, UpdatedProposal]]:
     """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
     path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
-    diameters = all_diameters(before), all_diameters(found)
-    old, new = (proposed_campaign(each, mechanism.name, name) for each in diameters)
-    if path.exists() and diameters[0]:
+    varied = _varied(before), _varied(found)
+    old, new = (proposed_campaign(*each, mechanism.name, name) for each in varied)
+    if path.exists() and any(varied[0]):
         text = read_regular_file(path, LARGEST).decode("utf-8-sig")
         return {path: (text, updated_proposal(text, old, new))}
-    return {path: ("", UpdatedProposal(new))} if diameters[1] and not path.exists() and not diameters[0] else {}
+    return {path: ("", UpdatedProposal(new))} if any(varied[1]) and not path.exists() and not any(varied[0]) else {}
+
+
+def _varied(found: FoundGeometry) -> tuple[list[Diameter], list[Zone]]:
+    """Return the diameters and the zones in a CAD file that a campaign varies."""
+    return all_diameters(found), all_zones(found)
 
 
 # -- drafts in a store -------------------------------------------------------------------------------------------------

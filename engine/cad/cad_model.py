@@ -167,6 +167,37 @@ class SizeLimits:
     lower: Millimetres  # the smallest permitted size [mm]
     upper: Millimetres  # the largest permitted size [mm]
     faces: tuple[int, ...] = ()  # numbers of the faces to which it applies; for a distance, those of both sides
+    tolerance_class: str = ""  # of ISO 286, such as ``H7``, if the limits follow from one
+
+    @property
+    def words(self) -> str:
+        """The dimension as a drawing and a campaign file state it: ``6 H7``, ``6.1 +0.02/-0.01``."""
+        if self.tolerance_class:
+            return f"{self.nominal:.9g} {self.tolerance_class}"
+        deviations = (f"{each - self.nominal + 0.0:+.9f}".rstrip("0").rstrip(".") for each in (self.upper, self.lower))
+        return f"{self.nominal:.9g} {'/'.join(deviations)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometricTolerance:
+    """A zone for a place, direction or form that the file attaches to faces (semantic PMI of AP242)."""
+
+    kind: str  # for example ``position``, ``coaxiality``, ``perpendicularity`` or ``flatness``
+    zone: Millimetres  # its width [mm]; its diameter if it is `round`
+    round: bool = False  # whether it is a cylinder or a sphere
+    maximum_material: bool = False  # whether (M) follows the width
+    datums: tuple[str, ...] = ()  # their letters in order
+    modifiers: tuple[str, ...] = ()  # all others that change what the zone means, in words
+    faces: tuple[int, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """The tolerance as a frame on a drawing, in words: ``position, a cylinder of 0.1 mm (M), to A, B``."""
+        shape = f"a cylinder of {self.zone:g} mm" if self.round else f"{self.zone:g} mm"
+        shape += " (M)" if self.maximum_material else ""
+        return ", ".join(
+            [self.kind, shape, *self.modifiers, *([f"to {', '.join(self.datums)}"] if self.datums else [])]
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -193,10 +224,11 @@ class CadAssembly:
     faces: tuple[CadFace, ...] = ()
     edges: tuple[CadEdge, ...] = ()
     limits: tuple[SizeLimits, ...] = ()
+    zones: tuple[GeometricTolerance, ...] = ()
     meshes: tuple[TriangleMesh, ...] = ()  # one for each part, in the order of `parts`
     cautions: tuple[str, ...] = ()  # what was left out of the file and where it contradicts itself, each with a remedy
-    # number of entities of faces, placements and limits that cannot be read or that refer to missing ones; if it is not
-    # 0, the file is damaged
+    # number of entities of faces and placements that cannot be read or that refer to missing ones; if it is not 0, the
+    # file is damaged
     unreadable: int = 0
     damaged: tuple[str, ...] = ()  # names of the parts that these entities describe
 
@@ -207,7 +239,7 @@ class CadAssembly:
             return ""
         return (
             f"is damaged: {self.unreadable} of its entities cannot be read, or refer to others that are missing, so"
-            f" that faces, placements or limits of {some(self.damaged)} may be missing too; export or copy it again"
+            f" that faces or placements of {some(self.damaged)} may be missing too; export or copy it again"
         )
 
     def part(self, name: str) -> CadPart:

@@ -25,16 +25,17 @@ from engine.platform.regular_file import read_regular_file
 _FUNCTION = "engine.cad.occt.answers:answer"
 
 _SHAPES = "its shapes", "repair the parts in the CAD system, and export them again, as AP242 or AP214"
-_LIMITS = "its dimensions", "export it again without PMI, and give the limits in the campaign file"
 _MATERIALS = "names and materials", "export it again without materials, and give each body its density"
 _STAGES = {
-    "size_limits": _LIMITS,
     "names_and_materials": _MATERIALS,
     "product_tree": ("its assembly", "export it again, as AP242 or AP214, with fewer levels"),
 }
 """What the modules of `engine.cad.occt` read, and the remedy if they fail."""
 
 RECOGNITION = 1e-4  # default of the largest recognition gap [mm]
+
+_TOLERANCES = b"DIMENSIONAL_SIZE", b"DIMENSIONAL_LOCATION", b"TOLERANCE"
+"""Words of files with dimensions and tolerances, without which one is read again if OCCT fails."""
 
 _BEGINNING, _END = b"ISO-10303-21;", b"END-ISO-10303-21;"
 
@@ -52,11 +53,15 @@ USUAL_LIMITS = ReadingLimits()
 _WAIT = 10  # s in which a processor that others use, too, is given to OCCT for one second
 
 
+class OcctFailed(CadError):
+    """OCCT crashed, or did what nobody foresaw."""
+
+
 def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
     """Return the answer of `engine.cad.occt` to a question, see its `answers`, about the content of a STEP file.
 
-    The path is only named in messages. Raises CadError if OCCT is not installed, refuses the file, crashes, or takes
-    too much time or memory: than the limits, or than what is left to this process.
+    The path is only named in messages. Raises OcctFailed if OCCT crashes, and CadError if it is not installed, refuses
+    the file, or takes too much time or memory: than the limits, or than what is left to this process.
     """
     if find_spec("OCP") is None:
         raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
@@ -68,25 +73,27 @@ def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limi
         try:
             return child.answer(request, own, _WAIT * limits.seconds)
         except (ChildEnded, ChildRaised) as error:
-            raise CadError(f"{path}: {_why(error, own)}") from None
+            why, failed = _why(error, own)
+            raise (OcctFailed if failed else CadError)(f"{path}: {why}") from None
 
 
-def _why(error: ChildEnded | ChildRaised, limits: Limits) -> str:
-    """Return why there is no answer."""
+def _why(error: ChildEnded | ChildRaised, limits: Limits) -> tuple[str, bool]:
+    """Return why there is no answer, and whether OCCT failed in a way that nobody foresaw."""
     if isinstance(error, ChildEnded):
         if error.was_silent or error.status == -signal.SIGXCPU:
             needed = f"more than {limits.processor_s or 0:.0f} s"
-            return f"OCCT needs {needed} to read it; export only the parts of the mechanism"
-        printed = f": {error.last_line:.200}" if error.last_line else ""
-        return f"OCCT crashed while it read it ({error}{printed}); export it again, with other settings or fewer parts"
+            return f"OCCT needs {needed} to read it; export only the parts of the mechanism", False
+        said = f"{error}: {error.last_line:.200}" if error.last_line else f"{error}"
+        return f"OCCT crashed while it read it ({said}); export it again, with other settings or fewer parts", True
     if "UnreadableStep" in error.kinds:
-        return error.message
+        return error.message, False
     if "MemoryError" in error.kinds:
-        return f"takes more than {(limits.memory or 0) / 2**30:g} GiB of memory; export only the parts of the mechanism"
+        most = f"{(limits.memory or 0) / 2**30:g} GiB"
+        return f"takes more than {most} of memory; export only the parts of the mechanism", False
     if "ImportError" in error.kinds:
-        return f"the OCCT that is installed is not the one that is needed ({error}); pip install 'clearcap[cad]'"
+        return f"the OCCT that is installed is not the one that is needed ({error}); pip install 'clearcap[cad]'", False
     what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in error.trace), _SHAPES)
-    return f"what it says of {what} is broken, and OCCT failed to read it ({error}); {remedy}"
+    return f"what it says of {what} is broken, and OCCT failed to read it ({error}); {remedy}", True
 
 
 def read_step(path: str | Path, recognition: float = RECOGNITION, limits: ReadingLimits = USUAL_LIMITS) -> CadAssembly:
@@ -100,7 +107,13 @@ def read_step(path: str | Path, recognition: float = RECOGNITION, limits: Readin
     sha256 = hashlib.sha256(content).hexdigest()
     if (known := cached(sha256, recognition)) is not None:
         return known
-    answer = ask_occt(path, content, {"assembly": {"sha256": sha256, "recognition": recognition}}, limits)
+    question = {"sha256": sha256, "recognition": recognition}
+    try:
+        answer = ask_occt(path, content, {"assembly": question}, limits)
+    except OcctFailed:
+        if not any(word in content for word in _TOLERANCES):
+            raise
+        answer = ask_occt(path, content, {"assembly": question | {"tolerances": False}}, limits)
     keep_answer(sha256, repr(recognition), answer)
     return unpacked(CadAssembly, answer)
 

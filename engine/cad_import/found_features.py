@@ -12,6 +12,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings.facing_planes import FacingPlanes
 from engine.cad.findings.joints import NearMiss, UndrawnPin
+from engine.cad_import.drawn_tolerances import unused_tolerances
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundPivot, FoundSpring, FoundStop
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import least_clearance, side
@@ -82,6 +83,15 @@ def folded_features(found: FoundGeometry, features: Sequence[FoundFeature]) -> l
     lines += [each.text for each in facing[:MOST_LISTED]]
     if len(facing) > MOST_LISTED:
         lines.append(f"facing: {len(facing) - MOST_LISTED} more, less likely ones; the mechanism file lists all")
+    return lines
+
+
+def folded_tolerances(found: FoundGeometry) -> list[str]:
+    """Return lines about the limits and zones of the CAD file that nothing proposed follows from."""
+    unused = unused_tolerances(found)
+    lines = [f"not used: {each}" for each in unused[:MOST_LISTED]]
+    if len(unused) > MOST_LISTED:
+        lines.append(f"not used: {len(unused) - MOST_LISTED} more tolerances; --json lists all")
     return lines
 
 

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.cad.cad_model import CadFace, SizeLimits
+from engine.cad.cad_model import CadFace
 from engine.cad.findings.facing_planes import FacingPlanes
 from engine.cad.findings.facing_rounds import WHOLE, ExtrudedProfile, FacingRound
 from engine.cad.findings.joints import NearMiss, PinInHole, UndrawnPin
+from engine.cad_import.drawn_tolerances import deviation_of, diameters_of, limits_of
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 from engine.cad_import.proposed_text import key_line, marked, question, value
 from engine.errors import some
@@ -36,16 +37,6 @@ _OPEN = radians(190.0)  # a pin can leave a hole with a smaller span
 
 
 @dataclass(frozen=True)
-class Diameter:
-    """A diameter with limits that the CAD file attaches to the hole or the pin of a joint."""
-
-    parameter: str  # its name in the mechanism file
-    nominal: float  # [mm], like both limits
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
 class SharedQuestions:
     """What the CAD file does not say of many joints, so that it is asked once for all of them: names of joints."""
 
@@ -56,7 +47,8 @@ class SharedQuestions:
 
 def shared_questions(found: FoundGeometry) -> SharedQuestions:
     """Return the questions that are asked once, because they are about three or more joints."""
-    radial = [joint.name for joint in found.joints if joint.pin.radial_clearance <= 0]
+    drawn_without = [joint for joint in found.joints if joint.pin.radial_clearance <= 0]
+    radial = [joint.name for joint in drawn_without if not limits_of(found, joint)]
     radial += [joint.name for joint in found.balls if joint.ball.radial_clearance <= 0]
     axial = [joint.name for joint in found.joints if joint.flanges and _play(joint) <= _LEAST_PLAY]
     free = [joint.name for joint in found.joints if not joint.flanges]
@@ -150,7 +142,7 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint, shared: SharedQuestions
     lines = [
         f"[joints.{joint.name}]",
         f'type = "clearance_{"revolute" if joint.flanges else "cylindrical"}"',
-        key_line("bearing", side(found, holes[0])),
+        key_line("bearing", side(found, holes[0]) | deviation_of(found, joint, "hole")),
     ]
     radii = [seat.pin_radius for _, seat in pin.rings]
     stepped = np.ptp(radii) > _ALIKE
@@ -158,7 +150,7 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint, shared: SharedQuestions
         shaft["radius"] = radii if stations.sign > 0 else radii[::-1]
     if (shift := stations.shift()) is not None:
         shaft["point"] = found.to_body(pin.journal, shift)
-    lines.append(key_line("journal", shaft))
+    lines.append(key_line("journal", shaft | deviation_of(found, joint, "pin")))
     if len(pin.seats) > 1:
         lines.append(key_line("rings", sorted(round(stations.of(station), 9) for station, _ in pin.rings)))
     in_numbers = stepped or first.hole_radius - first.pin_radius != pin.radial_clearance
@@ -219,30 +211,6 @@ def _overlap_question(name: str, sides: str, overlap: float) -> str:
     return question(f"joints.{name}", text)
 
 
-def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]:
-    """Return the diameters with limits of a joint with one seat, under ``hole`` and ``pin``; else empty."""
-    if len(joint.pin.seats) > 1 or joint.pin.radial_clearance <= 0:
-        return {}
-    [seat] = joint.pin.seats
-    stem = joint.name.replace("-", "_")
-    diameters = {}
-    for side, number in (("hole", seat.hole), ("pin", seat.pin)):
-        for limits in found.assembly.limits:
-            if limits.faces == (number,) and limits.kind in ("diameter", "radius"):
-                diameters[side] = _diameter(f"{stem}_{side}", limits)
-    return diameters
-
-
-def all_diameters(found: FoundGeometry) -> list[Diameter]:
-    """Return the diameters with limits of all joints."""
-    return [each for joint in found.joints for each in diameters_of(found, joint).values()]
-
-
-def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
-    factor = 2.0 if limits.kind == "radius" else 1.0
-    return Diameter(parameter, *(round(factor * size, 9) for size in (limits.nominal, limits.lower, limits.upper)))
-
-
 @dataclass(frozen=True, eq=False)
 class _Stations:
     """Stations along a joint's axis as counted in the mechanism file: from the middle of its first seat."""
@@ -298,14 +266,17 @@ def _selects_one(wanted: dict[str, Any], search: Callable[[dict[str, Any]], obje
 def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) -> list[str]:
     """Return the radial clearance: from limits, as drawn, or as a question."""
     clearance, key = joint.pin.radial_clearance, "radial_clearance"
-    if clearance <= 0:
-        radius = joint.pin.seats[0].pin_radius
-        return _asked_clearance(joint.name, "pin and hole", radius, _pressed_in(found, joint))
     if diameters := diameters_of(found, joint):
         [seat] = joint.pin.seats
         hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"
         pin = diameters["pin"].parameter if "pin" in diameters else f"{2 * seat.pin_radius:.9g}"
-        return [key_line(key, f"({hole} - {pin}) / 2", f"{clearance:.6g} as drawn")]
+        drawn = f"{clearance:.6g} as drawn" if clearance > 0 else "drawn without"
+        return [key_line(key, f"({hole} - {pin}) / 2", drawn)]
+    if clearance <= 0:
+        radius = joint.pin.seats[0].pin_radius
+        known = " and ".join(f"{side} {limits.words}" for side, limits in limits_of(found, joint).items())
+        stated = f" The CAD file has {known}." if known else ""
+        return _asked_clearance(joint.name, "pin and hole", radius, stated + _pressed_in(found, joint))
     text = least_clearance(joint.pin) or f"{clearance:.6g}"
     return [key_line(key, clearance if in_numbers else AS_DRAWN, text)]
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart
+from engine.cad_import.drawn_tolerances import Diameter, all_diameters, all_zones
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_groups import PartGroup
 from engine.cad_import.proposed_joints import (
@@ -20,7 +21,6 @@ from engine.cad_import.proposed_joints import (
     LAW,
     RADIAL_PLAY,
     SharedQuestions,
-    all_diameters,
     ball_lines,
     free_joints,
     joint_lines,
@@ -149,10 +149,16 @@ def _gravity(found: FoundGeometry) -> list[str]:
 def _parameters(found: FoundGeometry, shared: SharedQuestions) -> list[str]:
     """Return the diameters with limits, to be varied by a campaign, and the plays that are asked for."""
     diameters, plays = all_diameters(found), play_parameters(shared)
-    if not diameters and not plays:
+    shares = [key_line(zone.share, 0.0, f"of the radius of {zone.words}") for zone in all_zones(found) if zone.share]
+    if not diameters and not plays:  # a share depends on a diameter
         return []
-    lines = [key_line(d.parameter, d.nominal, f"mm, {d.lower:.6g} to {d.upper:.6g} in the CAD file") for d in diameters]
-    return ["[parameters]", *lines, *plays, ""]
+    lines = [key_line(d.parameter, d.value, f"mm, {_stated(d)} in the CAD file") for d in diameters]
+    return ["[parameters]", *lines, *shares, *plays, ""]
+
+
+def _stated(diameter: Diameter) -> str:
+    """Return the limits of a diameter in words."""
+    return diameter.words if diameter.tolerance_class else f"{diameter.lower:.6g} to {diameter.upper:.6g}"
 
 
 def _default_density(assembly: CadAssembly) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_order, check_parameter_groups
-from campaign.inputs.drawing_limits import fit_limits
+from engine.drawing_limits import fit_limits
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
 from reporting.distributions.forms import ClosedForm

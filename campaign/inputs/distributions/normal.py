@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from campaign.inputs.distributions.base import Continuous, StandardDeviation, check_parameter_groups
-from campaign.inputs.drawing_limits import dimension_limits, fit_limits
+from engine.drawing_limits import dimension_limits, fit_limits
 from engine.mechanism.base import Number, PositiveNumber
 from reporting.distributions import forms
 from reporting.distributions.forms import ClosedForm

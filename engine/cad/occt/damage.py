@@ -1,7 +1,8 @@
 """What is lost because OCCT could not read some of a file's entities, judged by what depends on them.
 
-An entity counts as damaged if a number or a reference of it is missing, and faces, places or limits of a product are
-made from it. Names, styles and texts that break the standard, which many CAD programs write, count only as odd.
+An entity counts as damaged if a number or a reference of it is missing, and faces or places of a product are made from
+it. Limits and zones that are lost are only said to be: the shapes are whole without them. Names, styles and texts that
+break the standard, which many CAD programs write, count only as odd.
 """
 
 import re
@@ -39,9 +40,10 @@ _TO_PRODUCT = re.compile(
 class Damage:
     """The entities of a file that OCCT could not read."""
 
-    entities: int = 0  # number of those that faces, places or limits are made from
+    entities: int = 0  # number of those that faces or places are made from
     products: frozenset[str] | None = frozenset()
     """Names of the products that these belong to; None if it is not known of each."""
+    limits: int = 0  # number of those that only limits and zones are made from
     odd: int = 0  # number of all others
 
 
@@ -61,15 +63,18 @@ def damage_of(model: Any, path: Path) -> Damage:
         return Damage(odd=len(failed))
     records = _Records(_COMMENT.sub("", path.read_text("latin-1")))
     if len(records.ids) != len(places):  # the entity of a record is not known
-        return Damage(len(lacking), None, len(failed - lacking))
+        return Damage(len(lacking), None, odd=len(failed - lacking))
     of_drawing = {records.ids[place - 1] for place in drawing}
     roots = {place: records.roots_above(records.ids[place - 1], of_drawing) for place in lacking}
-    damaged = [place for place in lacking if roots[place]]
-    products = {records.product_below(root) for place in damaged for root in roots[place]}
+    shaping = {place: [root for root in each if not records.is_limit(root)] for place, each in roots.items()}
+    damaged = [place for place in lacking if shaping[place]]
+    limits = [place for place in lacking if roots[place] and not shaping[place]]
+    products = {records.product_below(root) for place in damaged for root in shaping[place]}
     places_of = {records.ids[place - 1]: place for place in places} if damaged else {}
     names = [str(entities[places_of[each]].Name().ToCString()) if each is not None else None for each in products]
     known = frozenset(name for name in names if name is not None)
-    return Damage(len(damaged), known if None not in names else None, len(failed) - len(damaged))
+    odd = len(failed) - len(damaged) - len(limits)
+    return Damage(len(damaged), known if None not in names else None, len(limits), odd)
 
 
 def _lacks(model: Any, place: int, *, lost_shapes: bool) -> bool:
@@ -122,7 +127,11 @@ class _Records:
         if kind == _SHAPE_OF:
             below = self._below(number)
             return len(below) < 2 or self._kind(below[0]) == _SHAPE
-        return kind in _PLACES or kind in _LIMITS
+        return kind in _PLACES or self.is_limit(number)
+
+    def is_limit(self, number: int) -> bool:
+        """Return whether a record gives a product a limit."""
+        return self._kind(number) in _LIMITS
 
     def roots_above(self, number: int, without: set[int]) -> list[int]:
         """Return the records of shapes, places and limits of products that depend on a record, or are it.

@@ -1,24 +1,33 @@
 """Dimensions with limits that AP242 attaches to faces (semantic PMI).
 
-OCCT passes on only the magnitudes of deviations; their signs are taken from the file.
+OCCT passes on only the magnitudes of deviations; their signs are taken from the file. Of a class such as H7 it passes
+on numbers that Python cannot ask for, but can find in its document.
 """
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from OCP.collections import Sequence_TDF_Label
 from OCP.StepBasic import StepBasic_MeasureWithUnit
 from OCP.StepRepr import StepRepr_ReprItemAndMeasureWithUnit
-from OCP.StepShape import StepShape_ToleranceValue
+from OCP.StepShape import StepShape_LimitsAndFits, StepShape_ToleranceValue
+from OCP.TDataStd import TDataStd_IntegerArray
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionFormVariance as Variance
 from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionType as Type
 from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DimTolTool
 
 from engine.cad.cad_model import SizeLimits
 from engine.cad.occt.names_and_materials import listed
+from engine.drawing_limits import dimension_limits
+from engine.errors import some
 
 _MATCHED_DECIMALS = 9  # of a mm, to which a deviation is matched
 
 _DECIMALS = 12  # of a mm, so that 6.1 + 0.02 gives 6.12
+_MOST_TAGS = 30  # of the labels below that of a dimension
+_LETTERS = {int(each.value): name.rpartition("_")[2] for name, each in Variance.__members__.items() if each.value}
 _KINDS = {
     Type.XCAFDimTolObjects_DimensionType_Size_Diameter: "diameter",
     Type.XCAFDimTolObjects_DimensionType_Size_SphericalDiameter: "spherical diameter",
@@ -72,26 +81,107 @@ def _measure(bound: Any) -> float | None:
     return float(bound.ValueComponent()) if isinstance(bound, StepBasic_MeasureWithUnit) else None
 
 
+class ToleranceClasses:
+    """The classes of ISO 286 in a file, such as H7."""
+
+    def __init__(self, model: Any, by_occt: bool) -> None:
+        entities = (model.Value(place) for place in range(1, model.NbEntities() + 1))
+        self.stated = [_stated(each) for each in entities if isinstance(each, StepShape_LimitsAndFits)]
+        # OCCT writes each grade two too coarse: IT7 as 9
+        self._finer = 2 if by_occt else 0
+
+    def of(self, label: Any) -> str:
+        """Return the class of a dimension; empty if it has none, or one that OCCT cannot read."""
+        for tag in range(1, _MOST_TAGS):
+            child = label.FindChild(tag, False)
+            if child.IsNull() or not child.IsAttribute(TDataStd_IntegerArray.GetID_s()):
+                continue
+            numbers = TDataStd_IntegerArray()
+            child.FindAttribute(TDataStd_IntegerArray.GetID_s(), numbers)
+            if numbers.Length() == len(("is a hole", "letter", "grade")):
+                is_hole, letter, grade = (numbers.Value(place) for place in range(numbers.Lower(), numbers.Upper() + 1))
+                letters = _LETTERS.get(letter, "")
+                letters = letters if is_hole else letters.lower()
+                return f"{letters}{self._grade(letters, grade)}"
+        return ""
+
+    def _grade(self, letters: str, number: int) -> str:
+        """Return a grade; `number` is 0 for IT01 and for what is no number, 1 for IT0, 8 for IT7."""
+        if number:
+            return str(number - 1 - self._finer)
+        found = {re.sub(r"\D", "", grade) for form, grade in self.stated if form == letters}
+        return found.pop() if len(found) == 1 else ""
+
+
+def _stated(entity: Any) -> tuple[str, str]:
+    """Return the letters and the grade of a class as the file writes them."""
+    form, grade = (str(text.ToCString()).strip() if text else "" for text in (entity.FormVariance(), entity.Grade()))
+    return form, grade
+
+
 def size_limits(
-    tool: Any, signs: DeviationSigns, faces_of: Callable[[Any], list[tuple[int, ...]]]
-) -> tuple[list[SizeLimits], int]:
-    """Return the dimensions of a file that have limits, and the number of those that are unclear.
+    tool: Any, signs: DeviationSigns, classes: ToleranceClasses, faces_of: Callable[[Any], list[tuple[int, ...]]]
+) -> tuple[list[SizeLimits], list[str]]:
+    """Return the dimensions of a file that have limits, and cautions about those that are left out.
 
     `faces_of` returns the numbers of the faces on a label, one tuple per instance of its product.
     """
-    found, unclear = [], 0
+    found: list[SizeLimits] = []
+    unclear, others, not_classes, with_class = 0, 0, list[str](), 0
     for label in listed(tool.GetDimensionLabels):
         dimension = XCAFDoc_Dimension.Set_s(label).GetObject()
-        kind = dimension and _KINDS.get(dimension.GetType())
-        if not kind or not (dimension.IsDimWithPlusMinusTolerance() or dimension.IsDimWithRange()):
+        if not dimension:
             continue
-        limits, instances = _limits(dimension, signs), faces_of_instances([faces_of(at) for at in _referred(label)])
+        has_limits = dimension.IsDimWithPlusMinusTolerance() or dimension.IsDimWithRange()
+        has_class = dimension.IsDimWithClassOfTolerance()
+        with_class += has_class
+        if not (has_limits or has_class):
+            continue
+        kind = _KINDS.get(dimension.GetType())
+        if not kind:
+            others += 1
+            continue
+        stated = "" if has_limits else classes.of(label)
+        limits = _limits(dimension, signs) if has_limits else _limits_of_class(dimension, kind, stated)
+        instances = faces_of_instances([faces_of(at) for at in _referred(label)])
+        if limits is None and not has_limits:
+            not_classes.append(f"{kind} {dimension.GetValue():.9g} {stated or 'of a class'}")
+            continue
         if limits is None or instances is None:
             unclear += 1
             continue
         nominal, lower, upper = limits
-        found += [SizeLimits(kind=kind, nominal=nominal, lower=lower, upper=upper, faces=each) for each in instances]
-    return found, unclear
+        whole = SizeLimits(kind=kind, nominal=nominal, lower=lower, upper=upper, tolerance_class=stated)
+        found += [replace(whole, faces=each) for each in instances]
+    unread = [" ".join(each) for each in classes.stated] if len(classes.stated) > with_class else []
+    return found, list(_cautions(unclear, others, not_classes, unread))
+
+
+def _cautions(unclear: int, others: int, not_classes: list[str], unread: list[str]) -> Iterator[str]:
+    """Yield what is said about dimensions that are left out."""
+    if unclear:
+        yield (
+            f"{unclear} dimensions are left out: the file has the same deviations with several signs, or does not say"
+            " which instances of their parts belong together; give these limits in the campaign file"
+        )
+    if others:
+        yield f"{others} dimensions with limits are left out: angles, lengths of curves, other than distances"
+    if not_classes:
+        yield f"{some(not_classes)}: ISO 286 has no such class of a diameter or distance; state the limits themselves"
+    if unread:
+        yield (
+            f"classes of tolerance that OCCT cannot read, among {some(unread)}: the file does not write them as the"
+            " standard says, letters and grade apart; give these dimensions in the campaign file"
+        )
+
+
+def _limits_of_class(dimension: Any, kind: str, stated: str) -> tuple[float, float, float] | None:
+    """Return the nominal size and the limits [mm] of a class of ISO 286; None if the standard has no such class."""
+    nominal = round(dimension.GetValue(), _DECIMALS)
+    try:
+        return None if "radius" in kind else (nominal, *dimension_limits(f"{nominal:.9f} {stated}"))
+    except ValueError:
+        return None
 
 
 def faces_of_instances(sides: list[list[tuple[int, ...]]]) -> list[tuple[int, ...]] | None:

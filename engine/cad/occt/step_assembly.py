@@ -11,21 +11,45 @@ from typing import Any
 import numpy as np
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
-from engine.cad.cad_model import CadAssembly, CadFace, CadMaterial, CadPart, ProductGeometry, SizeLimits, placed_product
+from engine.cad.cad_model import (
+    CadAssembly,
+    CadFace,
+    CadMaterial,
+    CadPart,
+    GeometricTolerance,
+    ProductGeometry,
+    SizeLimits,
+    placed_product,
+)
 from engine.cad.occt.bounded_work import Budget
 from engine.cad.occt.damage import Damage
+from engine.cad.occt.geometric_tolerances import geometric_tolerances
 from engine.cad.occt.names_and_materials import listed, material_of, name_of
-from engine.cad.occt.occt_values import FACE, ShapeMap
+from engine.cad.occt.occt_values import FACE, OCCT_ERRORS, ShapeMap
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances, labels_of_solids
 from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
+from engine.drawing_limits import dimension_limits
 from engine.errors import some
 
 _UNNAMED = "part"
 
 _SLOW_SECONDS = 20.0  # of the processor, that faces and solids may take in vain
 _RADII = {"diameter": 2, "spherical diameter": 2, "radius": 1, "spherical radius": 1}
+_BROKEN: tuple[type[Exception], ...] = (
+    *OCCT_ERRORS,
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""What is raised where an entity of a file is not as the standard says."""
+_NO_TOLERANCES = (
+    "all dimensions and tolerances are left out: OCCT fails when it reads them; give them in the campaign file"
+)
 _FAR_OFF = 0.1  # share of the drawn size
 
 
@@ -51,12 +75,13 @@ class _Product:
         return tuple(sorted({int(self._numbers[place]) for place in places if place >= 0} - {-1}))
 
 
-def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
+def read_assembly(path: Path, sha256: str, recognition: float, *, tolerances: bool = True) -> CadAssembly:
     """Read a STEP file with OCCT; raise UnreadableStep if it is not one or contains no shapes.
 
     A spline is replaced by a simple surface or circle that is no more than `recognition` [mm] away; 0 replaces none.
+    Without `tolerances`, dimensions and tolerances are left out, and said to be.
     """
-    document = open_step(path)
+    document = open_step(path, tolerances=tolerances)
     found = instances(document.shapes)
     products: dict[tuple[str, int], _Product] = {}
     budget = Budget(_SLOW_SECONDS)
@@ -73,10 +98,8 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         first_face += len(here.faces)
         placed.append(here)
         parts.append(_part(instance, name, product, here))
-    limits, unclear = size_limits(document.dimensions, document.signs, partial(_faces_on, list(products.values())))
     faces = tuple(face for here in placed for face in here.faces)
-    limits = [_corrected(limit, faces, document.dimensions_too_large) for limit in limits]
-    contradictions = {limit: _contradictions(limit, faces) for limit in limits}
+    limits, zones, not_read = _tolerances(document, list(products.values()), faces)
     return CadAssembly(
         sha256=sha256,
         unit=document.unit,
@@ -85,12 +108,14 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         parts=tuple(parts),
         faces=faces,
         edges=tuple(edge for here in placed for edge in here.edges),
-        limits=tuple(limit for limit, said in contradictions.items() if not said),
+        limits=limits,
+        zones=zones,
         meshes=tuple(here.mesh for here in placed),
         cautions=(
-            *_left_out(document, parts, unclear),
+            *_left_out(document, parts),
             *chain.from_iterable(_lost(product) for product in products.values()),
-            *chain.from_iterable(contradictions.values()),
+            *not_read,
+            *([] if tolerances else [_NO_TOLERANCES]),
         ),
         unreadable=document.damage.entities,
         damaged=_damaged(document.damage, parts),
@@ -118,6 +143,29 @@ def _part(instance: Instance, name: str, product: _Product, here: ProductGeometr
     )
 
 
+def _tolerances(
+    document: StepDocument, products: list[_Product], faces: tuple[CadFace, ...]
+) -> tuple[tuple[SizeLimits, ...], tuple[GeometricTolerance, ...], list[str]]:
+    """Return the limits and zones of a file, and cautions about them; no file is lost because of one that is broken."""
+    faces_of, too_large = partial(_faces_on, products), document.dimensions_too_large
+    limits: list[SizeLimits] = []
+    zones: list[GeometricTolerance] = []
+    cautions: list[str] = []
+    broken = "{} are left out: OCCT failed to read what the file says of them ({}); give them in the campaign file"
+    try:
+        limits, cautions = size_limits(document.dimensions, document.signs, document.classes, faces_of)
+    except _BROKEN as error:
+        cautions.append(broken.format("dimensions with limits", type(error).__name__))
+    try:
+        zones = geometric_tolerances(document.dimensions, faces_of, too_large)
+    except _BROKEN as error:
+        cautions.append(broken.format("geometric tolerances", type(error).__name__))
+    limits = [_corrected(limit, faces, too_large) for limit in limits]
+    contradictions = {limit: _contradictions(limit, faces) for limit in limits}
+    kept = tuple(limit for limit, said in contradictions.items() if not said)
+    return kept, tuple(zones), [*cautions, *chain.from_iterable(contradictions.values())]
+
+
 def _faces_on(products: list[_Product], label: Any) -> list[tuple[int, ...]]:
     """Return the numbers of the faces on the label of a sub-shape, for each instance of its product."""
     shape = ShapeTool.GetShape_s(label)
@@ -131,6 +179,8 @@ def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) 
     """Return a dimension in mm that may be too large by a factor; it is if only the reduced one matches its faces."""
     sizes = (limit.nominal / too_large, limit.lower / too_large, limit.upper / too_large)
     nominal, lower, upper = (round(size, 12) for size in sizes)
+    if limit.tolerance_class:
+        lower, upper = dimension_limits(f"{nominal:.9f} {limit.tolerance_class}")
     smaller = replace(limit, nominal=nominal, lower=lower, upper=upper)
     return smaller if _contradictions(limit, faces) and not _contradictions(smaller, faces) else limit
 
@@ -153,7 +203,7 @@ def _damaged(damage: Damage, parts: list[CadPart]) -> tuple[str, ...]:
     return tuple(found if found or not damage.entities else [part.name for part in parts])
 
 
-def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
+def _left_out(document: StepDocument, parts: list[CadPart]) -> list[str]:
     """Return cautions about what was left out."""
     said = []
     if document.damage.entities:
@@ -162,18 +212,18 @@ def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> lis
             f" {some(_damaged(document.damage, parts))}: they cannot be read, or refer to others that are missing;"
             " export or copy it again"
         )
+    if document.damage.limits:
+        said.append(
+            f"what {document.damage.limits} of the file's entities say of dimensions and tolerances: they cannot be"
+            " read, or refer to others that are missing; give these limits in the campaign file"
+        )
     if document.damage.odd:
         said.append(
             f"what {document.damage.odd} of the file's entities say beside faces, places and limits: names, styles,"
-            " texts or units that are not written as the standard says"
+            " texts, units or tolerances that are not written as the standard says"
         )
     if document.grams is None:
         said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
-    if unclear:
-        said.append(
-            f"{unclear} dimensions are left out: the file has the same deviations with several signs, or does not say"
-            " which instances of their parts belong together; give these limits in the campaign file"
-        )
     if empty := ", ".join(part.name for part in parts if not part.solids):
         said.append(f"without a solid, so without volume: {empty}; export these parts as solids")
     if negative := ", ".join(part.name for part in parts if any(solid.volume <= 0 for solid in part.solids)):

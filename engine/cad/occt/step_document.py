@@ -15,7 +15,7 @@ from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
 from engine.cad.occt.damage import Damage, damage_of
 from engine.cad.occt.names_and_materials import grams_of_densities
-from engine.cad.occt.size_limits import DeviationSigns
+from engine.cad.occt.size_limits import DeviationSigns, ToleranceClasses
 
 _UNITS = {
     "millimetre": ("mm", 1.0),
@@ -42,6 +42,7 @@ class StepDocument:
     schema: str
     grams: float | None  # the unit of mass of its densities [g]; None if there are several, or if it is unknown
     signs: DeviationSigns
+    classes: ToleranceClasses
     dimensions_too_large: float
     """Factor by which all its dimensions are too large. OCCT writes them in mm but declares them in the file's unit of
     length; for files of all other programs the factor is 1.
@@ -51,13 +52,13 @@ class StepDocument:
     keep: Any  # the document, which must live as long as the tools
 
 
-def open_step(path: Path) -> StepDocument:
-    """Read a STEP file; raise UnreadableStep if it is not one or contains no shapes."""
+def open_step(path: Path, *, tolerances: bool = True) -> StepDocument:
+    """Read a STEP file, with or without its dimensions and tolerances; raise UnreadableStep if it has no shapes."""
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
     XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)  # m: OCCT then converts all lengths to mm
     reader = STEPCAFControl_Reader()
-    reader.SetGDTMode(True)
+    reader.SetGDTMode(tolerances)
     reader.SetMatMode(True)
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
@@ -75,6 +76,7 @@ def open_step(path: Path) -> StepDocument:
         schema=_schema(header),
         grams=grams_of_densities(model),
         signs=DeviationSigns(model, millimetres, by_occt),
+        classes=ToleranceClasses(model, by_occt),
         dimensions_too_large=millimetres if by_occt else 1.0,
         damage=damage_of(model, path),
         keep=(document, reader),

@@ -9,6 +9,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCone, BRepPrimAPI_MakeCylinder
+from OCP.collections import Sequence_TDF_Label
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.IFSelect import IFSelect_ReturnStatus
@@ -24,8 +25,18 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
-from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionObject, XCAFDimTolObjects_DimensionType
-from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool
+from OCP.XCAFDimTolObjects import (
+    XCAFDimTolObjects_DatumObject,
+    XCAFDimTolObjects_DimensionObject,
+    XCAFDimTolObjects_DimensionType,
+    XCAFDimTolObjects_GeomToleranceObject,
+)
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionFormVariance as Form
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_DimensionGrade as Grade
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_GeomToleranceMatReqModif as Material
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_GeomToleranceType as Kind
+from OCP.XCAFDimTolObjects import XCAFDimTolObjects_GeomToleranceTypeValue as Shape
+from OCP.XCAFDoc import XCAFDoc_Datum, XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_GeomTolerance
 
 Z = (0.0, 0.0, 1.0)
 
@@ -139,16 +150,44 @@ class Drawing:
         return gp_Ax2(gp_Pnt(*point), gp_Dir(*normal))
 
     def diameter(self, product, face, nominal, limits):
-        """Attach a diameter with its lower and upper deviation to a face of a part."""
+        """Attach a diameter to a face of a part, with its lower and upper deviation, or its class such as ``H7``."""
         at = self.shapes.AddSubShape(product, face)
         label = self.dimensions.AddDimension()
         self.dimensions.SetDimension(at, label)
         dimension = XCAFDimTolObjects_DimensionObject()
         dimension.SetType(XCAFDimTolObjects_DimensionType.XCAFDimTolObjects_DimensionType_Size_Diameter)
         dimension.SetValue(nominal)
-        dimension.SetLowerTolValue(limits[0])
-        dimension.SetUpperTolValue(limits[1])
+        if isinstance(limits, str):
+            letters = limits.rstrip("0123456789")
+            form = getattr(Form, f"XCAFDimTolObjects_DimensionFormVariance_{letters.upper()}")
+            grade = getattr(Grade, f"XCAFDimTolObjects_DimensionGrade_IT{limits.removeprefix(letters)}")
+            dimension.SetClassOfTolerance(letters.isupper(), form, grade)
+        else:
+            dimension.SetLowerTolValue(limits[0])
+            dimension.SetUpperTolValue(limits[1])
         XCAFDoc_Dimension.Set_s(label).SetObject(dimension)
+
+    def zone(self, product, face, kind, width, *, is_round=True, maximum_material=False, datums=()):
+        """Attach a geometric tolerance, such as ``Position``, to a face; `datums` are faces of the same part."""
+        label = self.dimensions.AddGeomTolerance()
+        self.dimensions.SetGeomTolerance(self.shapes.AddSubShape(product, face), label)
+        zone = XCAFDimTolObjects_GeomToleranceObject()
+        zone.SetType(getattr(Kind, f"XCAFDimTolObjects_GeomToleranceType_{kind}"))
+        zone.SetValue(width)
+        if is_round:
+            zone.SetTypeOfValue(Shape.XCAFDimTolObjects_GeomToleranceTypeValue_Diameter)
+        if maximum_material:
+            zone.SetMaterialRequirementModifier(Material.XCAFDimTolObjects_GeomToleranceMatReqModif_M)
+        XCAFDoc_GeomTolerance.Set_s(label).SetObject(zone)
+        for number, each in enumerate(datums):
+            at, on = self.dimensions.AddDatum(), Sequence_TDF_Label()
+            on.Append(self.shapes.AddSubShape(product, each))
+            datum = XCAFDimTolObjects_DatumObject()
+            datum.SetName(TCollection_HAsciiString("ABC"[number]))
+            datum.SetPosition(number + 1)
+            XCAFDoc_Datum.Set_s(at).SetObject(datum)
+            self.dimensions.SetDatum(on, at)
+            self.dimensions.SetDatumToGeomTol(at, label)
 
     def write(self, path, unit="MM", schema="AP242DIS"):
         """Write the file in a unit of length: MM, INCH, M. The same drawing makes the same bytes."""

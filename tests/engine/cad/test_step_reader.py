@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,32 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
     assert said in refusal(LATCH, **limits)
 
 
+def test_a_crash_over_tolerances(monkeypatch):
+    """The file is read again without them, if it has any; another failure is not tried twice."""
+    content, asked = packed(full_assembly(np.random.default_rng(1))), []
+
+    def crash(path, _content, question, _limits, error=engine.cad.step_reader.OcctFailed):
+        asked.append(question["assembly"].get("tolerances", True))
+        if asked[-1]:
+            raise error(f"{path}: OCCT crashed")
+        return content
+
+    reader, kept = engine.cad.step_reader, []
+    monkeypatch.setattr(reader, "cached", lambda *_: None)
+    monkeypatch.setattr(reader, "keep_answer", lambda *answer: kept.append(answer))
+    monkeypatch.setattr(reader, "ask_occt", crash)
+    assert len(read_step(LATCH).parts) == 1
+    assert (asked, len(kept)) == ([True, False], 1)
+    monkeypatch.setattr(reader, "ask_occt", partial(crash, error=CadError))
+    with pytest.raises(CadError):
+        read_step(LATCH)
+    monkeypatch.setattr(reader, "ask_occt", crash)
+    monkeypatch.setattr(reader, "_TOLERANCES", (b"NOT IN THE FILE",))
+    with pytest.raises(CadError):
+        read_step(LATCH)
+    assert asked == [True, False, True, True]
+
+
 def test_a_reader_gets_what_is_left_to_a_job(tmp_path, monkeypatch):
     """Read by a job that has limits itself, a file is under these: no child of it has more."""
     package = tmp_path / "OCP"
@@ -181,7 +208,6 @@ def test_a_reader_gets_what_is_left_to_a_job(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("module", "said"),
     [
-        ("size_limits", "its dimensions is broken, and OCCT failed to read it (AttributeError); export it again"),
         ("names_and_materials", "export it again without materials, and give each body its density"),
         ("face_pieces", "repair the parts in the CAD system, and export them again, as AP242 or AP214"),
     ],
@@ -190,7 +216,9 @@ def test_what_nobody_foresaw_in_a_file(module, said):
     """The message says what the reader was at, and what to do about it: the name of an error alone teaches nothing."""
     trace = f'Traceback:\n  File "/x/engine/cad/occt/{module}.py", line 1, in f\n    a.b\nAttributeError\n'
     report = {"kinds": ["AttributeError"], "message": "", "trace": trace, "faults": None}
-    assert said in engine.cad.step_reader._why(ChildRaised(json.dumps(report).encode()), ReadingLimits())
+    text, failed = engine.cad.step_reader._why(ChildRaised(json.dumps(report).encode()), ReadingLimits())
+    assert said in text
+    assert failed
 
 
 def test_without_occt(monkeypatch):

@@ -62,7 +62,7 @@ def test_what_is_odd_is_a_note(text, tmp_path):
         assert (read.unreadable, read.damage, read.damaged) == (0, "", ()), what
         assert [part.solids[0].volume for part in read.parts] == pytest.approx([6.2831853, 628.31853]), what
         assert [part.placement.translation[0] for part in read.parts] == [0.0, 9.0]
-        assert any("names, styles, texts or units" in said for said in read.cautions), what
+        assert any("names, styles, texts, units or tolerances" in said for said in read.cautions), what
 
 
 def test_a_missing_number_or_reference_is_damage(text, tmp_path):
@@ -70,7 +70,7 @@ def test_a_missing_number_or_reference_is_damage(text, tmp_path):
     for what, change in NEEDED.items():
         read = changed(text, tmp_path / "damaged.step", change)
         assert (read.unreadable, read.damaged) == (1, ("pin",)), what
-        assert "limits of pin may be missing" in read.damage
+        assert "faces or placements of pin may be missing" in read.damage
         assert any("entities describe, in full or in part, of pin:" in said for said in read.cautions), what
 
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from campaign.inputs import drawing_limits
-from campaign.inputs.drawing_limits import dimension_limits, fit_limits
+from engine import drawing_limits
+from engine.drawing_limits import dimension_limits, fit_limits
 
 # Deviations in micrometres as ISO 286-2 tabulates them.
 HOLES = {
