@@ -45,35 +45,49 @@ def emulated_what_if(
 
     An answer has the reason why there is none by weights in `emulated`; without one, the notes say why.
     """
-    has = np.isfinite(y)
-    why = ""
-    if np.count_nonzero(has) < LEAST_VALUES:
-        why = f"{np.count_nonzero(has)} rows have a value; {LEAST_VALUES} are needed"
-    elif (missing := 1 - has.mean()) > MOST_MISSING:
-        why = f"{100 * missing:.3g} % of the rows have no value, and nothing tells how many new ones would have none"
-    else:
-        far = {name: beyond(x, new[name]) for name, x in old.items()}
-        worst = max(far, key=far.__getitem__)
-        if far[worst] > MOST_BEYOND:
-            why = f"{100 * far[worst]:.3g} % of the new values of {worst} lie beyond those of the rows"
-    if why:
-        return replace(weighted, notes=(*weighted.notes, f"No emulator either: {why}."))
     try:
-        emulator = fit_emulator(np.column_stack([x[has] for x in old.values()]), y[has])
+        refuse_values(y)
+        refuse_beyond(old, new)
+        emulator = fit_to_rows(y, old)
     except ReportError as error:
         return replace(weighted, notes=(*weighted.notes, f"No emulator either: {error}."))
+    return emulated_answer(emulator, np.column_stack(list(new.values())), limits, weighted, doubt)
+
+
+def refuse_values(y: Array) -> None:
+    """Raise ReportError if too few rows (n,) have a value, or too many have none."""
+    has = np.isfinite(y)
+    if np.count_nonzero(has) < LEAST_VALUES:
+        raise ReportError(f"{np.count_nonzero(has)} rows have a value; {LEAST_VALUES} are needed")
+    if (missing := 1 - has.mean()) > MOST_MISSING:
+        raise ReportError(f"{100 * missing:.3g} % of the rows have no value, and nothing tells how many new ones have none")
+
+
+def refuse_beyond(old: Mapping[str, Array], new: Mapping[str, Array]) -> None:
+    """Raise ReportError if too many new values of a variable lie beyond those of the rows."""
+    far = {name: beyond(x, new[name]) for name, x in old.items()}
+    worst = max(far, key=far.__getitem__)
+    if far[worst] > MOST_BEYOND:
+        raise ReportError(f"{100 * far[worst]:.3g} % of the new values of {worst} lie beyond those of the rows")
+
+
+def fit_to_rows(y: Array, old: Mapping[str, Array]) -> Emulator:
+    """Return the emulator of a response by rows (n,); ReportError: it knows too little to be used."""
+    has = np.isfinite(y)
+    emulator = fit_emulator(np.column_stack([x[has] for x in old.values()]), y[has])
     if refusal := emulator.quality.refusal:
-        return replace(weighted, notes=(*weighted.notes, f"No emulator either: {refusal}."))
-    return _answer(emulator, np.column_stack(list(new.values())), limits, weighted, doubt)
+        raise ReportError(refusal)
+    return emulator
 
 
-def _answer(
+def emulated_answer(
     emulator: Emulator,
     x: Array,
     limits: tuple[float | None, float | None],
     weighted: WhatIf,
-    doubt: Array | None,
+    doubt: Array | None = None,
 ) -> WhatIf:
+    """Return the answer at new samples (m, d), with the emulator's error; `weighted` says why weights give none."""
     random = np.random.Generator(np.random.Philox(len(x)))
     mean = emulator.mean(x) + emulator.scatter * random.standard_normal(len(x))
     base, places = what_if(mean, Change(np.zeros(len(x)), doubt=doubt), *limits), slice(0, _PLACES)

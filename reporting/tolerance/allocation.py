@@ -6,13 +6,17 @@ exceed ``(distance from the mean to the nearer limit / (3 target))^2``. `reporti
 optimum and the price of each target, `reporting.tolerance.cost_optimum` the cheapest processes.
 
 If the campaign's samples can be reweighted to the proposed tolerances, the reweighted mean and sigma correct the
-linear model, and the optimum is recomputed until it no longer changes. A proposal aims at the target by the samples'
-own sigma, so about half of the proposals miss it by a little: the interval of the resulting Cpk says by how much.
+linear model, and the optimum is recomputed until it no longer changes. If they cannot, as where tolerances must grow,
+an emulator of the rows takes the place of the linear model: at each set of tolerances it gives mean and variance of a
+response and their slopes, and the optimum of this local model is the next set. A proposal aims at the target by the
+samples' own sigma, so about half of the proposals miss it by a little: the interval of the resulting Cpk says by how
+much.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +29,7 @@ from reporting.tolerance.advice import REWEIGHTING, Rows
 from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
 from reporting.tolerance.cost_optimum import Optimum, Programme, cheapest_choice
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.whatif import Estimate, runs_for, what_if_all
+from reporting.tolerance.whatif import WhatIf, runs_for, what_if_all
 
 # The sum of shares of a variance may exceed 1 by this rounding error only.
 _ROUNDING = 1e-9
@@ -34,8 +38,10 @@ _NO_INTERVAL = (
     "Variance contributions give no interval of Cpk, and interactions or a bent response may make it far lower: "
     "confirm the proposal by a campaign before you use it."
 )
+EMULATION = "emulation"
 _CORRECTIONS = 12
-_NOT_CONVERGED = "The correction by reweighting did not converge: confirm the proposal by a campaign before you use it."
+_UNDAMPED = 6  # corrections by an emulator; later ones go half the way, so that they cannot alternate
+_NOT_CONVERGED = "The corrections did not converge: confirm the proposal by a campaign before you use it."
 _SAME_FACTOR = 1e-3  # the corrections end when no tolerance changes by a larger share
 
 Rescale = Callable[[Mapping[str, float], Rows], Change]
@@ -101,6 +107,30 @@ class Requirement:
 
 
 @dataclass(frozen=True)
+class Moments:
+    """A response at some tolerances, and how it changes with them."""
+
+    mean: float
+    variance: float
+    # by variable, per unit of the square of the factor on its tolerance
+    mean_slope: Mapping[str, float]
+    variance_slope: Mapping[str, float]
+
+
+class Emulation(Protocol):
+    """The responses at tolerances multiplied by factors, by emulators of the rows; ReportError: why they give none."""
+
+    def reach(self, variable: str, factor: float) -> float:
+        """Return the largest factor, from 1 up to the given one, at which the rows still cover the variable."""
+
+    def moments(self, factors: Mapping[str, float], changed: Sequence[str]) -> Mapping[str, Moments]:
+        """Return each response, with slopes by the `changed` variables."""
+
+    def answers(self, factors: Mapping[str, float], why: str) -> Mapping[str, WhatIf]:
+        """Return each response with its intervals; `why` the weights of the rows give none."""
+
+
+@dataclass(frozen=True)
 class AllocatedResponse:
     """A response with the proposed tolerances."""
 
@@ -112,8 +142,9 @@ class AllocatedResponse:
     binding: bool  # the target of this response limits the tolerances
     # additional cost of a target Cpk higher by 0.01; None with process tables, whose cost has steps
     price: float | None
-    # of `cpk`, at 95 %, from the reweighted samples; None where variance contributions give it
+    # of `cpk`, at 95 %, from the reweighted or emulated samples; None where variance contributions give it
     cpk_interval: Interval | None = None
+    ppm_interval: Interval | None = None  # of the share out of limits, like `cpk_interval`
 
 
 @dataclass(frozen=True)
@@ -127,14 +158,16 @@ class Allocation:
     # as wide; the cost is unknown if there is none.
     cost_now: float | None
     responses: tuple[AllocatedResponse, ...]
-    method: str  # "reweighting" if mean and sigma of the responses come from it, else "variance contributions"
-    effective: float | None  # sample size of the reweighting
+    # "reweighting" or "emulation" if mean and sigma of the responses come from it, else "variance contributions"
+    method: str
+    effective: float | None  # new samples that the reweighted or emulated ones are worth
     runs: int  # to confirm the proposal: they determine each Cpk to 5 %
     refusal: str = ""  # why there is no proposal; empty if there is one
     notes: tuple[str, ...] = ()
     processes: dict[str, str] = field(default_factory=dict)  # the chosen process of each variable with named processes
     # What to write into the campaign file for each variable that changes, in the digits of a drawing.
     written: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    covered: tuple[str, ...] = ()  # variables whose tolerance ends where the rows do: it might grow farther
 
 
 def allocate(
@@ -143,13 +176,14 @@ def allocate(
     responses: Mapping[str, ArrayLike] | None = None,
     rescale: Rescale | None = None,
     correlated: bool = False,
+    emulation: Emulation | None = None,
 ) -> Allocation:
     """Return the cheapest tolerances; those of variables without a cost stay as they are.
 
     The responses of the campaign's samples, shape (n,), and `rescale` (factors by variable, rows), which gives the
-    change of the density at the rows, are for the correction by reweighting. If a variable whose tolerance may change
-    is correlated with another, the variance of a response is not a sum of contributions, and a proposal is made only if
-    reweighting gives mean and sigma. ReportError: a cost, tolerance, bound or target is impossible, or a variable or
+    change of the density at the rows, are for the correction by reweighting; `emulation` is asked where the weights are
+    refused. If a variable whose tolerance may change is correlated with another, the variance of a response is not a
+    sum of contributions, and a proposal is made only if one of them gives mean and sigma. ReportError: a cost, tolerance, bound or target is impossible, or a variable or
     response is given twice.
     """
     check(variables, requirements)
@@ -157,7 +191,7 @@ def allocate(
     if optimum is None or responses is None or rescale is None:
         proposal = _proposal(variables, requirements, optimum, CONTRIBUTIONS, None)
     else:
-        proposal = _with_reweighting(variables, requirements, optimum, responses, rescale)
+        proposal = _with_reweighting(variables, requirements, optimum, responses, rescale, emulation)
     return _of_correlated(proposal) if correlated else proposal
 
 
@@ -241,9 +275,10 @@ def _with_reweighting(
     optimum: Optimum,
     responses: Mapping[str, ArrayLike],
     rescale: Rescale,
+    emulation: Emulation | None,
 ) -> Allocation:
     """Correct the model at the optimum and optimise again until nothing changes or the weights are refused."""
-    effective, found = None, dict[str, Estimate]()
+    linear, effective, found = requirements, None, dict[str, WhatIf]()
     columns = {r.response: np.asarray(responses[r.response], np.float64) for r in requirements}
     rows = random_rows(next(iter(columns.values())).size)
     columns = {name: y[rows] for name, y in columns.items()}
@@ -252,6 +287,11 @@ def _with_reweighting(
         corrected = _corrected(requirements, factors, columns, rescale(factors, rows))
         if isinstance(corrected, str):
             note = f"Linear estimate only: too few samples near the proposed tolerances to check it ({corrected})."
+            if emulation is not None:
+                try:
+                    return _with_emulation(variables, linear, emulation, corrected)
+                except ReportError as error:
+                    note += f" No emulator either: {error}."
             return _proposal(variables, requirements, optimum, CONTRIBUTIONS, None, (note,))
         requirements, effective, found = corrected
         following = _solve(variables, requirements)
@@ -265,14 +305,79 @@ def _with_reweighting(
     return _with_intervals(proposal, found)
 
 
+def _with_emulation(
+    variables: Sequence[CostedVariable], requirements: Sequence[Requirement], emulation: Emulation, why: str
+) -> Allocation:
+    """Optimise local models of the emulated responses until nothing changes; ReportError: they are not to be used."""
+    reachable = [_within_reach(v, emulation) for v in variables]
+    tightest = np.array([v.tightest for v in reachable])
+    separate = np.array([bool(v.processes) for v in reachable])
+    start = _solve(reachable, requirements)
+    tolerance = tightest if start is None else start.tolerance
+    free, is_same = [v.variable for v in reachable if not v.locked], False
+    for step in range(2 * _CORRECTIONS):
+        factors = _factors(variables, tolerance)
+        moments = emulation.moments(factors, free)
+        requirements = [_local(r, moments[r.response], factors) for r in requirements]
+        optimum = _solve(reachable, requirements)
+        if optimum is None and np.all(tolerance <= tightest):
+            return _proposal(reachable, requirements, None, EMULATION, None)
+        following = tightest if optimum is None else optimum.tolerance
+        is_same = optimum is not None and bool(np.max(np.abs(following / tolerance - 1)) < _SAME_FACTOR)
+        if is_same:
+            break
+        halfway = separate | (optimum is None) | (step < _UNDAMPED)
+        tolerance = np.where(halfway, following, np.sqrt(tolerance * following))
+    answers = emulation.answers(_factors(variables, tolerance), why)
+    ends = [
+        v.variable
+        for v, asked, t in zip(reachable, variables, tolerance, strict=True)
+        if v.upper < asked.upper and t > v.upper * (1 - _SAME_FACTOR)
+    ]
+    notes = [] if is_same else [_NOT_CONVERGED]
+    notes += list(dict.fromkeys(f"{name}: {each.notes[-1]}" for name, each in answers.items()))
+    if ends:
+        notes.append(
+            f"{', '.join(ends)}: the rows reach no farther; from runs with these sigmas a wider tolerance may follow."
+        )
+    effective = min(each.effective for each in answers.values())
+    proposal = _proposal(reachable, requirements, optimum, EMULATION, effective, tuple(notes))
+    return replace(_with_intervals(proposal, answers), covered=tuple(ends))
+
+
+def _within_reach(v: CostedVariable, emulation: Emulation) -> CostedVariable:
+    """Return a variable whose tolerance does not grow beyond what the rows cover."""
+    if v.locked or v.upper <= v.tolerance:
+        return v
+    upper = max(emulation.reach(v.variable, v.upper / v.tolerance) * v.tolerance, v.lower)
+    reachable = replace(v, upper=min(upper, v.upper))
+    return reachable if reachable.processes or not v.processes else v
+
+
+def _local(r: Requirement, moments: Moments, factors: Mapping[str, float]) -> Requirement:
+    """Return a requirement whose variance and room are right, to first order, near these factors."""
+    now = replace(r, mean=moments.mean)
+    distance = distance_to_limit(moments.mean, r.lsl, r.usl)
+    toward = 1.0 if r.usl is None or (r.lsl is not None and moments.mean - r.lsl < r.usl - moments.mean) else -1.0
+    room = 2 * max(distance, 0.0) * toward / (3 * r.target) ** 2  # change of the permitted variance with the mean
+    slopes = {
+        name: max(slope - room * moments.mean_slope[name], 0.0) / r.std**2
+        for name, slope in moments.variance_slope.items()
+    }
+    now = replace(now, shares=slopes, added=0.0)
+    return replace(now, added=moments.variance - now.variance(factors))
+
+
 def _of_correlated(proposal: Allocation) -> Allocation:
     """Return the proposal if the joint distribution of correlated variables confirmed it, else a refusal."""
+    if proposal.method == EMULATION and not proposal.refusal and _NOT_CONVERGED not in proposal.notes:
+        return proposal
     if proposal.method == REWEIGHTING and not proposal.refusal and _NOT_CONVERGED not in proposal.notes:
         note = "The variables are correlated: the targets hold with the correlations, but a cheaper set may exist."
         return replace(proposal, notes=(*proposal.notes, note))
     refusal = (
         "the variables are correlated, so a response's variance is not the sum of their shares, and the samples"
-        " cannot be reweighted to cheaper tolerances; bring the bounds nearer to the present ones, or lock correlated"
+        " carry no answer at cheaper tolerances; bring the bounds nearer to the present ones, or lock correlated"
         " variables"
     )
     return replace(proposal, tolerances={}, factors={}, cost=None, responses=(), processes={}, refusal=refusal)
@@ -304,8 +409,8 @@ def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requireme
 
 def _corrected(
     requirements: Sequence[Requirement], factors: Mapping[str, float], columns: Mapping[str, Array], change: Change
-) -> tuple[list[Requirement], float, dict[str, Estimate]] | str:
-    """Return requirements with reweighted mean and variance, the effective sample size, each Cpk; or a refusal."""
+) -> tuple[list[Requirement], float, dict[str, WhatIf]] | str:
+    """Return requirements with reweighted mean and variance, the effective sample size, the answers; or a refusal."""
     limits = {r.response: (r.lsl, r.usl) for r in requirements}
     answers = what_if_all(columns, change, limits)
     corrected = []
@@ -315,20 +420,21 @@ def _corrected(
             return answer.refusal or f"{requirement.response} has no spread at these tolerances"
         missing = answer.std.value**2 - requirement.variance(factors)
         corrected.append(replace(requirement, mean=answer.mean.value, added=requirement.added + missing))
-    known = {name: answer.cpk for name, answer in answers.items() if answer.cpk is not None}
-    return corrected, min(answer.effective for answer in answers.values()), known
+    return corrected, min(answer.effective for answer in answers.values()), answers
 
 
-def _with_intervals(proposal: Allocation, found: Mapping[str, Estimate]) -> Allocation:
-    """Return a proposal with the intervals of Cpk that were `found` at nearly the same tolerances."""
+def _with_intervals(proposal: Allocation, found: Mapping[str, WhatIf]) -> Allocation:
+    """Return a proposal with the intervals that were `found` at nearly the same tolerances."""
     responses, notes = [], []
     for r in proposal.responses:
-        estimate = found.get(r.response)
+        answer = found[r.response]
+        estimate = answer.cpk
         if estimate is None or estimate.value <= 0 or not math.isfinite(r.cpk):
             responses.append(r)
             continue
         low, high = (end * r.cpk / estimate.value for end in estimate.interval)
-        responses.append(replace(r, cpk_interval=(low, high)))
+        ppm = None if answer.ppm is None else answer.ppm.interval
+        responses.append(replace(r, cpk_interval=(low, high), ppm_interval=ppm))
         if low < r.target and r.binding:
             remedy = (
                 f"; with a target of {r.target * r.cpk / low:.3g} it would begin at {r.target:g}" if low > 0 else ""
