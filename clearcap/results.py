@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
     from campaign.cluster.cluster import Cluster
     from campaign.spec.load import Campaign, Source
+    from clearcap.questions.confirmation import Confirmation
     from clearcap.questions.pooling import Member
     from clearcap.questions.samples import ReplayedSample
+    from clearcap.questions.tolerances import Costs
     from clearcap.running import Progress
     from reporting.analysis import Analysis
     from reporting.tolerance.allocation import Allocation
@@ -203,11 +205,59 @@ class Results(Analysed):
         SpecError, CampaignError
             If the costs have faults, or the samples give no answer.
         """
-        from clearcap.questions.tolerances import cheapest_tolerances, costs_of, read_costs
+        from clearcap.questions.tolerances import cheapest_tolerances
+
+        return cheapest_tolerances(self.store, self.plan, self._costs(costs))
+
+    def _costs(self, costs: "str | Path | Mapping[str, Any]") -> "Costs":
+        from clearcap.questions.tolerances import costs_of, read_costs
 
         if isinstance(costs, Mapping):
-            return cheapest_tolerances(self.store, self.plan, costs_of(costs, self.plan, "costs:"))
-        return cheapest_tolerances(self.store, self.plan, read_costs(Path(costs), self.plan))
+            return costs_of(costs, self.plan, "costs:")
+        return read_costs(Path(costs), self.plan)
+
+    def confirm(
+        self,
+        costs: "str | Path | Mapping[str, Any]",
+        *,
+        workers: int | None = None,
+        cluster: "Cluster | Client | None" = None,
+        progress: "Progress" = True,
+    ) -> "Confirmation":
+        """Judge the cheapest standard deviations by fresh runs of the simulator, which are computed here.
+
+        If a response misses its target there, or a tolerance had to stop where the rows do, the fresh rows propose the
+        next set, in at most four rounds. The same call again computes nothing that is complete.
+
+        Parameters
+        ----------
+        costs : str, Path or mapping
+            As of `allocate`.
+        workers, cluster, progress
+            As of `clearcap.run_campaign`.
+
+        Returns
+        -------
+        Confirmation
+            ``outcome``: "confirmed", "missed" or "refused"; ``text``, the same in a sentence; ``proposal``, the last
+            `Allocation`; ``rounds``, each with its ``proposal``, the ``campaign`` of its fresh runs, and ``responses``:
+            Cpk as promised and as computed, with intervals.
+
+        Raises
+        ------
+        SpecError, CampaignError, UnreachableError, StoreError
+            As of `allocate` and `clearcap.run_campaign`.
+        """
+        from campaign.cluster.cluster import Cluster
+        from clearcap.questions.confirmation import confirm
+        from clearcap.running import compute
+
+        options = [*Cluster.of(cluster, workers).options(), "--no-decide"]
+
+        def computes(fresh: Plan) -> None:
+            compute(self.store, fresh, "resume", options, progress)
+
+        return confirm(self.store, self.plan, self._costs(costs), computes)
 
     def replay(self, sample: int, motion: str | Path | None = None, *, halved: bool = False) -> "ReplayedSample":
         """Compute a sample again, here, and compare it with its stored row, bit for bit.

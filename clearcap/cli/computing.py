@@ -1,6 +1,7 @@
 """Verbs that compute campaigns: ``run``, ``resume``, ``rerun``, ``repeat``, ``submit`` and ``cancel``."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -366,17 +367,14 @@ def drive(
         with display(console(stderr=True)) as show:
             return coordinate(store, plan, cluster, show, connect=workers.connect)
 
+    command = store.command("resume", plan.campaign_id, *cluster.options())
     try:
-        with early or PrestartedWorkers(cluster) as workers:
+        with continued_by(store, command), early or PrestartedWorkers(cluster) as workers:
             outcome = computed(plan)
             if with_report if decide is None else decide:
                 from clearcap.questions.decision import decide as decided  # loads reporting, after the runs
 
                 decided(store, plan, computed, say)
-    except (KeyboardInterrupt, SystemExit) as ending:
-        command = store.command("resume", plan.campaign_id, *cluster.options())
-        say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
-        raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
     except TooManyFailed:
         if with_report:
             say(f"report of the runs so far: {_report(store, plan)['html']}")
@@ -391,6 +389,16 @@ def drive(
         if files:
             print_text(f"report: {files['html']}")
     fail_without_enough_ok(store, plan, statuses)
+
+
+@contextmanager
+def continued_by(store: "Store", command: str) -> Iterator[None]:
+    """Where a computation is interrupted, say by which command it continues, and end with the status of the signal."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as ending:
+        say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
+        raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
 
 
 def _report(store: "Store", plan: "Plan") -> dict[str, str]:

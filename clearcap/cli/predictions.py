@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.errors import SpecError
-from clearcap.cli.options import CampaignId, Id, StoreUrl, opened_campaign
+from clearcap.cli.options import CampaignId, Id, StoreUrl, on_cluster, opened_campaign
 from clearcap.cli.output import (
     Json,
     check_output,
+    console,
+    display,
     labelled,
     number,
     print_json,
@@ -23,6 +25,10 @@ from clearcap.cli.output import (
 )
 
 if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+    from campaign.plan import Plan
+    from campaign.store import Store
+    from clearcap.questions.tolerances import Costs
     from reporting.emulation.calibration import Calibration
     from reporting.tolerance.advice import Advice, ToleranceAdvice
     from reporting.tolerance.allocation import Allocation
@@ -110,19 +116,31 @@ def _cell(estimate: "Estimate | None") -> str:
     return f"{number(estimate.value, places)} ({number(low, places)} to {number(high, places)})"
 
 
+@on_cluster
 def advise(
+    where: "Cluster",
     campaign: Id = None,
     cost: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Cost file: propose the cheapest standard deviations.")
     ] = None,
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="Compute fresh runs that judge the cheapest set, and improve it by them.")
+    ] = False,
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
     """Show which tolerances must shrink and which may grow, or with --cost which set of tolerances is cheapest.
 
-    Exit status 1 if a variable has no answer, or there is no set that reaches the targets; a message then says which
-    and why. The other answers are printed all the same.
+    With --confirm a campaign with these tolerances is computed; its rows propose the next set if a response misses its
+    target, or a tolerance may grow farther than the first rows reach. The same command, given again, continues.
+
+    Exit status 1 if a variable has no answer, there is no set that reaches the targets, or fresh runs do not confirm
+    it; a message then says which and why. The other answers are printed all the same.
     """
+    if confirm and cost is None:
+        raise SpecError("--confirm: judges the cheapest set of a cost file; give it with --cost FILE")
+    if where.options() and not confirm:
+        raise SpecError(f"{where.options()[0]}: only --confirm computes; leave it out, or give --confirm too")
     from clearcap.questions.tolerances import (
         advice_document,
         advice_of,
@@ -143,13 +161,57 @@ def advise(
         if not _is_answered(advised):
             raise typer.Exit(1)
         return
-    proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
+    costs = read_costs(cost, plan)
+    if confirm:
+        again = opened.command("advise", plan.campaign_id, "--cost", str(cost), "--confirm", *where.options())
+        _confirm(where, opened, plan, costs, again, json)
+        return
+    proposal = cheapest_tolerances(opened, plan, costs)
     if json:
         print_json(allocation_document(plan, opened.url, proposal))
     elif not proposal.refusal:
         _print_allocation(proposal)
     if proposal.refusal:
         say(f"no proposal: {proposal.refusal}")
+        raise typer.Exit(1)
+
+
+def _confirm(where: "Cluster", store: "Store", plan: "Plan", costs: "Costs", again: str, json: bool) -> None:
+    """Compute the fresh runs that judge the cheapest set, and print the last set with what they say."""
+    from campaign.cluster.workers import PrestartedWorkers
+    from campaign.coordinator.coordinate import coordinate
+    from clearcap.cli.computing import continued_by
+    from clearcap.questions.confirmation import confirm, confirmation_document
+
+    def compute(fresh: "Plan") -> None:
+        say(f"{fresh.campaign_id}: {fresh.spec.samples} fresh runs judge the proposal")
+        with display(console(stderr=True)) as show:
+            coordinate(store, fresh, where, show, connect=workers.connect)
+
+    with continued_by(store, again), PrestartedWorkers(where) as workers:
+        found = confirm(store, plan, costs, compute)
+    if json:
+        print_json(confirmation_document(plan, store.url, found))
+    elif found.rounds:
+        _print_allocation(found.proposal)
+        rows = [
+            (
+                str(number_of),
+                each.campaign,
+                number(each.proposal.cost),
+                r.response,
+                number(r.promised, 4),
+                "-" if r.cpk is None or r.cpk_interval is None else f"{number(r.cpk, 4)} ({_ends(r.cpk_interval)})",
+                r.verdict,
+            )
+            for number_of, each in enumerate(found.rounds, 1)
+            for r in each.responses
+        ]
+        heads = ("round", "fresh runs", "cost", "response", "promised", "Cpk of fresh runs", "target")
+        print_table("proposals judged by fresh runs", heads, rows, texts=2)
+        print_text(found.text)
+    if found.outcome != "confirmed":
+        say(found.text)
         raise typer.Exit(1)
 
 
@@ -207,6 +269,8 @@ def _advice_row(advice: "Advice") -> tuple[str, ...]:
 
 def _print_allocation(proposal: "Allocation") -> None:
     """Print the proposal: sigmas, cost, Cpk of each response, and the campaign to confirm it."""
+    from reporting.format_numbers import ppm
+
     heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma", "write")
     rows: list[tuple[str, ...]] = [
         (name, number(sigma, 4), f"{proposal.factors[name]:.3g}", " ".join(proposal.written.get(name, ())) or "-")
@@ -220,7 +284,8 @@ def _print_allocation(proposal: "Allocation") -> None:
         bound = ", which limits the tolerances" if r.binding else ""
         price = f"; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding and r.price is not None else ""
         ends = "" if r.cpk_interval is None else "{:.4g} to {:.4g}, ".format(*r.cpk_interval)
-        print_text(f"{r.response}: Cpk {r.cpk:.4g} ({ends}target {r.target:g}){bound}{price}")
+        share = "" if r.ppm_interval is None else "; {} to {} ppm out of limits".format(*map(ppm, r.ppm_interval))
+        print_text(f"{r.response}: Cpk {r.cpk:.4g} ({ends}target {r.target:g}){bound}{price}{share}")
     for note in proposal.notes:
         say(note)
     print_text(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")

@@ -9,7 +9,6 @@ import json
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ from campaign.store.monitored_library import (
 from clearcap.questions.measured import asked_of_parts, limits_of_columns
 from clearcap.questions.measurement_table import LARGEST_TABLE
 from clearcap.questions.report_source import sha256
-from clearcap.questions.submissions import submit_changed
+from clearcap.questions.submissions import Capacity, submit_changed
 from clearcap.questions.uploaded_parts import own_folder
 from clearcap.questions.whatif import changed_variables, check_drawn, what_if
 from engine.mechanism import unit_of
@@ -65,14 +64,6 @@ _NAMED = {  # of a family: the distribution of a campaign, and its keys by the n
     "johnson_sl": ("lognormal", {"low": "origin", "mean of log": "log_mean", "sd of log": "log_std"}),
 }
 _SKEWED = ("lognormal", "weibull", "gamma", "exponential")  # they have an origin
-
-
-@dataclass(frozen=True)
-class Capacity:
-    """What a server allows to compute; without a server there is no bound."""
-
-    most_samples: int = 100_000_000
-    workers: int | None = None
 
 
 def monitor_campaign(
@@ -143,8 +134,7 @@ def monitored(
     indices = [_index(plan, name, each) for name, each in answers.items() if _is_limited(plan, name)]
     other = None
     if rerun and any(each.refusal for each in indices):
-        limit = capacity or Capacity()
-        other = submit_changed(store, plan, changed, limit.most_samples, by, limit.workers).campaign
+        other = submit_changed(store, plan, changed, by, capacity or Capacity()).campaign
     content = read_regular_file(parts, LARGEST_TABLE) if isinstance(parts, str | Path) else None
     new = Monitored(
         number=1,

@@ -72,6 +72,14 @@ class SubmittedCampaign(BaseModel):
 
 
 @dataclass(frozen=True)
+class Capacity:
+    """What a server allows to compute; without a server there is no bound."""
+
+    most_samples: int = 100_000_000
+    workers: int | None = None
+
+
+@dataclass(frozen=True)
 class CampaignSource:
     """The text of a campaign, and the files and mechanisms that it may name."""
 
@@ -166,13 +174,18 @@ def extend_campaign(
 
 
 def submit_changed(
-    store: Store, plan: Plan, variables: Mapping[str, Distribution], most: int, by: str, workers: int | None
+    store: Store, plan: Plan, variables: Mapping[str, Distribution], by: str, capacity: Capacity
 ) -> SubmittedCampaign:
     """Plan and queue a campaign that differs from another only in the distributions of some variables."""
     spec = plan.spec.model_copy(update={"variables": {**plan.spec.variables, **variables}})
-    check_size(spec, most)
+    return submit_related(store, plan, Campaign(spec, plan.mechanism), by, capacity)
+
+
+def submit_related(store: Store, plan: Plan, campaign: Campaign, by: str, capacity: Capacity) -> SubmittedCampaign:
+    """Plan and queue a campaign with the tags of the one that it belongs to."""
+    check_size(campaign.spec, capacity.most_samples)
     labels = LabelChange(by or None, add=read_labels(store, plan.campaign_id).tags)
-    return _submitted(store, Campaign(spec, plan.mechanism), labels, by, workers)
+    return _submitted(store, campaign, labels, by, capacity.workers)
 
 
 def _submitted(

@@ -1,12 +1,14 @@
 """Advice without new runs: how much each tolerance may grow, and which set is cheapest for a cost file.
 
+The cheapest set is found by the weights of the rows, or by an emulator of them where the weights carry no answer.
+
 A factor multiplies the standard deviation that a variable has after the cut at its bounds. Bounds never move outwards:
 a truncated normal distribution gets another ``std`` between its old bounds, and a uniform one, which fills its bounds,
 cannot grow. A distribution without bounds grows until the mechanism refuses its outermost values, such as a clearance
 below 0.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from math import exp, inf, isfinite, log
@@ -19,6 +21,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import Continuous, Distribution
+from campaign.inputs.sampling import draw
+from campaign.inputs.sampling.sampler import varied
 from campaign.plan import Plan
 from campaign.samples import Limits, SampleColumns, independent_samples, limits_of, lots_of
 from campaign.spec.campaign_file import CampaignSpec
@@ -29,9 +33,10 @@ from engine import MechanismError, check
 from engine.arrays import Array
 from engine.mechanism import Mechanism
 from engine.mechanism.base import PositiveNumber, TableModel
-from engine.platform.toml_file import UnfitToml, read_toml
+from engine.platform.toml_file import UnfitToml, parse_toml, read_toml, text_bytes
 from reporting import ReportError, capability, format_numbers
 from reporting.capability.verdict import CAPABLE
+from reporting.emulation.emulated_tolerances import NEW_SAMPLES, EmulatedTolerances
 from reporting.sensitivity.summary import sensitivity
 from reporting.tolerance.advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
 from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
@@ -310,6 +315,10 @@ class Cost(TableModel, strict=True):
             return ExponentialLaw(self.fixed, self.cost, self.scale)
         return PowerLaw(self.fixed, self.cost, 1.0 if self.power is None else self.power)
 
+    def bounds(self, std: float) -> tuple[float, float]:
+        """Return between which standard deviations one is chosen, where the present one is `std`."""
+        return self.lower or 0.1 * std, self.upper or 10 * std
+
 
 class Costs(TableModel, strict=True):
     """A cost file."""
@@ -329,6 +338,15 @@ def read_costs(path: Path, plan: Plan) -> Costs:
     except UnfitToml as error:
         raise SpecError(f"cost file {path}: {error}") from error
     return costs_of(tables, plan, f"cost file {path}:")
+
+
+def read_cost_text(text: str, plan: Plan) -> Costs:
+    """Return the costs in the text of a cost file, as `read_costs` does."""
+    try:
+        tables = parse_toml(text_bytes(text))
+    except UnfitToml as error:
+        raise SpecError(f"costs: {error}") from error
+    return costs_of(tables, plan, "costs:")
 
 
 def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
@@ -402,8 +420,23 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
             if x.size > 1
         ]
         responses = {requirement.response: samples[requirement.response] for requirement in requirements}
-        found = allocate(variables, requirements, responses, rescale, correlated)
+        emulation = None
+        if lots_of(plan, columns.number) is None:  # lots share a shift: few, however many samples are emulated
+            rows = {name: samples[name] for name in varied(plan.spec)}
+            emulation = EmulatedTolerances(rows, responses, limits, _drawn(plan.spec, spreads))
+        found = allocate(variables, requirements, responses, rescale, correlated, emulation)
         return replace(found, written={name: spreads.written(name, factor) for name, factor in found.factors.items()})
+
+
+def _drawn(spec: CampaignSpec, spreads: Spreads) -> Callable[[Mapping[str, float]], Mapping[str, Array]]:
+    """Return a function of factors on standard deviations, which draws new samples of the variables."""
+
+    def drawn(factors: Mapping[str, float]) -> Mapping[str, Array]:
+        laws = {name: spreads.of_variable(name, factor).law for name, factor in factors.items()}
+        update = {"variables": {**spec.variables, **laws}, "sampler": "sobol", "samples": NEW_SAMPLES}
+        return draw(spec.model_copy(update=update), 0, NEW_SAMPLES)
+
+    return drawn
 
 
 @contextmanager
@@ -444,6 +477,6 @@ def _parts(shares: Mapping[str, float]) -> dict[str, float]:
 
 def _costed(name: str, distribution: Distribution, cost: Cost, spreads: Spreads) -> CostedVariable:
     std = distribution.moments()[1]
-    lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
+    lower, upper = cost.bounds(std)
     largest = spreads.of_variable(name, upper / std).factor * std if upper > std else upper
     return CostedVariable(name, std, cost.law(), lower, max(min(upper, largest), lower), cost.locked)

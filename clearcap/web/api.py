@@ -187,6 +187,7 @@ each.get(f"{_CAMPAIGN}/advice", **_document(_JSON, schema=_DATA, example=_ADVICE
 each.post(f"{_CAMPAIGN}/allocation", **_document(_JSON, schema=_DATA, example=_ALLOCATION, statuses=(404, 409)))(
     samples.ask_allocation
 )
+each.post(f"{_CAMPAIGN}/confirmation", responses=described(404, 409, 429))(samples.confirm_allocation)
 each.get(f"{_CAMPAIGN}/comparisons/{{other}}", **_document(_JSON, schema=_DATA, example=_COMPARISON))(
     samples.ask_comparison
 )

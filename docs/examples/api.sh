@@ -66,6 +66,7 @@ curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/whatif" --json '{"set": ["J1.std=0.01
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/histogram?response=FC-1&set=J1.std=0.018"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/advice"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/allocation" --json '{"costs": "[variables.J1]\ncost = 1.0\n"}'
+curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/confirmation" --json '{"costs": "[variables.J1]\ncost = 1.0\n"}'
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/comparisons/$OTHER"
 curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/comparisons/$OTHER"
 curl -H "$AUTH" "$URL/api/v1/campaigns/$ID/pools" --json '{"others": ["'$OTHER'"]}'

@@ -20,6 +20,7 @@ from reporting.tolerance.index_curve import beyond
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import WhatIf, what_if
 
+NEW_SAMPLES = 8192  # a power of two, as evenly spread samples should be
 _FOR_SLOPES = 2048  # of the new samples
 _STEP = 0.95  # of a factor: downwards, because a distribution at its bounds cannot grow
 _BISECTIONS = 12

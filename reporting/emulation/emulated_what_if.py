@@ -60,7 +60,9 @@ def refuse_values(y: Array) -> None:
     if np.count_nonzero(has) < LEAST_VALUES:
         raise ReportError(f"{np.count_nonzero(has)} rows have a value; {LEAST_VALUES} are needed")
     if (missing := 1 - has.mean()) > MOST_MISSING:
-        raise ReportError(f"{100 * missing:.3g} % of the rows have no value, and nothing tells how many new ones have none")
+        raise ReportError(
+            f"{100 * missing:.3g} % of the rows have no value, and nothing tells how many new ones have none"
+        )
 
 
 def refuse_beyond(old: Mapping[str, Array], new: Mapping[str, Array]) -> None:

@@ -183,8 +183,8 @@ def allocate(
     The responses of the campaign's samples, shape (n,), and `rescale` (factors by variable, rows), which gives the
     change of the density at the rows, are for the correction by reweighting; `emulation` is asked where the weights are
     refused. If a variable whose tolerance may change is correlated with another, the variance of a response is not a
-    sum of contributions, and a proposal is made only if one of them gives mean and sigma. ReportError: a cost, tolerance, bound or target is impossible, or a variable or
-    response is given twice.
+    sum of contributions, and a proposal is made only if one of them gives mean and sigma. ReportError: a cost,
+    tolerance, bound or target is impossible, or a variable or response is given twice.
     """
     check(variables, requirements)
     optimum = _solve(variables, requirements)

@@ -23,11 +23,16 @@ from campaign.store import Store, open_store
 from campaign.store.files.retry_policy import QUICK
 from campaign.store.layout import MANIFEST, PLAN, STOPPED
 from clearcap.questions.samples import list_samples, sample_cloud
-from clearcap.questions.tolerances import advice_document, advice_from, allocation_document, cheapest_from, costs_of
+from clearcap.questions.tolerances import (
+    advice_document,
+    advice_from,
+    allocation_document,
+    cheapest_from,
+    read_cost_text,
+)
 from clearcap.questions.whatif import histograms, what_if_document, what_if_from
 from clearcap.web.jobs.column_cache import ColumnCache
 from clearcap.web.jobs.pool import Busy, JobPool
-from engine.platform.toml_file import UnfitToml, parse_toml
 
 PREVIEW_ROWS = 100_000  # these rows give the Cpk of a million rows to within 0.001
 MOST_SETTINGS, LONGEST_SETTING = 200, 1000  # settings in a question; characters in a setting
@@ -101,12 +106,7 @@ def advice_answer(rows: AskedRows) -> dict[str, Any]:
 def allocation_answer(rows: AskedRows, costs: str) -> dict[str, Any]:
     """Return the document of ``clearcap advise --cost FILE --json`` for the text of a cost file."""
     url, plan, columns = _opened(rows)
-    try:
-        tables = parse_toml(costs.encode("utf-8", "surrogateescape"))
-    except UnfitToml as error:
-        raise SpecError(f"costs: {error}") from error
-    found = cheapest_from(plan, columns, costs_of(tables, plan, "costs:"))
-    return allocation_document(plan, url, found)
+    return allocation_document(plan, url, cheapest_from(plan, columns, read_cost_text(costs, plan)))
 
 
 def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:

@@ -22,7 +22,8 @@ from campaign.store.measured_library import (
     remove_parts,
 )
 from campaign.store.monitored_library import Monitored, read_monitored
-from clearcap.questions.monitoring import Capacity, monitor_in_store
+from clearcap.questions.monitoring import monitor_in_store
+from clearcap.questions.submissions import Capacity
 from clearcap.questions.uploaded_parts import report_into_store
 from clearcap.web.access import Principal, Role
 from clearcap.web.http.authentication import Engineer, OwnCampaign, TheCampaign, TheService, Viewer

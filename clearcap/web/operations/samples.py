@@ -11,12 +11,24 @@ from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from starlette.responses import Response
 
 from clearcap.questions import samples
+from clearcap.questions.confirmation import confirm_in_store
 from clearcap.questions.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
+from clearcap.questions.submissions import Capacity
 from clearcap.web.access import Principal
-from clearcap.web.http.authentication import Authenticated, OtherCampaign, TheCampaign, TheService, Viewer, the_campaign
+from clearcap.web.http.authentication import (
+    Authenticated,
+    Engineer,
+    OtherCampaign,
+    OwnCampaign,
+    TheCampaign,
+    TheService,
+    Viewer,
+    the_campaign,
+)
 from clearcap.web.http.responses import CountedStream, Refusal, etag_response
 from clearcap.web.jobs import queries
 from clearcap.web.operations import Sent
+from clearcap.web.operations.submissions import place_in_queue
 from clearcap.web.web_service import Service
 
 Setting = Annotated[str, Field(max_length=queries.LONGEST_SETTING)]
@@ -152,7 +164,18 @@ class CostRequest(Sent):
     costs: str = Field(
         max_length=LONGEST_COSTS,
         description="The text of a cost file, TOML",
-        examples=["target = 1.33\n\n[variables.J1]\na = 1.0\nb = 0.02\n"],
+        examples=["target = 1.33\n\n[variables.J1]\nfixed = 1.0\ncost = 0.02\n"],
+    )
+
+
+class Confirmed(BaseModel):
+    """What fresh runs say of the cheapest tolerances, so far."""
+
+    campaign: str = Field(examples=["c60-0a1b2c3d4e"])
+    store: str
+    text: str = Field(examples=["confirmed by 865 fresh runs (c60-5e6f7a8b9c)"])
+    confirmation: dict[str, Any] = Field(
+        description="outcome (confirmed, missed, refused, computing), proposal and rounds, of `clearcap advise --json`"
     )
 
 
@@ -201,6 +224,19 @@ async def ask_allocation(
     """Find the cheapest tolerances that keep every target; return the document of `clearcap advise --cost --json`."""
     found = await service.answers.ask(who.name, queries.allocation_answer, [campaign], wanted.costs)
     return etag_response(request, found, JSON)
+
+
+async def confirm_allocation(
+    service: TheService, campaign: OwnCampaign, who: Engineer, wanted: CostRequest
+) -> Confirmed:
+    """Judge the cheapest tolerances by fresh runs: queue the campaign of the next round, or return what all said."""
+    capacity = Capacity(service.settings.limits.samples, service.settings.workers)
+    arguments = service.store.files.full_url, campaign, wanted.costs, who.name, capacity
+    async with place_in_queue(service, who):
+        made: dict[str, Any] = await service.pool.data(who.name, confirm_in_store, *arguments)
+    for each in made["confirmation"]["rounds"][-1:]:
+        await service.watcher.list_campaigns(each["campaign"])
+    return Confirmed.model_validate(made)
 
 
 async def ask_comparison(

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Form, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
+from campaign.errors import CampaignError
 from campaign.plan import Plan, dump_spec
 from clearcap.questions.whatif import share_in_words
-from clearcap.web.http.authentication import Authenticated, TheCampaign, TheService
+from clearcap.web.access import Principal
+from clearcap.web.http.authentication import Authenticated, Engineer, OwnCampaign, TheCampaign, TheService
+from clearcap.web.http.responses import Refusal, refusal_of
 from clearcap.web.jobs import queries
 from clearcap.web.operations import samples
 from clearcap.web.pages.campaigns import frame
@@ -45,22 +48,61 @@ async def what_if_page(
         settings = settings_of(variable_fields(plan, ()), given, others)
     texts = {key: request.query_params.get(key, "") for key in ("advice", "costs")}  # other questions; of a cost file
     asked = {key: text[:LONGEST_COSTS] for key, text in texts.items() if text.strip()}
-    question = urlencode({"set": settings, **asked}, doseq=True)
-    address = f"/campaigns/{quote(campaign)}/whatif{'?' if question else ''}{question}"
+    address = _address(campaign, settings, asked)
     is_part = request.headers.get("hx-request") == "true"
     if (given or others) and not is_part:
         return RedirectResponse(address, 303)
+    answer = await _shown(request, service, campaign, who, plan, settings, asked)
+    if is_part:
+        answer.headers["HX-Replace-Url"] = address
+    return answer
+
+
+@router.post("/campaigns/{campaign}/whatif/confirm")
+async def confirm_form(
+    request: Request,
+    service: TheService,
+    campaign: OwnCampaign,
+    who: Engineer,
+    costs: Annotated[str, Form(max_length=LONGEST_COSTS)],
+) -> Response:
+    """Judge the cheapest tolerances by fresh runs, and show what these say so far."""
+    plan, asked = await run_in_threadpool(service.store.plan, campaign), {"costs": costs}
+    found, fault = None, ""
+    try:
+        found = await samples.confirm_allocation(service, campaign, who, samples.CostRequest(costs=costs))
+    except (CampaignError, Refusal) as error:
+        refusal = refusal_of(error)
+        assert refusal is not None
+        fault = str(refusal)
+    return await _shown(request, service, campaign, who, plan, [], asked, confirmed=found, confirm_fault=fault)
+
+
+def _address(campaign: str, settings: Sequence[str], asked: Mapping[str, str]) -> str:
+    question = urlencode({"set": settings, **asked}, doseq=True)
+    return f"/campaigns/{quote(campaign)}/whatif{'?' if question else ''}{question}"
+
+
+async def _shown(
+    request: Request,
+    service: Service,
+    campaign: str,
+    who: Principal,
+    plan: Plan,
+    settings: Sequence[str],
+    asked: dict[str, str],
+    **of_fresh_runs: Any,
+) -> Response:
+    """Return the page of a question; `of_fresh_runs` is what they say of the cheapest tolerances, or why nothing."""
     fields = variable_fields(plan, settings)
     preview = request.query_params.get("preview") == "true"
     shown = await _answers(service, who.name, campaign, settings, preview)
     shown |= await _advice(service, who.name, campaign, asked)
     shown |= {"settings": settings, "fields": fields, "others": other_settings(fields, settings), "asked": asked}
-    shown |= {"address": address, "query": urlencode({"set": settings}, doseq=True)}
+    shown |= {"address": _address(campaign, settings, asked), "query": urlencode({"set": settings}, doseq=True)}
     shown["applied"] = lambda advised: f"?{urlencode({'set': replaced(settings, advised), **asked}, doseq=True)}"
-    answer = page(request, "whatif", **shown, **await frame(request, service, campaign, who))
-    if is_part:
-        answer.headers["HX-Replace-Url"] = address
-    return answer
+    shown |= {"confirmed": None, "confirm_fault": "", **of_fresh_runs}
+    return page(request, "whatif", **shown, **await frame(request, service, campaign, who))
 
 
 async def _answers(

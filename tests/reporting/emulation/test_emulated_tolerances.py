@@ -164,9 +164,7 @@ def promises(count):
     return given, held_cpk, held_share
 
 
-@pytest.mark.parametrize(
-    "count", [pytest.param(8, id="few"), pytest.param(100, id="many", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("count", [pytest.param(8, id="few"), pytest.param(100, id="many", marks=pytest.mark.slow)])
 def test_the_promised_yield_holds(count):
     """The 95 % intervals of Cpk and share out of limits at the proposed tolerances hold the truth in nine of ten."""
     given, held_cpk, held_share = promises(count)
